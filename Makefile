@@ -1,0 +1,22 @@
+PY := .venv/bin/python
+# Two cores are the smallest machine the tests are meant for; more are used where there are more.
+WORKERS ?= $(shell nproc)
+
+.PHONY: setup demo test lint clean
+
+setup:
+	@./scripts/setup.sh
+
+demo: setup
+	@./scripts/demo.sh
+
+test: lint
+	$(PY) -m pytest -n $(WORKERS) --dist worksteal tests
+
+lint: setup
+	$(PY) -m ruff check .
+	$(PY) -m ruff format --check .
+	$(PY) -m mypy
+
+clean:
+	rm -rf .venv .cache outputs build dist

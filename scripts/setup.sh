@@ -1,0 +1,53 @@
+#!/usr/bin/env bash
+# Everything the project needs on a bare Debian or Ubuntu: system libraries, .venv, pinned packages.
+# A second call with nothing changed ends at once.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+python=${PYTHON:-}
+if [ -z "$python" ]; then
+  for candidate in python3.11 python3.12 python3; do
+    if command -v "$candidate" >/dev/null && "$candidate" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 13))' 2>/dev/null; then
+      python=$candidate
+      break
+    fi
+  done
+fi
+
+# What Open3D and VTK load at run time, and what a bare python3 lacks to make a virtual environment.
+missing=()
+libraries=$(/sbin/ldconfig -p)
+need() { grep -q "$1" <<<"$libraries" || missing+=("$2"); }
+need libusb-1.0.so.0 libusb-1.0-0
+need libgomp.so.1 libgomp1
+need libGL.so.1 libgl1
+need libX11.so.6 libx11-6
+if [ -z "$python" ]; then
+  missing+=(python3 python3-venv)
+elif ! "$python" -c 'import ensurepip' 2>/dev/null; then
+  missing+=(python3-venv)
+fi
+if [ ${#missing[@]} -gt 0 ]; then
+  as_root=()
+  [ "$(id -u)" = 0 ] || as_root=(sudo -n)
+  if ! command -v apt-get >/dev/null || { [ "$(id -u)" != 0 ] && ! sudo -n true 2>/dev/null; }; then
+    echo "System libraries are missing. Run this, then again what you ran:" >&2
+    echo "  sudo apt-get update && sudo apt-get install -y ${missing[*]}" >&2
+    exit 1
+  fi
+  echo "Installing system libraries: ${missing[*]}"
+  "${as_root[@]}" apt-get update -qq
+  DEBIAN_FRONTEND=noninteractive "${as_root[@]}" apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
+  python=${python:-python3}
+fi
+
+stamp=$( { cat pyproject.toml constraints.txt scripts/setup.sh; "$python" --version; pwd; } | sha256sum)
+if [ -x .venv/bin/ctus ] && [ "$(cat .venv/.setup-stamp 2>/dev/null)" = "$stamp" ]; then
+  exit 0
+fi
+
+echo "Installing the project into .venv (a few minutes the first time)"
+[ -x .venv/bin/python ] || "$python" -m venv .venv
+# The pins name torch without a build: an index of CPU builds given in PIP_EXTRA_INDEX_URL wins over the default one.
+.venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev,joblib]'
+echo "$stamp" >.venv/.setup-stamp

@@ -1,0 +1,139 @@
+"""From a resolved configuration to the jobs in it: one for each cell that the study names."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from experiments import registry
+from experiments.errors import InputError
+from experiments.files import write_text
+from experiments.identity import config_hash
+from experiments.paths import conf_dir, project_root
+
+# What the shell hands to a study beside its configuration.
+INJECTED = frozenset({"workspace", "progress", "store"})
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One job: its whole configuration, its hash, a short label that tells it from its neighbours, its folder."""
+
+    config: dict[str, Any]
+    hash: str
+    label: str
+    folder: Path
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All cells of one call of the command line, by hash, and the run that stands above them, if there is one."""
+
+    study: str
+    labels: dict[str, str]
+    out: str
+    parent_id: str | None = None
+
+    def write(self, path: Path) -> None:
+        """Write as JSON, for the processes that a launcher starts."""
+        write_text(path, json.dumps(asdict(self)))
+
+    @staticmethod
+    def read(path: Path) -> Plan:
+        """Read what ``write`` wrote."""
+        return Plan(**json.loads(path.read_text(encoding="utf-8")))
+
+
+def study_names() -> list[str]:
+    """The studies there are, by their configurations."""
+    return sorted(path.stem for path in (conf_dir() / "study").glob("*.yaml"))
+
+
+def study_module(name: str) -> ModuleType:
+    """The module of a study."""
+    if name not in study_names():
+        raise InputError(f"study: expected one of {', '.join(study_names())}, received {name!r}")
+    return importlib.import_module(f"experiments.studies.{name}")
+
+
+def cell_configs(config: Mapping[str, Any]) -> list[tuple[dict[str, Any], str]]:
+    """The configuration of every cell of one point of a sweep, and the label of what sets it apart."""
+    module = study_module(config["study"])
+    changes = module.cells(config) if hasattr(module, "cells") else [{}]
+    if not changes:
+        raise InputError(f"study={config['study']}: expected at least one job, the configuration names none")
+    return [
+        ({**config, **change}, ",".join(f"{k}={_short(v)}" for k, v in change.items())) for change in changes
+    ]
+
+
+def arguments(config: Mapping[str, Any]) -> dict[str, Any]:
+    """The arguments of the study's ``run`` that come from the configuration, with every ``_target_`` built.
+
+    Raises InputError where the configuration has no value for one, or a class refuses its settings.
+    """
+    return _arguments(study_module(config["study"]).run, config)
+
+
+def check(config: Mapping[str, Any]) -> None:
+    """Raise InputError for what can be known to be wrong before any job starts.
+
+    A study that reads files has a function ``check``, whose parameters are settings as those of ``run`` are.
+    """
+    arguments(config)
+    module = study_module(config["study"])
+    if hasattr(module, "check"):
+        module.check(**_arguments(module.check, config))
+
+
+def _arguments(function: Callable[..., object], config: Mapping[str, Any]) -> dict[str, Any]:
+    parameters = inspect.signature(function).parameters
+    wanted = [name for name in parameters if name not in INJECTED]
+    missing = [
+        name for name in wanted if name not in config and parameters[name].default is inspect.Parameter.empty
+    ]
+    if missing:
+        raise InputError(f"study={config['study']}: expected a value for {', '.join(missing)}, received none")
+    return {name: registry.build(config[name], name) for name in wanted if name in config}
+
+
+def cells_of(points: list[tuple[Mapping[str, Any], str]], out: Path) -> list[Cell]:
+    """Every cell of every point (its configuration and label), each once, each with a folder under ``out``."""
+    found = [
+        (cell, ",".join(filter(None, (label, change))))
+        for config, label in points
+        for cell, change in cell_configs(config)
+    ]
+    alone = len(found) == 1
+    cells: dict[str, Cell] = {}
+    for config, label in found:
+        key = config_hash(config)
+        cells.setdefault(key, Cell(config, key, label, out if alone else out / folder_name(label, key)))
+    return list(cells.values())
+
+
+def folder_name(label: str, key: str) -> str:
+    """A folder's name that a person can read and a file system takes."""
+    name = "".join(char if char.isalnum() or char in "=,.+-_" else "_" for char in label)
+    return name if 0 < len(name) <= 80 else f"{name[:60]}_{key[:12]}".lstrip("_")
+
+
+def out_folder(config: Mapping[str, Any], key: str) -> Path:
+    """Where results go: ``out`` as the user gave it (from the current folder), else a folder of the study's own."""
+    if config.get("out"):
+        return Path(str(config["out"])).expanduser().absolute()
+    return project_root() / "outputs" / str(config["study"]) / key[:12]
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "+".join(str(key) for key in value)
+    if isinstance(value, (list, tuple)):
+        return "+".join(_short(item) for item in value)
+    return str(value)

@@ -1,0 +1,26 @@
+"""Where the project lies on this machine: its configuration, and the folder that runs and outputs go under."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+_PACKAGE = Path(__file__).resolve().parent
+_CHECKOUT = _PACKAGE.parents[1]
+
+
+def conf_dir() -> Path:
+    """The folder of configurations: inside the package, in a checkout by a link to ``conf`` at its top."""
+    return _PACKAGE / "conf"
+
+
+def project_root() -> Path:
+    """The folder that ``mlruns``, ``outputs`` and ``results`` lie in.
+
+    ``CTUS_HOME`` where it is set, else the checkout the package is imported from, else the current folder.
+    """
+    if home := os.environ.get("CTUS_HOME"):
+        return Path(home).expanduser().resolve()
+    if (_CHECKOUT / "pyproject.toml").is_file() and (_CHECKOUT / "conf").is_dir():
+        return _CHECKOUT
+    return Path.cwd()

@@ -1,0 +1,224 @@
+"""The shell around the studies: plan all jobs, check them before the first starts, run them, sum them up."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import signal
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from experiments import cells, files, job, terminal
+from experiments.cells import Cell, Plan
+from experiments.job import Report
+from experiments.outcome import CellResult, Outcome
+from experiments.tracking import HASH_TAG, RunWriter, Store
+
+# How the processes that a launcher starts find the plan of the sweep they belong to.
+PLAN_FOLDER = "CTUS_PLAN_FOLDER"
+Points = list[tuple[Mapping[str, Any], str]]
+
+
+def run(points: Points, launch: Callable[[], object] | None) -> int:
+    """Run every job of ``points`` (configuration and label of each) and return the process's exit code.
+
+    ``launch`` starts the jobs through a launcher that calls ``run_point`` for each point; without it they run here,
+    one after the other. 0: all is well; 1: a job failed; 2: the user's input is at fault.
+    """
+    study = str(points[0][0]["study"])
+    for config, _ in points:
+        for cell, _ in cells.cell_configs(config):
+            cells.check(cell)
+    sweep_hash = _sweep_hash(points)
+    out = cells.out_folder(points[0][0], sweep_hash)
+    planned = cells.cells_of(points, out)
+    store = store_of(points[0][0])
+    tracked = store.enabled and getattr(cells.study_module(study), "TRACKED", True)
+    if tracked:
+        for run_id in store.reap(study):
+            print(
+                f"Run {run_id} was still marked as running, but its process is gone: set to FAILED.",
+                file=sys.stderr,
+            )
+    with _stoppable(), _plan_folder() as folder:
+        parent = _parent(store, points, planned, sweep_hash) if tracked and len(planned) > 1 else None
+        plan = Plan(
+            study, {cell.hash: cell.label for cell in planned}, str(out), parent.run_id if parent else None
+        )
+        plan.write(folder / "plan.json")
+        try:
+            outcome = _run_all(points, launch)
+            code = _close(planned, plan, store, parent, outcome, _reports(folder, planned))
+        except BaseException:
+            if parent is not None:
+                parent.end("FAILED")
+            raise
+    return code
+
+
+def run_point(config: Mapping[str, Any]) -> Outcome | None:
+    """Run the cells of one point of the sweep that is under way; write a report of each. Returns the last outcome."""
+    folder = Path(os.environ[PLAN_FOLDER])
+    plan = Plan.read(folder / "plan.json")
+    store, progress = store_of(config), terminal.TerminalProgress()
+    outcome = None
+    own = [cell for cell in cells.cells_of([(config, "")], Path(plan.out)) if cell.hash in plan.labels]
+    for cell in own:
+        label = plan.labels[cell.hash]
+        alone = len(plan.labels) == 1
+        place = Path(plan.out) if alone else Path(plan.out) / cells.folder_name(label, cell.hash)
+        if not alone:
+            number = list(plan.labels).index(cell.hash) + 1
+            progress.note(f"{plan.study}: {label} ({number} of {len(plan.labels)})")
+        report, outcome = job.run_cell(Cell(cell.config, cell.hash, label, place), plan, store, progress)
+        report.write(folder / f"{cell.hash}.json")
+        if report.message:
+            print(
+                f"{label or plan.study}: {report.message}" if not alone else report.message, file=sys.stderr
+            )
+    return outcome
+
+
+def store_of(config: Mapping[str, Any]) -> Store:
+    """The tracker that a configuration names."""
+    return Store(**config["tracking"])
+
+
+def _run_all(points: Points, launch: Callable[[], object] | None) -> Outcome | None:
+    if launch is not None:
+        launch()
+        return None
+    outcome = None
+    for config, _ in points:
+        outcome = run_point(config)
+    return outcome
+
+
+def _close(
+    planned: list[Cell],
+    plan: Plan,
+    store: Store,
+    parent: RunWriter | None,
+    alone: Outcome | None,
+    reports: dict[str, Report],
+) -> int:
+    """Sum up the finished cells, end the parent run, print the last lines and return the exit code."""
+    ended = [(cell, reports.get(cell.hash)) for cell in planned]
+    good = [(cell, report) for cell, report in ended if report and report.status in ("finished", "resumed")]
+    results = [job.load_result(report, cell, store) for cell, report in good]
+    outcome = alone if len(planned) == 1 and alone is not None else _summary(plan.study, results)
+    out = Path(plan.out)
+    if len(planned) > 1 and results:
+        with files.staged(out) as stage:
+            job.write_outcome(outcome, stage)
+            if parent is not None:
+                job.log_outcome(parent, outcome)
+                parent.metrics(_over_jobs(results, outcome.metrics))
+                parent.folder(stage)
+    bad = [
+        (cell, report) for cell, report in ended if report is None or report.status in ("refused", "failed")
+    ]
+    if parent is not None:
+        resumed = sum(report.status == "resumed" for _, report in good)
+        parent.metrics({"jobs": len(planned), "jobs_failed": len(bad), "jobs_resumed": resumed})
+        parent.end("FAILED" if bad else "FINISHED")
+    if results:
+        terminal.print_tables(dict(outcome.tables))
+        tracked = store.enabled and getattr(cells.study_module(plan.study), "TRACKED", True)
+        terminal.print_closing(outcome.findings, out, store.dashboard if tracked else None)
+    if bad and len(planned) > 1:
+        names = "; ".join(cell.label for cell, _ in bad)
+        print(
+            f"{len(bad)} of {len(planned)} jobs did not finish: {names}. resume=true runs these again.",
+            file=sys.stderr,
+        )
+    if not bad:
+        return 0
+    return 2 if all(report is not None and report.status == "refused" for _, report in bad) else 1
+
+
+def _summary(study: str, results: list[CellResult]) -> Outcome:
+    summarise = getattr(cells.study_module(study), "summarise", None)
+    return summarise(results) if summarise is not None and results else Outcome()
+
+
+def _over_jobs(results: list[CellResult], known: Mapping[str, float]) -> dict[str, float]:
+    """Mean and standard deviation over the jobs of every metric that the summary does not give itself."""
+    import pandas as pd
+
+    table = pd.DataFrame([dict(result.metrics) for result in results]).astype(float)
+    over: dict[str, float] = {}
+    for name in table.columns:
+        mean, std = job.finite_mean_and_std(table[name])
+        if name not in known and mean == mean:
+            over[name] = mean
+        if std == std:
+            over[f"{name}_std_over_jobs"] = std
+    return over
+
+
+def _parent(store: Store, points: Points, planned: list[Cell], sweep_hash: str) -> RunWriter:
+    """The run above all jobs: a new one, or with ``resume=true`` the one of the same sweep."""
+    config = points[0][0]
+    study = str(config["study"])
+    if config.get("resume"):
+        known = store.runs([study], f"tags.`{HASH_TAG}` = '{sweep_hash}'")
+        if (found := next(known, None)) is not None:
+            return store.reopen(found.info.run_id)
+    run_ = store.start(study, f"{study} ({len(planned)} jobs)", {HASH_TAG: sweep_hash, "ctus.kind": "sweep"})
+    shared = {
+        key: value for key, value in config.items() if all(point.get(key) == value for point, _ in points)
+    }
+    job.log_config(run_, shared)
+    return run_
+
+
+def _sweep_hash(points: Points) -> str:
+    hashes = sorted(job_hash for config, _ in points for job_hash in _hashes(config))
+    return hashlib.sha256("\n".join(hashes).encode()).hexdigest()
+
+
+def _hashes(config: Mapping[str, Any]) -> list[str]:
+    from experiments.identity import config_hash
+
+    return [config_hash(cell) for cell, _ in cells.cell_configs(config)]
+
+
+def _reports(folder: Path, planned: list[Cell]) -> dict[str, Report]:
+    paths = {cell.hash: folder / f"{cell.hash}.json" for cell in planned}
+    return {key: Report.read(path) for key, path in paths.items() if path.is_file()}
+
+
+@contextmanager
+def _plan_folder() -> Iterator[Path]:
+    folder = Path(tempfile.mkdtemp(prefix="ctus-sweep-"))
+    os.environ[PLAN_FOLDER] = str(folder)
+    try:
+        yield folder
+    finally:
+        del os.environ[PLAN_FOLDER]
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextmanager
+def _stoppable() -> Iterator[None]:
+    """Turn SIGTERM into an exit that passes through every ``finally``, so that running runs end as FAILED."""
+
+    def stop(number: int, frame: object) -> None:
+        del number, frame
+        raise SystemExit(128 + signal.SIGTERM)
+
+    try:
+        before = signal.signal(signal.SIGTERM, stop)
+    except ValueError:  # only the main thread may set a handler; elsewhere the default stays
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -1,0 +1,31 @@
+"""Study ``import_runs``: restore exported runs into the tracker."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from experiments.outcome import Outcome, Progress
+from experiments.run_archive import read_archive
+from experiments.tracking import ORIGIN_TAG, Store
+
+TRACKED = False
+
+
+def run(*, experiments: list[str] | None, archive: str, store: Store, progress: Progress) -> Outcome:
+    """Restore the runs in the folder ``archive`` that the tracker does not have yet.
+
+    A run is known by its first id, which it keeps as a tag through every export and import, so a second import adds
+    nothing.
+    """
+    known = {run_.data.tags.get(ORIGIN_TAG, run_.info.run_id): run_.info.run_id for run_ in store.runs()}
+    records = list(read_archive(Path(archive).expanduser(), experiments))
+    added = 0
+    for record in progress.track(records, "Importing runs"):
+        if record.run_id not in known:
+            known[record.run_id] = store.write(record, known.get(record.parent_id or ""))
+            added += 1
+    skipped = len(records) - added
+    return Outcome(
+        metrics={"runs": added, "runs_known": skipped},
+        findings=(f"Imported {added} runs from {archive}; {skipped} were already there.",),
+    )

@@ -1,0 +1,128 @@
+"""What the terminal shows: bars with the time left while work goes on, then what was found and where it lies."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterable, Iterator, Sized
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Item = TypeVar("Item")
+# Without a terminal (a log file, CI) a bar can't be redrawn; a line now and then says the same.
+LINE_EVERY_S = 15.0
+
+
+class TerminalProgress:
+    """Progress as a bar on a terminal, as a line now and then elsewhere."""
+
+    def __init__(self, console: Console | None = None) -> None:
+        self.console = console or Console(stderr=True)
+        self._display: Progress | None = None
+        self._open = 0
+
+    def track(self, items: Iterable[Item], description: str, total: int | None = None) -> Iterator[Item]:
+        """Pass ``items`` through while the bar advances."""
+        if total is None and isinstance(items, Sized):
+            total = len(items)
+        yield from (
+            self._bar(items, description, total)
+            if self.console.is_terminal
+            else self._lines(items, description, total)
+        )
+
+    def note(self, text: str) -> None:
+        """Print one line."""
+        self.console.print(text, markup=False, highlight=False)
+
+    def _bar(self, items: Iterable[Item], description: str, total: int | None) -> Iterator[Item]:
+        # One display holds the bars of all levels: a second display at once would overwrite the first.
+        if self._display is None:
+            self._display = Progress(*_columns(), console=self.console, transient=True)
+            self._display.start()
+        display, self._open = self._display, self._open + 1
+        bar = display.add_task(description, total=total)
+        try:
+            for item in items:
+                yield item
+                display.advance(bar)
+        finally:
+            display.remove_task(bar)
+            self._open -= 1
+            if not self._open:
+                display.stop()
+                self._display = None
+
+    def _lines(self, items: Iterable[Item], description: str, total: int | None) -> Iterator[Item]:
+        started = last = time.monotonic()
+        for done, item in enumerate(items):
+            now = time.monotonic()
+            if done and now - last >= LINE_EVERY_S:
+                last = now
+                left = f", about {(now - started) / done * (total - done):.0f} s left" if total else ""
+                self.note(f"{description}: {done}{f' of {total}' if total else ''}{left}")
+            yield item
+
+
+def _columns() -> tuple[ProgressColumn, ...]:
+    return (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+
+
+def print_tables(tables: dict[str, pd.DataFrame], console: Console | None = None) -> None:
+    """Print small result tables."""
+    console = console or Console(file=sys.stdout)
+    for title, frame in tables.items():
+        table = Table(title=title, title_justify="left")
+        for column in frame.columns:
+            numeric = frame[column].dtype.kind in "if"
+            table.add_column(str(column), justify="right" if numeric else "left", overflow="fold")
+        for row in frame.itertuples(index=False):
+            table.add_row(*(cell_text(value) for value in row))
+        console.print(table)
+
+
+def cell_text(value: object) -> str:
+    """A table's cell: three significant decimals for a number, nothing for a missing one."""
+    if isinstance(value, float):
+        return "" if value != value else f"{value:.3f}"
+    return str(value)
+
+
+def markdown(tables: dict[str, pd.DataFrame]) -> str:
+    """The same tables as Markdown."""
+    parts = []
+    for title, frame in tables.items():
+        rows = [[cell_text(value) for value in row] for row in frame.itertuples(index=False)]
+        lines = [list(map(str, frame.columns)), ["---"] * len(frame.columns), *rows]
+        parts.append(f"### {title}\n\n" + "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n")
+    return "\n".join(parts)
+
+
+def print_closing(findings: Iterable[str], folder: Path, dashboard: str | None) -> None:
+    """The last lines: what was found, where the files are, how to open the dashboard."""
+    for finding in findings:
+        print(finding)
+    print(f"Files: {folder}")
+    if dashboard is not None:
+        print(f"Dashboard: {dashboard}")

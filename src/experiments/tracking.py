@@ -1,0 +1,382 @@
+"""The tracker: every call to MLflow that the project makes is in this module.
+
+Runs are written through ``MlflowClient`` alone: the fluent interface keeps a global active run, which parallel jobs
+and nested runs trip over. The default store is one SQLite file; it is made under a file lock, because several
+processes that open a new one at once leave it broken.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import tempfile
+import threading
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from filelock import FileLock
+
+from experiments.errors import InputError
+from experiments.outcome import InputData
+from experiments.paths import project_root
+from experiments.provenance import environment_tags, is_gone
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from mlflow.entities import Run as MlflowRun
+    from mlflow.tracking import MlflowClient
+
+HEARTBEAT_S = 30.0
+PARENT_TAG = "mlflow.parentRunId"
+HASH_TAG = "ctus.config_hash"
+ORIGIN_TAG = "ctus.run_id"
+# What one request may carry at most (MLflow's REST limits, which its SQL store keeps as well).
+_METRICS_A_BATCH, _PARAMS_A_BATCH, _TAGS_A_BATCH, _PARAM_LENGTH, _TAG_LENGTH = 1000, 100, 100, 6000, 8000
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """A run apart from any store: what is exported and restored. ``history`` has metric, step, value, timestamp_ms."""
+
+    run_id: str
+    experiment: str
+    name: str
+    status: str
+    start_ms: int
+    end_ms: int | None
+    parent_id: str | None
+    tags: dict[str, str]
+    params: dict[str, str]
+    config: str
+    history: pd.DataFrame
+    cases: pd.DataFrame | None
+
+
+@dataclass(frozen=True)
+class Store:
+    """Where runs go. ``uri`` is an MLflow tracking address or null for the project's own SQLite file."""
+
+    uri: str | None = None
+    enabled: bool = True
+    _opened: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def folder(self) -> Path:
+        """The folder of the project's own store."""
+        return project_root() / "mlruns"
+
+    @property
+    def address(self) -> str:
+        """The tracking address: the setting, else ``MLFLOW_TRACKING_URI``, else the project's SQLite file."""
+        return self.uri or os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{self.folder / 'ctus.db'}"
+
+    @property
+    def dashboard(self) -> str:
+        """The command or the address that opens the dashboard."""
+        if self.address.startswith(("http://", "https://")):
+            return self.address
+        return f"mlflow ui --backend-store-uri {self.address}"
+
+    def client(self) -> MlflowClient:
+        """The client, opened and initialised at the first call."""
+        if "client" not in self._opened:
+            self._opened["client"] = _open(self.address, self.folder)
+        client: MlflowClient = self._opened["client"]
+        return client
+
+    def experiment_id(self, name: str) -> str:
+        """The experiment of that name, made if there is none."""
+        if (known := self._opened.get(f"experiment {name}")) is not None:
+            return str(known)
+        with self._lock():
+            found = self.client().get_experiment_by_name(name)
+            if found is not None and found.lifecycle_stage == "deleted":
+                raise InputError(
+                    f"experiment {name!r}: expected an experiment that exists, "
+                    f"found a deleted one (restore it in the dashboard)"
+                )
+            identity = found.experiment_id if found is not None else self._create_experiment(name)
+        self._opened[f"experiment {name}"] = identity
+        return str(identity)
+
+    def start(
+        self, experiment: str, name: str, tags: Mapping[str, str], parent_id: str | None = None
+    ) -> RunWriter:
+        """Begin a run that is RUNNING until its writer is told how it ended."""
+        all_tags = {
+            **environment_tags(),
+            **tags,
+            "mlflow.runName": name,
+            "ctus.heartbeat": f"{time.time():.0f}",
+        }
+        if parent_id is not None:
+            all_tags[PARENT_TAG] = parent_id
+        run = self.client().create_run(
+            self.experiment_id(experiment), tags=_short(all_tags, _TAG_LENGTH), run_name=name
+        )
+        return RunWriter(self.client(), run.info.run_id)
+
+    def reopen(self, run_id: str) -> RunWriter:
+        """Set a finished or failed run to RUNNING again, to go on with it."""
+        self.client().update_run(run_id, status="RUNNING")
+        return RunWriter(self.client(), run_id)
+
+    def runs(self, experiments: Iterable[str] | None = None, filter_string: str = "") -> Iterator[MlflowRun]:
+        """All runs of the named experiments (all of them if none is named), newest first, page by page."""
+        client = self.client()
+        ids = [
+            experiment.experiment_id
+            for experiment in client.search_experiments()
+            if experiments is None or experiment.name in set(experiments)
+        ]
+        token = None
+        while ids:
+            page = client.search_runs(ids, filter_string, max_results=1000, page_token=token)
+            yield from page
+            token = page.token
+            if not token:
+                return
+
+    def finished(self, experiment: str, config_hash: str) -> str | None:
+        """The id of the newest FINISHED run of a job, or none."""
+        wanted = f"tags.`{HASH_TAG}` = '{config_hash}' and attributes.status = 'FINISHED'"
+        found = next(self.runs([experiment], wanted), None)
+        return None if found is None else str(found.info.run_id)
+
+    def metrics(self, run_id: str) -> dict[str, float]:
+        """The last value of every metric of a run."""
+        return dict(self.client().get_run(run_id).data.metrics)
+
+    def restore_files(self, run_id: str, folder: Path) -> None:
+        """Copy every artifact of a run into ``folder``."""
+        for entry in self.client().list_artifacts(run_id):
+            self.client().download_artifacts(run_id, entry.path, str(folder))
+
+    def cases(self, run_id: str) -> pd.DataFrame | None:
+        """The per-case table of a run, or none if it has none."""
+        import pandas as pd
+
+        client = self.client()
+        if not any(file.path == "cases.parquet" for file in client.list_artifacts(run_id)):
+            return None
+        return pd.read_parquet(client.download_artifacts(run_id, "cases.parquet"))
+
+    def read(self, run: MlflowRun, experiment: str) -> RunRecord:
+        """Everything of a run that is worth keeping apart from the store."""
+        import pandas as pd
+
+        client, run_id, tags = self.client(), run.info.run_id, dict(run.data.tags)
+        points = [
+            (metric.key, metric.step, metric.value, metric.timestamp)
+            for key in run.data.metrics
+            for metric in client.get_metric_history(run_id, key)
+        ]
+        files = {file.path for file in client.list_artifacts(run_id)}
+        config = (
+            Path(client.download_artifacts(run_id, "config.yaml")).read_text()
+            if "config.yaml" in files
+            else ""
+        )
+        return RunRecord(
+            tags.pop(ORIGIN_TAG, run_id),
+            experiment,
+            run.info.run_name,
+            run.info.status,
+            run.info.start_time,
+            run.info.end_time,
+            tags.pop(PARENT_TAG, None),
+            tags,
+            dict(run.data.params),
+            config,
+            pd.DataFrame(points, columns=["metric", "step", "value", "timestamp_ms"]),
+            self.cases(run_id),
+        )
+
+    def write(self, record: RunRecord, parent_id: str | None) -> str:
+        """Restore a run under a new id (the tracker gives it); the tag ``ctus.run_id`` keeps the first one."""
+        from mlflow.entities import Metric
+
+        client = self.client()
+        tags = {**record.tags, ORIGIN_TAG: record.run_id, **({PARENT_TAG: parent_id} if parent_id else {})}
+        new_id = client.create_run(
+            self.experiment_id(record.experiment), record.start_ms, _short(tags, _TAG_LENGTH), record.name
+        ).info.run_id
+        writer = RunWriter(client, new_id, beating=False)
+        writer.params(record.params)
+        rows = record.history.itertuples(index=False)
+        for batch in _batches(
+            [Metric(r.metric, r.value, r.timestamp_ms, r.step) for r in rows], _METRICS_A_BATCH
+        ):
+            client.log_batch(new_id, metrics=batch)
+        if record.config:
+            writer.text(record.config, "config.yaml")
+        if record.cases is not None:
+            with tempfile.TemporaryDirectory() as folder:
+                record.cases.to_parquet(Path(folder) / "cases.parquet", index=False)
+                writer.folder(Path(folder))
+        client.set_terminated(new_id, record.status, record.end_ms)
+        return str(new_id)
+
+    def reap(self, experiment: str) -> list[str]:
+        """End as FAILED every RUNNING run of ``experiment`` whose process is gone; return their ids.
+
+        On this machine a run is gone when its process is; on another one when its heartbeat has been silent for
+        twenty minutes.
+        """
+        gone = [
+            run.info.run_id
+            for run in self.runs([experiment], "attributes.status = 'RUNNING'")
+            if is_gone(run.data.tags)
+        ]
+        for run_id in gone:
+            self.client().set_tag(run_id, "ctus.ended_by", "process is gone")
+            self.client().set_terminated(run_id, "FAILED")
+        return gone
+
+    def _create_experiment(self, name: str) -> str:
+        from mlflow.exceptions import MlflowException
+
+        # A server decides itself where artifacts go; a database alone would put them under the current folder.
+        served = self.address.startswith(("http://", "https://"))
+        place = None if served else (self.folder / "artifacts").as_uri()
+        try:
+            return str(self.client().create_experiment(name, place))
+        except MlflowException:
+            # Another machine made it between the look and the making: the file lock reaches only this one.
+            found = self.client().get_experiment_by_name(name)
+            if found is None:
+                raise
+            return str(found.experiment_id)
+
+    def _lock(self) -> FileLock:
+        self.folder.mkdir(parents=True, exist_ok=True)
+        return FileLock(self.folder / ".lock")
+
+
+class RunWriter:
+    """A run that is being written. A thread keeps its heartbeat until it ends."""
+
+    def __init__(self, client: MlflowClient, run_id: str, *, beating: bool = True) -> None:
+        self.run_id = run_id
+        self._client = client
+        self._ended = threading.Event()
+        if beating:
+            threading.Thread(target=self._beat, daemon=True, name=f"heartbeat {run_id}").start()
+
+    def params(self, params: Mapping[str, Any]) -> None:
+        """Log flat parameters; a value too long for the tracker is cut (the resolved configuration holds it whole)."""
+        from mlflow.entities import Param
+
+        entries = [Param(key, str(value)[:_PARAM_LENGTH]) for key, value in params.items()]
+        for batch in _batches(entries, _PARAMS_A_BATCH):
+            self._client.log_batch(self.run_id, params=batch)
+
+    def metrics(self, metrics: Mapping[str, float], step: int = 0) -> None:
+        """Log metrics of one step."""
+        self.history([metrics], step)
+
+    def history(self, steps: Iterable[Mapping[str, float]], first_step: int = 0) -> None:
+        """Log metrics step by step in batches.
+
+        The tracker can't tell NaN from a missing value and stores infinity as 1.8e308, so a value that is not finite
+        is logged as ``<metric>_failed = 1`` instead.
+        """
+        from mlflow.entities import Metric
+
+        now_ms = int(time.time() * 1000)
+        entries = []
+        for step, metrics in enumerate(steps, first_step):
+            for key, value in metrics.items():
+                finite = math.isfinite(value)
+                entries.append(
+                    Metric(key if finite else f"{key}_failed", value if finite else 1.0, now_ms, step)
+                )
+        for batch in _batches(entries, _METRICS_A_BATCH):
+            self._client.log_batch(self.run_id, metrics=batch)
+
+    def tags(self, tags: Mapping[str, str]) -> None:
+        """Set tags."""
+        from mlflow.entities import RunTag
+
+        entries = [RunTag(key, value) for key, value in _short(tags, _TAG_LENGTH).items()]
+        for batch in _batches(entries, _TAGS_A_BATCH):
+            self._client.log_batch(self.run_id, tags=batch)
+
+    def inputs(self, data: Iterable[InputData]) -> None:
+        """Record the data sets the run used."""
+        from mlflow.entities import Dataset, DatasetInput
+
+        entries = [
+            DatasetInput(
+                Dataset(item.name, item.digest[:36], "local", json.dumps({"uri": item.source})), tags=[]
+            )
+            for item in data
+        ]
+        if entries:
+            self._client.log_inputs(self.run_id, datasets=entries)
+
+    def text(self, text: str, name: str) -> None:
+        """Store ``text`` as an artifact."""
+        self._client.log_text(self.run_id, text, name)
+
+    def folder(self, folder: Path) -> None:
+        """Store every file under ``folder`` as an artifact."""
+        self._client.log_artifacts(self.run_id, str(folder))
+
+    def end(self, status: str) -> None:
+        """Set how the run ended: FINISHED, FAILED or KILLED."""
+        self._ended.set()
+        self._client.set_terminated(self.run_id, status)
+
+    def _beat(self) -> None:
+        while not self._ended.wait(HEARTBEAT_S):
+            try:
+                self._client.set_tag(self.run_id, "ctus.heartbeat", f"{time.time():.0f}")
+            except Exception:  # a store that is busy or away for a moment must not end the heartbeat
+                continue
+
+
+@contextmanager
+def ending(run: RunWriter) -> Iterator[RunWriter]:
+    """End the run as FINISHED, or as FAILED when the block raises anything, a stop by signal included."""
+    try:
+        yield run
+    except BaseException as failure:
+        run.tags({"ctus.error": f"{type(failure).__name__}: {failure}"})
+        run.end("FAILED")
+        raise
+    run.end("FINISHED")
+
+
+def _open(address: str, folder: Path) -> MlflowClient:
+    """Open the store; a SQLite file that is not there yet is made and given its tables under a lock."""
+    os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
+    os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
+    import logging
+
+    logging.getLogger("alembic").setLevel(logging.WARNING)
+    logging.getLogger("mlflow.store.db.utils").setLevel(logging.WARNING)
+    from mlflow.tracking import MlflowClient
+
+    if address.startswith("sqlite:///"):
+        database = Path(address.removeprefix("sqlite:///"))
+        database.parent.mkdir(parents=True, exist_ok=True)
+        with FileLock(database.parent / f".{database.name}.lock"):
+            client = MlflowClient(tracking_uri=address, registry_uri=address)
+            client.search_experiments(max_results=1)
+        return client
+    return MlflowClient(tracking_uri=address, registry_uri=address)
+
+
+def _batches(entries: list[Any], size: int) -> Iterator[list[Any]]:
+    for start in range(0, len(entries), size):
+        yield entries[start : start + size]
+
+
+def _short(tags: Mapping[str, str], length: int) -> dict[str, str]:
+    return {key: value[:length] for key, value in tags.items()}

@@ -1,0 +1,190 @@
+"""Rigid and affine transforms between named frames.
+
+``A_T_B`` is a rigid 4x4 float64 matrix that maps coordinates in frame B to coordinates in frame A,
+``p_A = A_T_B @ p_B``; ``A_A_B`` is the affine one. Lengths are millimetres. Every function works on one
+matrix or on a stack of them along leading axes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float, Float64
+from scipy.spatial.transform import Rotation, Slerp
+
+from registration.errors import InputError
+
+# A pose written with six significant digits (as PLUS writes them) has rotation entries wrong by up to 5e-7
+# relative, so its Gram matrix is off by about 2e-6; a matrix that is off by 1e-3 was never meant to be rigid.
+RIGID_TOLERANCE = 1e-3
+
+
+def compose(*transforms: Float[np.ndarray, "*n 4 4"]) -> Float64[np.ndarray, "*n 4 4"]:
+    """Chain transforms from left to right: ``compose(A_T_B, B_T_C)`` is ``A_T_C``.
+
+    Stacks broadcast against single matrices.
+
+    >>> compose(translation((1, 0, 0)), translation((0, 2, 0)))[:3, 3].tolist()
+    [1.0, 2.0, 0.0]
+    """
+    if not transforms:
+        raise InputError("compose: expected at least one transform, received none")
+    chained = np.asarray(transforms[0], dtype=np.float64)
+    for transform in transforms[1:]:
+        chained = chained @ np.asarray(transform, dtype=np.float64)
+    return chained
+
+
+def invert_rigid(A_T_B: Float[np.ndarray, "*n 4 4"]) -> Float64[np.ndarray, "*n 4 4"]:
+    """Invert rigid transforms by transposing the rotation, exact where a general inverse would round."""
+    A_T_B = np.asarray(A_T_B, dtype=np.float64)
+    rotation_transposed = np.swapaxes(A_T_B[..., :3, :3], -1, -2)
+    inverse = np.zeros_like(A_T_B)
+    inverse[..., :3, :3] = rotation_transposed
+    inverse[..., :3, 3] = -(rotation_transposed @ A_T_B[..., :3, 3:])[..., 0]
+    inverse[..., 3, 3] = 1.0
+    return inverse
+
+
+def invert_affine(A_A_B: Float[np.ndarray, "*n 4 4"], name: str = "A_A_B") -> Float64[np.ndarray, "*n 4 4"]:
+    """Invert affine transforms; one without an inverse raises InputError by its name."""
+    A_A_B = require_affine(A_A_B, name)
+    return np.linalg.inv(A_A_B)
+
+
+def apply(
+    A_A_B: Float[np.ndarray, "4 4"], points_B: Float[np.ndarray, "*n 3"]
+) -> Float64[np.ndarray, "*n 3"]:
+    """Map points from frame B to frame A by one rigid or affine transform."""
+    A_A_B = np.asarray(A_A_B, dtype=np.float64)
+    return np.asarray(points_B, dtype=np.float64) @ A_A_B[:3, :3].T + A_A_B[:3, 3]
+
+
+def apply_each(
+    A_A_B: Float[np.ndarray, "n 4 4"], points_B: Float[np.ndarray, "n 3"]
+) -> Float64[np.ndarray, "n 3"]:
+    """Map the i-th point by the i-th transform, in one vectorised step."""
+    A_A_B = np.asarray(A_A_B, dtype=np.float64)
+    return np.einsum("nij,nj->ni", A_A_B[:, :3, :3], points_B) + A_A_B[:, :3, 3]
+
+
+def translation(offset_mm: tuple[float, float, float] | Float[np.ndarray, "3"]) -> Float64[np.ndarray, "4 4"]:
+    """The rigid transform that only moves by ``offset_mm``."""
+    A_T_B = np.eye(4)
+    A_T_B[:3, 3] = offset_mm
+    return A_T_B
+
+
+def from_rotation(
+    rotation: Rotation, translation_mm: Float[np.ndarray, "*n 3"]
+) -> Float64[np.ndarray, "*n 4 4"]:
+    """Join a scipy rotation (one or a stack) and translations in mm into rigid transforms."""
+    matrix = rotation.as_matrix()
+    translation_mm = np.asarray(translation_mm, dtype=np.float64)
+    A_T_B = np.zeros((*np.broadcast_shapes(matrix.shape[:-2], translation_mm.shape[:-1]), 4, 4))
+    A_T_B[..., :3, :3] = matrix
+    A_T_B[..., :3, 3] = translation_mm
+    A_T_B[..., 3, 3] = 1.0
+    return A_T_B
+
+
+def rotate_about(rotation: Rotation, centre_mm: Float[np.ndarray, "3"]) -> Float64[np.ndarray, "4 4"]:
+    """The rigid transform that turns by ``rotation`` and leaves ``centre_mm`` where it is."""
+    centre_mm = np.asarray(centre_mm, dtype=np.float64)
+    return from_rotation(rotation, centre_mm - rotation.apply(centre_mm))
+
+
+def require_affine(A_A_B: Float[np.ndarray, "*n 4 4"], name: str) -> Float64[np.ndarray, "*n 4 4"]:
+    """Return the matrices as float64, or raise InputError that names the first defect found in ``name``."""
+    A_A_B = np.asarray(A_A_B, dtype=np.float64)
+    if A_A_B.shape[-2:] != (4, 4):
+        raise InputError(f"{name}: expected shape (..., 4, 4), received {A_A_B.shape}")
+    if not np.isfinite(A_A_B).all():
+        raise InputError(
+            f"{name}: expected finite entries, received NaN or infinity{_where(~np.isfinite(A_A_B))}"
+        )
+    wrong_row = np.abs(A_A_B[..., 3, :] - np.array([0.0, 0.0, 0.0, 1.0])) > 1e-9
+    if wrong_row.any():
+        raise InputError(f"{name}: expected last row 0 0 0 1, received another{_where(wrong_row)}")
+    determinant = np.linalg.det(A_A_B[..., :3, :3])
+    if (determinant == 0).any():
+        raise InputError(
+            f"{name}: expected an invertible matrix, received determinant 0{_where(determinant == 0)}"
+        )
+    return A_A_B
+
+
+def require_rigid(
+    A_T_B: Float[np.ndarray, "*n 4 4"], name: str, tolerance: float = RIGID_TOLERANCE
+) -> Float64[np.ndarray, "*n 4 4"]:
+    """Return the matrices as float64, or raise InputError unless each is a right-handed rotation plus translation.
+
+    ``tolerance`` bounds the largest entry of ``R.T @ R - I`` (no unit).
+    """
+    A_T_B = require_affine(A_T_B, name)
+    rotation = A_T_B[..., :3, :3]
+    left_handed = np.linalg.det(rotation) < 0
+    if left_handed.any():
+        raise InputError(
+            f"{name}: expected a right-handed rotation, received a mirrored one{_where(left_handed)}"
+        )
+    defect = np.abs(np.swapaxes(rotation, -1, -2) @ rotation - np.eye(3)).max(axis=(-1, -2))
+    if (defect > tolerance).any():
+        raise InputError(
+            f"{name}: expected orthonormal rotations within {tolerance:g}, "
+            f"received a defect of {defect.max():.3g}{_where(defect > tolerance)}"
+        )
+    return A_T_B
+
+
+def nearest_rigid(A_A_B: Float[np.ndarray, "*n 4 4"]) -> Float64[np.ndarray, "*n 4 4"]:
+    """Replace the linear part by the nearest rotation in the Frobenius norm (polar decomposition by SVD)."""
+    A_T_B = np.array(A_A_B, dtype=np.float64)
+    left, _, right = np.linalg.svd(A_T_B[..., :3, :3])
+    sign = np.sign(np.linalg.det(left @ right))
+    left[..., :, 2] *= sign[..., None]
+    A_T_B[..., :3, :3] = left @ right
+    return A_T_B
+
+
+def rotation_angle_deg(A_T_B: Float[np.ndarray, "*n 4 4"]) -> Float64[np.ndarray, "*n"]:
+    """The angle by which each transform turns, 0 to 180 degrees."""
+    A_T_B = np.asarray(A_T_B, dtype=np.float64)
+    flat = Rotation.from_matrix(A_T_B[..., :3, :3].reshape(-1, 3, 3)).magnitude()
+    return np.rad2deg(flat).reshape(A_T_B.shape[:-2])
+
+
+def interpolate(
+    times_s: Float[np.ndarray, "n"], known_times_s: Float[np.ndarray, "m"], A_T_B: Float[np.ndarray, "m 4 4"]
+) -> Float64[np.ndarray, "n 4 4"]:
+    """Poses at ``times_s`` between known ones: SLERP for rotation, linear for translation.
+
+    Times outside ``known_times_s`` (strictly increasing, at least two) raise InputError: nothing is extrapolated.
+    """
+    known_times_s = np.asarray(known_times_s, dtype=np.float64)
+    times_s = np.asarray(times_s, dtype=np.float64)
+    if len(known_times_s) < 2 or (np.diff(known_times_s) <= 0).any():
+        raise InputError("known_times_s: expected at least two strictly increasing times, received otherwise")
+    if len(times_s) and (times_s.min() < known_times_s[0] or times_s.max() > known_times_s[-1]):
+        raise InputError(
+            f"times_s: expected times within {known_times_s[0]:g} to {known_times_s[-1]:g} s, "
+            f"received {times_s.min():g} to {times_s.max():g} s"
+        )
+    rotations = Slerp(known_times_s, Rotation.from_matrix(A_T_B[:, :3, :3]))(times_s)
+    position_mm = np.stack(
+        [np.interp(times_s, known_times_s, A_T_B[:, axis, 3]) for axis in range(3)], axis=-1
+    )
+    return from_rotation(rotations, position_mm)
+
+
+def mean_rigid(A_T_B: Float[np.ndarray, "n 4 4"]) -> Float64[np.ndarray, "4 4"]:
+    """The mean pose: chordal mean of the rotations, arithmetic mean of the translations."""
+    A_T_B = require_rigid(A_T_B, "A_T_B")
+    return from_rotation(Rotation.from_matrix(A_T_B[:, :3, :3]).mean(), A_T_B[:, :3, 3].mean(axis=0))
+
+
+def _where(defective: np.ndarray) -> str:
+    """Say which matrix of a stack is the first defective one; nothing for a single matrix."""
+    if defective.ndim == 0 or defective.size == 1:
+        return ""
+    index = int(np.argwhere(defective)[0][0])
+    return f" (matrix {index})"

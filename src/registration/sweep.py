@@ -1,0 +1,84 @@
+"""A robot-tracked ultrasound sweep: frames, poses with times of their own, and the probe's calibration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float64, Int64, UInt8
+
+from registration import frames
+from registration.errors import InputError
+
+
+@dataclass(frozen=True)
+class ProbeCalibration:
+    """Where the image lies on the end effector.
+
+    ``ee_T_probe`` is rigid, in mm. ``probe_A_pixel`` is affine: it maps a pixel ``(column, row, 0, 1)``
+    (pixel centres, orientation MF) to millimetres in the probe's frame.
+    """
+
+    ee_T_probe: Float64[np.ndarray, "4 4"]
+    probe_A_pixel: Float64[np.ndarray, "4 4"]
+
+    def __post_init__(self) -> None:
+        frames.require_rigid(self.ee_T_probe, "ee_T_probe")
+        frames.require_affine(self.probe_A_pixel, "probe_A_pixel")
+
+    @property
+    def ee_A_pixel(self) -> Float64[np.ndarray, "4 4"]:
+        """From pixel ``(column, row, 0, 1)`` to millimetres on the end effector."""
+        return frames.compose(self.ee_T_probe, self.probe_A_pixel)
+
+    @property
+    def spacing_mm(self) -> tuple[float, float]:
+        """Pixel size along rows and along columns, (vertical, horizontal), in mm."""
+        column_step, row_step = np.linalg.norm(self.probe_A_pixel[:3, :2], axis=0)
+        return float(row_step), float(column_step)
+
+
+@dataclass(frozen=True)
+class TrackedSweep:
+    """Frames and poses as recorded, each with its own clock readings.
+
+    ``images`` (n, height, width) uint8, ``image_times_s`` (n,), ``world_T_ee`` (m, 4, 4) rigid, in mm,
+    ``pose_times_s`` (m,) strictly increasing. A tracker-only recording has n = 0. ``dropped`` counts by
+    reason the recorded frames that the reader left out.
+    """
+
+    images: UInt8[np.ndarray, "n height width"]
+    image_times_s: Float64[np.ndarray, "n"]
+    world_T_ee: Float64[np.ndarray, "m 4 4"]
+    pose_times_s: Float64[np.ndarray, "m"]
+    calibration: ProbeCalibration
+    dropped: Mapping[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if len(self.images) != len(self.image_times_s):
+            raise InputError(
+                f"image_times_s: expected one time for each of {len(self.images)} images, "
+                f"received {len(self.image_times_s)}"
+            )
+        if len(self.world_T_ee) != len(self.pose_times_s):
+            raise InputError(
+                f"pose_times_s: expected one time for each of {len(self.world_T_ee)} poses, "
+                f"received {len(self.pose_times_s)}"
+            )
+        if (np.diff(self.pose_times_s) <= 0).any():
+            raise InputError("pose_times_s: expected strictly increasing times, received poses out of order")
+        frames.require_rigid(self.world_T_ee, "world_T_ee")
+
+
+@dataclass(frozen=True)
+class PosedFrames:
+    """The frames of a sweep that have a pose, with the pose brought to each frame's time.
+
+    ``kept`` (k,) indexes the sweep's images; ``world_A_pixel`` (k, 4, 4) maps pixel ``(column, row, 0, 1)``
+    to mm in the world. ``dropped`` counts the others by reason.
+    """
+
+    kept: Int64[np.ndarray, "k"]
+    world_A_pixel: Float64[np.ndarray, "k 4 4"]
+    dropped: dict[str, int]

@@ -1,0 +1,89 @@
+"""What every test may use: the real data where it is, a tracker of its own, and shapes checked at every call."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from filelock import FileLock
+from jaxtyping import install_import_hook
+
+install_import_hook(["models", "registration"], "shape_checks.enforce")
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+REAL_DATA = Path(os.environ.get("CTUS_TEST_DATA", REPOSITORY.parent / "shared" / "data"))
+
+
+@pytest.fixture(scope="session")
+def repository() -> Path:
+    """The top of the checkout."""
+    return REPOSITORY
+
+
+@pytest.fixture(scope="session")
+def real_data() -> Path:
+    """The folder of real test data; a test that asks for it is skipped where there is none."""
+    if not REAL_DATA.is_dir():
+        pytest.skip(f"real test data: expected at {REAL_DATA} (set CTUS_TEST_DATA), found nothing")
+    return REAL_DATA
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Where the real data is there, a skipped test is a failure: nothing may pass by not running."""
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    if reporter is not None and REAL_DATA.is_dir() and reporter.stats.get("skipped"):
+        reporter.write_line("a test was skipped although the real test data is there", red=True)
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+@pytest.fixture(scope="session")
+def store_template(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A freshly made tracking store, made once for all test processes because making one takes seconds."""
+    shared = tmp_path_factory.getbasetemp()
+    if os.environ.get("PYTEST_XDIST_WORKER"):
+        shared = shared.parent
+    template = shared / "store-template"
+    with FileLock(shared / "store-template.lock"):
+        if not template.is_dir():
+            from experiments.tracking import Store
+
+            beside = shared / "store-template.partial"
+            Store(uri=f"sqlite:///{beside / 'ctus.db'}").client()
+            beside.rename(template)
+    return template
+
+
+@pytest.fixture
+def home(tmp_path: Path, store_template: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A project folder of the test's own, with an empty tracking store in it."""
+    monkeypatch.setenv("CTUS_HOME", str(tmp_path))
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    (tmp_path / "mlruns").mkdir()
+    shutil.copy(store_template / "ctus.db", tmp_path / "mlruns" / "ctus.db")
+    return tmp_path
+
+
+@pytest.fixture
+def counting_study(home: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """A study ``counting`` with two or more cells that fail on demand, registered for one test.
+
+    It keeps the number of its calls in ``calls``, so that a test sees what was run again.
+    """
+    from experiments import paths
+
+    package = home / "package"
+    shutil.copytree(REPOSITORY / "conf", package / "conf")
+    (package / "conf" / "study" / "counting.yaml").write_text(
+        "# @package _global_\n# Count, for tests.\n"
+        "parts: [1, 2]\npart: null\nfail_on: []\nrefuse_on: []\nneeded: here\n"
+    )
+    module = ModuleType("experiments.studies.counting")
+    exec((REPOSITORY / "tests" / "support" / "counting_study.py").read_text(), module.__dict__)
+    monkeypatch.setitem(sys.modules, "experiments.studies.counting", module)
+    monkeypatch.setattr(paths, "_PACKAGE", package)
+    return module

@@ -1,0 +1,104 @@
+"""The command line: help at once, every configuration composes and builds, every mistake is one sentence."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from experiments.cli import compose_points, main
+from experiments.errors import InputError
+
+
+def test_help_names_every_study_with_its_sentence(capsys, repository: Path) -> None:
+    assert main(["--help"]) == 0
+    page = capsys.readouterr().out
+    for path in (repository / "conf" / "study").glob("*.yaml"):
+        lines = path.read_text().splitlines()
+        assert lines[0] == "# @package _global_", path
+        assert lines[1].startswith("# "), path
+        assert f"{path.stem} " in page
+        assert lines[1][2:] in page
+
+
+def test_help_of_a_study_shows_its_settings(capsys) -> None:
+    assert main(["study=import_runs", "--help"]) == 0
+    assert "archive: ${project:results/runs}" in capsys.readouterr().out
+
+
+def test_help_imports_nothing_heavy(repository: Path) -> None:
+    program = (
+        "import sys; from experiments.cli import main; main(['--help'])\n"
+        "heavy = {'hydra', 'torch', 'mlflow', 'open3d', 'lightning', 'monai', 'numpy', 'pandas', 'rich'}\n"
+        "sys.exit(','.join(sorted(heavy & set(sys.modules))) or 0)"
+    )
+    ended = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        env={"PYTHONPATH": str(repository / "src")},
+    )
+    assert ended.returncode == 0, ended.stderr
+
+
+def test_no_words_show_the_help_and_exit_with_2(capsys) -> None:
+    assert main([]) == 2
+    assert "study=<name>" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["study=nonsense"], "study: expected one of"),
+        (["study=nonsense", "--help"], "study: expected one of"),
+        (["seed=1"], "study: expected one of"),
+        (["study=import_runs", "colour=red"], "Could not override 'colour': expected a setting of the study"),
+        (["study=import_runs", "seed=1,2"], "expected -m (--multirun)"),
+        (["study=import_runs", "seed"], "seed"),
+        (["study=register"], "expected a value for"),
+    ],
+)
+def test_a_mistake_is_one_sentence_and_exits_with_2(words: list[str], sentence: str, capsys) -> None:
+    assert main(words) == 2
+    said = capsys.readouterr().err
+    assert sentence in said
+    assert "Traceback" not in said
+
+
+def test_a_wrong_option_exits_with_2(capsys) -> None:
+    assert main(["--nonsense"]) == 2
+    assert "--nonsense" in capsys.readouterr().err
+
+
+def test_a_seed_of_zero_is_kept_and_paths_are_the_projects(home: Path) -> None:
+    ((config, label),) = compose_points(["study=export_runs", "seed=0"])
+    assert config["seed"] == 0
+    assert config["study"] == "export_runs"
+    assert config["archive"] == str(home / "results" / "runs")
+    assert label == ""
+
+
+def test_a_sweep_is_every_combination_labelled_by_what_varies() -> None:
+    points = compose_points(["study=export_runs", "seed=0,1", "resume=true,false", "out=x"], multirun=True)
+    assert [label for _, label in points] == [
+        "seed=0,resume=True",
+        "seed=0,resume=False",
+        "seed=1,resume=True",
+        "seed=1,resume=False",
+    ]
+    assert [config["seed"] for config, _ in points] == [0, 0, 1, 1]
+
+
+def test_a_users_own_config_folder_adds_options(tmp_path: Path) -> None:
+    (tmp_path / "study").mkdir()
+    (tmp_path / "tracking").mkdir()
+    (tmp_path / "tracking" / "lab.yaml").write_text("uri: http://tracker.example\n")
+    ((config, _),) = compose_points(["study=export_runs", "+tracking=lab"], config_dir=str(tmp_path))
+    assert config["tracking"]["uri"] == "http://tracker.example"
+
+
+def test_an_unknown_interpolation_is_refused() -> None:
+    with pytest.raises(InputError, match="nowhere"):
+        compose_points(["study=export_runs", "archive=${nowhere}"])

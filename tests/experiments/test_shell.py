@@ -1,0 +1,213 @@
+"""The shell: jobs tracked as parent and children, failures that lose nothing, resume, exit codes."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import ModuleType
+
+import pandas as pd
+import pytest
+import yaml
+
+from experiments.cli import main
+from experiments.tracking import HASH_TAG, Store
+
+
+def runs_of(store: Store, kind: str) -> list:
+    return [run for run in store.runs(["counting"]) if run.data.tags["ctus.kind"] == kind]
+
+
+def test_one_call_gives_a_parent_and_a_child_a_cell(counting_study: ModuleType, home: Path, capsys) -> None:
+    assert main(["study=counting", "seed=0", f"out={home / 'result'}"]) == 0
+
+    store = Store()
+    (parent,) = runs_of(store, "sweep")
+    children = runs_of(store, "job")
+    assert {run.data.tags["mlflow.parentRunId"] for run in children} == {parent.info.run_id}
+    assert {run.info.status for run in [parent, *children]} == {"FINISHED"}
+    by_part = {run.data.params["part"]: run for run in children}
+    assert by_part["2"].data.metrics["value_mean"] == pytest.approx(5 / 3)
+    assert by_part["2"].data.metrics["seed_used"] == 0
+    # NaN is not a number the tracker keeps: it becomes a count of failures.
+    assert by_part["2"].data.metrics["broken_failed"] == 1
+    assert "broken" not in by_part["2"].data.metrics
+    # mean and sample standard deviation of 4/3 and 5/3
+    assert parent.data.metrics["value_mean"] == pytest.approx(1.5)
+    assert parent.data.metrics["value_mean_std_over_jobs"] == pytest.approx(2**0.5 / 6)
+    assert parent.data.metrics["parts"] == 2
+    assert parent.data.metrics["jobs"] == 2
+    said = capsys.readouterr().out
+    assert "counted" in said
+    assert f"Files: {home / 'result'}" in said
+    assert "mlflow ui --backend-store-uri sqlite:///" in said
+
+
+def test_a_run_holds_what_is_needed_to_repeat_it(counting_study: ModuleType, home: Path) -> None:
+    assert main(["study=counting", "parts=[7]", "seed=3"]) == 0
+
+    store = Store()
+    (run,) = store.runs(["counting"])
+    client = store.client()
+    config = yaml.safe_load(Path(client.download_artifacts(run.info.run_id, "config.yaml")).read_text())
+    assert config["part"] == 7
+    assert config["seed"] == 3
+    assert len(run.data.tags[HASH_TAG]) == 64
+    assert json.loads(run.data.tags["ctus.packages"])["mlflow"]
+    assert run.data.tags["ctus.machine"]
+    assert [point.value for point in client.get_metric_history(run.info.run_id, "loss")] == [1.0, 0.5]
+    assert run.inputs.dataset_inputs[0].dataset.name == "numbers"
+    cases = store.cases(run.info.run_id)
+    assert cases is not None
+    assert cases["value"].tolist() == [1.0, 2.0, 7.0]
+
+
+def test_a_failed_job_loses_neither_the_others_nor_leaves_half_a_result(
+    counting_study: ModuleType, home: Path
+) -> None:
+    out = home / "result"
+    assert main(["study=counting", "parts=[1,2,3]", "fail_on=[2]", f"out={out}"]) == 1
+
+    assert (out / "part=1" / "half.txt").is_file()
+    assert (out / "part=3" / "cases.parquet").is_file()
+    assert not (out / "part=2").exists()
+    assert not list(out.glob(".*partial*"))
+    store = Store()
+    by_part = {run.data.params["part"]: run for run in runs_of(store, "job")}
+    assert by_part["2"].info.status == "FAILED"
+    assert "part 2 broke" in by_part["2"].data.tags["ctus.error"]
+    (parent,) = runs_of(store, "sweep")
+    assert parent.info.status == "FAILED"
+    assert parent.data.metrics["jobs_failed"] == 1
+
+
+def test_resume_runs_only_what_has_not_finished(counting_study: ModuleType, home: Path) -> None:
+    counting_study.fail_part = 2
+    # Which parts fail must not be a setting here: another setting would be another job.
+    real_run = counting_study.run
+
+    def run(*, part, fail_on, refuse_on, seed, workspace, progress):
+        broken = [part] if part == counting_study.fail_part else []
+        return real_run(
+            part=part, fail_on=broken, refuse_on=refuse_on, seed=seed, workspace=workspace, progress=progress
+        )
+
+    counting_study.run = run
+    assert main(["study=counting", "parts=[1,2,3]"]) == 1
+    counting_study.calls.clear()
+    counting_study.fail_part = None
+
+    assert main(["study=counting", "parts=[1,2,3]", "resume=true"]) == 0
+
+    assert counting_study.calls == [2]
+    store = Store()
+    (parent,) = runs_of(store, "sweep")  # the same parent goes on
+    assert parent.info.status == "FINISHED"
+    assert parent.data.metrics["jobs_resumed"] == 2
+    assert parent.data.metrics["parts"] == 3
+    assert parent.data.metrics["jobs_failed"] == 0
+
+
+def test_resume_brings_back_the_files_of_a_finished_job(counting_study: ModuleType, home: Path) -> None:
+    out = home / "result"
+    assert main(["study=counting", f"out={out}"]) == 0
+    (out / "part=1" / "job.json").write_text('{"config_hash": "another job used this folder"}')
+    (out / "part=1" / "half.txt").unlink()
+
+    assert main(["study=counting", f"out={out}", "resume=true"]) == 0
+
+    assert (out / "part=1" / "half.txt").read_text() == "part 1\n"
+    assert pd.read_parquet(out / "cases.parquet")["value"].tolist() == pytest.approx([4 / 3, 5 / 3])
+
+
+def test_without_resume_everything_runs_again(counting_study: ModuleType, home: Path) -> None:
+    assert main(["study=counting"]) == 0
+    assert main(["study=counting"]) == 0
+    assert counting_study.calls == [1, 2, 1, 2]
+
+
+def test_the_users_mistake_in_a_job_exits_with_2(counting_study: ModuleType, home: Path, capsys) -> None:
+    assert main(["study=counting", "parts=[1]", "refuse_on=[1]"]) == 2
+    assert capsys.readouterr().err.strip() == "part: expected another one, received 1"
+
+
+def test_a_mistake_that_can_be_known_stops_before_the_first_job(
+    counting_study: ModuleType, home: Path, capsys
+) -> None:
+    assert main(["-m", "study=counting", "needed=here,elsewhere"]) == 2
+    assert counting_study.calls == []
+    assert "needed: expected 'here', received 'elsewhere'" in capsys.readouterr().err
+    assert not list(Store().runs(["counting"]))
+
+
+def test_multirun_is_one_sweep_of_all_cells_of_all_points(counting_study: ModuleType, home: Path) -> None:
+    assert main(["-m", "study=counting", "seed=0,1", f"out={home / 'sweep'}"]) == 0
+
+    store = Store()
+    (parent,) = runs_of(store, "sweep")
+    children = runs_of(store, "job")
+    assert len(children) == 4
+    assert {run.data.tags["mlflow.parentRunId"] for run in children} == {parent.info.run_id}
+    assert {run.info.run_name for run in children} == {
+        "seed=0,part=1", "seed=0,part=2", "seed=1,part=1", "seed=1,part=2"
+    }  # fmt: skip
+    assert parent.data.metrics["parts"] == 4
+    assert (home / "sweep" / "seed=1,part=2" / "half.txt").is_file()
+
+
+def test_tracking_can_be_switched_off(counting_study: ModuleType, home: Path, capsys) -> None:
+    assert main(["study=counting", "tracking.enabled=false", f"out={home / 'result'}"]) == 0
+    assert (home / "result" / "part=2" / "metrics.json").is_file()
+    assert not list(Store().runs(["counting"]))
+    assert "Dashboard" not in capsys.readouterr().out
+
+
+def test_a_dead_runs_are_reaped_and_living_ones_left(counting_study: ModuleType, home: Path) -> None:
+    store = Store()
+    living = store.start("counting", "living", {"ctus.kind": "job"})
+    dead = store.start("counting", "dead", {"ctus.kind": "job"})
+    with subprocess.Popen([sys.executable, "-c", ""]) as ended:
+        ended.wait()
+    dead.tags({"ctus.pid": str(ended.pid)})
+
+    assert store.reap("counting") == [dead.run_id]
+    assert store.client().get_run(dead.run_id).info.status == "FAILED"
+    assert store.client().get_run(living.run_id).info.status == "RUNNING"
+    living.end("FINISHED")
+
+
+def test_a_silent_run_of_another_machine_is_reaped(home: Path) -> None:
+    store = Store()
+    silent = store.start("counting", "silent", {"ctus.kind": "job"})
+    beating = store.start("counting", "beating", {"ctus.kind": "job"})
+    silent.tags({"ctus.host": "elsewhere", "ctus.heartbeat": f"{time.time() - 3600:.0f}"})
+    beating.tags({"ctus.host": "elsewhere"})
+    assert store.reap("counting") == [silent.run_id]
+    silent.end("FAILED")
+    beating.end("FINISHED")
+
+
+def test_sigterm_ends_the_run_as_failed(home: Path, repository: Path) -> None:
+    program = (
+        "import sys, time, signal\n"
+        "from experiments import shell\n"
+        "from experiments.tracking import Store, ending\n"
+        "with shell._stoppable():\n"
+        "    with ending(Store().start('counting', 'slow', {'ctus.kind': 'job'})) as run:\n"
+        "        print(run.run_id, flush=True)\n"
+        "        time.sleep(60)\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(repository / "src")}
+    with subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, text=True, env=environment
+    ) as slow:
+        assert slow.stdout is not None
+        run_id = slow.stdout.readline().strip()
+        slow.send_signal(signal.SIGTERM)
+        assert slow.wait(timeout=30) == 128 + signal.SIGTERM
+    assert Store().client().get_run(run_id).info.status == "FAILED"
