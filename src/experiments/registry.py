@@ -16,6 +16,22 @@ from experiments.errors import InputError
 ALLOWED: frozenset[str] = frozenset(
     {
         # keep sorted; one dotted name a line
+        "experiments.datasets.folder.Folder",
+        "experiments.datasets.phantom.Phantom",
+        "experiments.datasets.usgra.Usgra",
+        "models.augmentation.Augmentation",
+        "models.losses.DiceCrossEntropy",
+        "models.trainer_settings.TrainerSettings",
+        "models.unet.UNet",
+        "registration.comparators.SingleStartICP",
+        "registration.contours.ContourExtractor",
+        "registration.perturbation.Perturbation",
+        "registration.phantom.settings.CtScan",
+        "registration.phantom.settings.Motion",
+        "registration.phantom.settings.PhantomSettings",
+        "registration.phantom.settings.Scanner",
+        "registration.phantom.settings.Tissue",
+        "registration.rigid.MultiStartICP",
     }
 )
 

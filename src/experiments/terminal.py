@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import time
 from collections.abc import Iterable, Iterator, Sized
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
+from rich import box
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 Item = TypeVar("Item")
 # Without a terminal (a log file, CI) a bar can't be redrawn; a line now and then says the same.
 LINE_EVERY_S = 15.0
+WIDEST_TABLE = 160
 
 
 class TerminalProgress:
@@ -90,16 +93,35 @@ def _columns() -> tuple[ProgressColumn, ...]:
 
 
 def print_tables(tables: dict[str, pd.DataFrame], console: Console | None = None) -> None:
-    """Print small result tables."""
+    """Print small result tables. Names of columns break at their underscores, so that the tables stay narrow."""
     console = console or Console(file=sys.stdout)
+    # A table wider than the terminal had better wrap than lose digits.
+    console.width = max(console.width, WIDEST_TABLE)
     for title, frame in tables.items():
-        table = Table(title=title, title_justify="left")
-        for column in frame.columns:
+        table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD)
+        rows = [[cell_text(value) for value in row] for row in frame.itertuples(index=False)]
+        for index, column in enumerate(frame.columns):
             numeric = frame[column].dtype.kind in "if"
-            table.add_column(str(column), justify="right" if numeric else "left", overflow="fold")
-        for row in frame.itertuples(index=False):
-            table.add_row(*(cell_text(value) for value in row))
+            width = max([len(row[index]) for row in rows] + [9])
+            table.add_column(
+                _broken(str(column), width),
+                justify="right" if numeric else "left",
+                no_wrap=True,
+                overflow="ellipsis",
+            )
+        for row in rows:
+            table.add_row(*row)
         console.print(table)
+
+
+def _broken(name: str, width: int) -> str:
+    """The name of a column on as many lines of at most ``width`` as its parts between underscores allow."""
+    lines = [""]
+    for part in re.findall(r"[^_]+_?", name):
+        if lines[-1] and len(lines[-1]) + len(part) > width:
+            lines.append("")
+        lines[-1] += part
+    return "\n".join(lines)
 
 
 def cell_text(value: object) -> str:
