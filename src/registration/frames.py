@@ -16,6 +16,8 @@ from registration.errors import InputError
 # A pose written with six significant digits (as PLUS writes them) has rotation entries wrong by up to 5e-7
 # relative, so its Gram matrix is off by about 2e-6; a matrix that is off by 1e-3 was never meant to be rigid.
 RIGID_TOLERANCE = 1e-3
+# Axes that span less than this share of the volume they would span at right angles lie in a plane but for rounding.
+FLAT_SHARE = 1e-12
 
 
 def compose(*transforms: Float[np.ndarray, "*n 4 4"]) -> Float64[np.ndarray, "*n 4 4"]:
@@ -98,18 +100,17 @@ def require_affine(A_A_B: Float[np.ndarray, "*n 4 4"], name: str) -> Float64[np.
     A_A_B = np.asarray(A_A_B, dtype=np.float64)
     if A_A_B.shape[-2:] != (4, 4):
         raise InputError(f"{name}: expected shape (..., 4, 4), received {A_A_B.shape}")
-    if not np.isfinite(A_A_B).all():
-        raise InputError(
-            f"{name}: expected finite entries, received NaN or infinity{_where(~np.isfinite(A_A_B))}"
-        )
-    wrong_row = np.abs(A_A_B[..., 3, :] - np.array([0.0, 0.0, 0.0, 1.0])) > 1e-9
+    broken = ~np.isfinite(A_A_B).all(axis=(-1, -2))
+    if broken.any():
+        raise InputError(f"{name}: expected finite entries, received NaN or infinity{_where(broken)}")
+    wrong_row = (np.abs(A_A_B[..., 3, :] - np.array([0.0, 0.0, 0.0, 1.0])) > 1e-9).any(axis=-1)
     if wrong_row.any():
         raise InputError(f"{name}: expected last row 0 0 0 1, received another{_where(wrong_row)}")
-    determinant = np.linalg.det(A_A_B[..., :3, :3])
-    if (determinant == 0).any():
-        raise InputError(
-            f"{name}: expected an invertible matrix, received determinant 0{_where(determinant == 0)}"
-        )
+    # Against the product of the axes' lengths, so that the answer does not depend on the unit of a pixel.
+    lengths = np.linalg.norm(A_A_B[..., :3, :3], axis=-2).prod(axis=-1)
+    flat = np.abs(np.linalg.det(A_A_B[..., :3, :3])) <= FLAT_SHARE * lengths
+    if flat.any():
+        raise InputError(f"{name}: expected an invertible matrix, received one without inverse{_where(flat)}")
     return A_A_B
 
 
@@ -159,12 +160,21 @@ def interpolate(
     """Poses at ``times_s`` between known ones: SLERP for rotation, linear for translation.
 
     Times outside ``known_times_s`` (strictly increasing, at least two) raise InputError: nothing is extrapolated.
+    So do poses that are not rigid or not as many as their times.
     """
     known_times_s = np.asarray(known_times_s, dtype=np.float64)
     times_s = np.asarray(times_s, dtype=np.float64)
-    if len(known_times_s) < 2 or (np.diff(known_times_s) <= 0).any():
+    A_T_B = require_rigid(A_T_B, "A_T_B")
+    if len(A_T_B) != len(known_times_s):
+        raise InputError(
+            f"A_T_B: expected one pose for each of {len(known_times_s)} times, received {len(A_T_B)}"
+        )
+    # Written so that a NaN, which compares false to everything, is refused too.
+    if len(known_times_s) < 2 or not (np.diff(known_times_s) > 0).all():
         raise InputError("known_times_s: expected at least two strictly increasing times, received otherwise")
-    if len(times_s) and (times_s.min() < known_times_s[0] or times_s.max() > known_times_s[-1]):
+    if len(times_s) == 0:
+        return np.empty((0, 4, 4))
+    if not (times_s.min() >= known_times_s[0] and times_s.max() <= known_times_s[-1]):
         raise InputError(
             f"times_s: expected times within {known_times_s[0]:g} to {known_times_s[-1]:g} s, "
             f"received {times_s.min():g} to {times_s.max():g} s"
@@ -177,14 +187,15 @@ def interpolate(
 
 
 def mean_rigid(A_T_B: Float[np.ndarray, "n 4 4"]) -> Float64[np.ndarray, "4 4"]:
-    """The mean pose: chordal mean of the rotations, arithmetic mean of the translations."""
+    """The mean pose: chordal mean of the rotations, arithmetic mean of the translations; no poses raise InputError."""
     A_T_B = require_rigid(A_T_B, "A_T_B")
+    if not len(A_T_B):
+        raise InputError("A_T_B: expected at least one pose to average, received none")
     return from_rotation(Rotation.from_matrix(A_T_B[:, :3, :3]).mean(), A_T_B[:, :3, 3].mean(axis=0))
 
 
-def _where(defective: np.ndarray) -> str:
-    """Say which matrix of a stack is the first defective one; nothing for a single matrix."""
-    if defective.ndim == 0 or defective.size == 1:
+def _where(defective: np.ndarray | np.bool_) -> str:
+    """Say which matrix of a stack is the first defective one (one truth value a matrix); nothing for a single one."""
+    if np.ndim(defective) == 0:
         return ""
-    index = int(np.argwhere(defective)[0][0])
-    return f" (matrix {index})"
+    return f" (matrix {', '.join(str(index) for index in np.argwhere(defective)[0])})"

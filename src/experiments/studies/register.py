@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments import files
 from experiments.outcome import Outcome, Progress
 from experiments.studies.registration_inputs import (
     one_method,
@@ -19,7 +20,7 @@ from experiments.studies.registration_inputs import (
 )
 from registration import frames
 from registration.geometry import Mesh
-from registration.geometry_io import write_surface, written_beside
+from registration.geometry_io import write_surface
 from registration.metrics import Surface, SurfaceResiduals, surface_residuals
 
 if TYPE_CHECKING:
@@ -67,12 +68,10 @@ def run(
     residuals = surface_residuals(
         moving_surface, fixed_surface, result.fixed_T_moving, inlier_mm=inlier_mm, keep=keep, seed=seed
     )
-    _write(
-        workspace / "registration.json",
-        _record(result, residuals, name, moving_path, fixed_path, fixed_surface),
-    )
+    record = _record(result, residuals, name, moving_path, fixed_path, fixed_surface)
+    files.write_text(workspace / "registration.json", json.dumps(record, indent=2, allow_nan=False) + "\n")
     write_surface(workspace / "moved.ply", _moved(moving_surface, result.fixed_T_moving))
-    return _outcome(result, residuals, name, workspace)
+    return _outcome(result, residuals, name)
 
 
 def _cloud(surface: Surface, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -118,12 +117,7 @@ def _record(
     }
 
 
-def _write(path: Path, record: dict[str, Any]) -> None:
-    with written_beside(path) as temporary:
-        temporary.write_text(json.dumps(record, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-
-
-def _outcome(result: RigidResult, residuals: SurfaceResiduals, name: str, workspace: Path) -> Outcome:
+def _outcome(result: RigidResult, residuals: SurfaceResiduals, name: str) -> Outcome:
     import pandas as pd
 
     metrics = {key: float(getattr(residuals, key)) for key in (*LENGTHS, *SHARES)}
@@ -132,7 +126,7 @@ def _outcome(result: RigidResult, residuals: SurfaceResiduals, name: str, worksp
     findings = [
         f"{name} left {residuals.rmse_mm:.3f} mm RMSE ({residuals.rmse_trimmed_mm:.3f} mm trimmed) after "
         f"{result.runtime_s:.2f} s; a low residual alone does not prove the pose of a straight or symmetric vessel.",
-        f"The pose is in {workspace / 'registration.json'}, the moved surface in {workspace / 'moved.ply'}.",
+        "registration.json holds the pose and all candidates, moved.ply the moved surface in mm.",
     ]
     if not result.converged:
         findings.insert(1, "The method stopped at its limit of iterations before it converged.")

@@ -1,0 +1,116 @@
+"""A trained network in one file: its recipe, its weights and the preprocessing they expect.
+
+The file holds tensors, text and numbers alone and is read as such, so that no file of anyone's can run code.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import pickle
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from models.errors import InputError
+from models.networks import NetworkRecipe, recipe_of, settings_of
+from models.preprocessing import Preprocessing
+
+FORMAT = "ctus-checkpoint"
+VERSION = 1
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """What a network needs to be used again; ``notes`` are plain numbers and text on its training."""
+
+    recipe: NetworkRecipe
+    weights: Mapping[str, Tensor]
+    preprocessing: Preprocessing
+    notes: Mapping[str, str | int | float] = field(default_factory=dict)
+
+    def save(self, path: Path) -> None:
+        """Write the file beside ``path`` and rename it, so that ``path`` is never half a file."""
+        content = {
+            "format": FORMAT,
+            "version": VERSION,
+            "network": self.recipe.name,
+            "settings": settings_of(self.recipe),
+            "preprocessing": dataclasses.asdict(self.preprocessing),
+            "weights": {name: tensor.detach().cpu().contiguous() for name, tensor in self.weights.items()},
+            "notes": dict(self.notes),
+        }
+        path.parent.mkdir(parents=True, exist_ok=True)
+        beside = path.with_name(f".{path.name}.part")
+        try:
+            torch.save(content, beside)
+            beside.replace(path)
+        finally:
+            beside.unlink(missing_ok=True)
+
+    @staticmethod
+    def load(path: str | Path) -> Checkpoint:
+        """Read a file; InputError if it is missing, damaged, of another program, or of another network."""
+        content = _read(Path(path))
+        try:
+            recipe = recipe_of(content["network"], content["settings"])
+            checkpoint = Checkpoint(
+                recipe, content["weights"], Preprocessing(**content["preprocessing"]), content["notes"]
+            )
+        except (KeyError, TypeError, InputError) as refusal:
+            raise InputError(
+                f"{path}: expected a checkpoint of a known network, received another ({refusal})"
+            ) from refusal
+        checkpoint._require_weights_that_fit(path)
+        return checkpoint
+
+    def network(self) -> nn.Module:
+        """The network with these weights, ready for inference."""
+        network = _without_weights(self.recipe)
+        network.load_state_dict({name: tensor.clone() for name, tensor in self.weights.items()}, assign=True)
+        return network.eval()
+
+    def _require_weights_that_fit(self, path: str | Path) -> None:
+        expected = {name: tuple(t.shape) for name, t in _without_weights(self.recipe).state_dict().items()}
+        received = {name: tuple(t.shape) for name, t in self.weights.items()}
+        for name in sorted(expected.keys() | received.keys()):
+            if expected.get(name) != received.get(name):
+                raise InputError(
+                    f"{path}: expected weights of {self.recipe} with {name} {expected.get(name, 'absent')}, "
+                    f"received {received.get(name, 'absent')}"
+                )
+
+
+def _read(path: Path) -> dict[str, Any]:
+    if not path.is_file():
+        raise InputError(f"{path}: expected a checkpoint file, found none")
+    try:
+        content = torch.load(path, map_location="cpu", weights_only=True)
+    except (
+        pickle.UnpicklingError,
+        zipfile.BadZipFile,
+        RuntimeError,
+        EOFError,
+        ValueError,
+        KeyError,
+    ) as error:
+        raise InputError(
+            f"{path}: expected a checkpoint of this program, received a file that is damaged or of another kind"
+        ) from error
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise InputError(f"{path}: expected a checkpoint of this program, received another program's file")
+    if content.get("version") != VERSION:
+        raise InputError(
+            f"{path}: expected a checkpoint of version {VERSION}, received version {content.get('version')}"
+        )
+    return content
+
+
+def _without_weights(recipe: NetworkRecipe) -> nn.Module:
+    """The network of a recipe with shapes alone: no memory taken, no random number drawn."""
+    with torch.random.fork_rng(devices=[]), torch.device("meta"):
+        return recipe()

@@ -1,0 +1,86 @@
+"""The frames of one fold as a training takes them: prepared once, shuffled, augmented and normalised batch by batch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import cast
+
+import torch
+from lightning.pytorch import LightningDataModule
+from torch import Generator, Tensor
+from torch.utils.data import (
+    BatchSampler,
+    DataLoader,
+    Dataset,
+    RandomSampler,
+    SequentialSampler,
+    TensorDataset,
+)
+
+from models.augmentation import Augmentation
+from models.labelled_frames import LabelledFrames
+from models.preprocessing import Preprocessing
+
+Batch = list[Tensor]
+
+
+class FoldData(LightningDataModule):
+    """Training and validation batches: images (b, 1, s, s), normalised, and masks of 0 and 1 alike."""
+
+    def __init__(
+        self,
+        train: LabelledFrames,
+        validation: LabelledFrames,
+        preprocessing: Preprocessing,
+        augmentation: Augmentation,
+        batch_size: int,
+        seed: int,
+    ) -> None:
+        super().__init__()
+        self.preprocessing = preprocessing
+        self.augmentation = augmentation
+        self.batch_size = batch_size
+        self.seed = seed
+        self.train_set = prepared(train, preprocessing)
+        self.validation_set = prepared(validation, preprocessing)
+        self._augmentation_generator: Generator | None = None
+
+    @property
+    def steps_per_epoch(self) -> int:
+        """How many batches an epoch has."""
+        return -(-len(self.train_set) // self.batch_size)
+
+    def train_dataloader(self) -> DataLoader[Batch]:
+        """Shuffled anew in each epoch, from the seed."""
+        shuffled = RandomSampler(self.train_set, generator=Generator().manual_seed(self.seed))
+        return self._loader(shuffled, self.train_set)
+
+    def val_dataloader(self) -> DataLoader[Batch]:
+        """In order."""
+        return self._loader(SequentialSampler(self.validation_set), self.validation_set)
+
+    def on_after_batch_transfer(self, batch: Batch, dataloader_idx: int) -> Batch:
+        """Augment (in training) and normalise on the device."""
+        images, masks = batch[0], batch[1].float()
+        if self.trainer is not None and self.trainer.training:
+            if self._augmentation_generator is None:
+                self._augmentation_generator = Generator(images.device).manual_seed(self.seed + 1)
+            images, masks = self.augmentation(images, masks, self._augmentation_generator)
+        images = self.preprocessing.normalise(images)
+        return [images.contiguous(memory_format=torch.channels_last), masks]
+
+    def _loader(self, order: Iterable[int], frames: TensorDataset) -> DataLoader[Batch]:
+        # A whole batch is one indexing of a tensor; collating it from single images would cost more than the indexing.
+        batches = BatchSampler(order, self.batch_size, drop_last=False)
+        return DataLoader(cast("Dataset[Batch]", frames), sampler=batches, batch_size=None)
+
+
+def prepared(frames: LabelledFrames, preprocessing: Preprocessing) -> TensorDataset:
+    """All images (n, 1, s, s), values 0 to 1, and masks, bool, at the network's size."""
+    size = preprocessing.image_size_px
+    images = torch.empty((len(frames), 1, size, size))
+    masks = torch.empty((len(frames), 1, size, size), dtype=torch.bool)
+    for index, (image, mask) in enumerate(zip(frames.images, frames.masks, strict=True)):
+        images[index] = preprocessing(torch.tensor(image)[None])[0]
+        masks[index] = preprocessing.mask(torch.tensor(mask)[None])[0] > 0
+    return TensorDataset(images, masks)

@@ -1,0 +1,159 @@
+"""``python -m models.train``: one fold from files to files, with nothing but torch and lightning installed."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import dataclasses
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import torch
+import yaml
+
+from models.augmentation import Augmentation
+from models.errors import InputError
+from models.evaluation import predict, score_cases
+from models.labelled_frames import LabelledFrames
+from models.losses import DiceCrossEntropy
+from models.networks import NetworkRecipe, recipe_of
+from models.predictor import Predictor
+from models.scoring import columns_for, summarise
+from models.train import TrainedFold, train_fold
+from models.trainer_settings import TrainerSettings
+
+SIDES = ("train", "validation", "test")
+
+
+@dataclasses.dataclass(frozen=True)
+class TrainingPlan:
+    """What a training's configuration file says, with the frames of each side of the split."""
+
+    model: NetworkRecipe
+    trainer: TrainerSettings
+    augmentation: Augmentation
+    loss: DiceCrossEntropy
+    sides: Mapping[str, LabelledFrames]
+    dataset: str
+    fold: int
+    seed: int
+
+    @staticmethod
+    def read(path: Path) -> TrainingPlan:
+        """Read the file; paths in it are relative to it. InputError names the setting that is not as expected."""
+        config = _mapping(path)
+        folder = path.parent
+        try:
+            model = dict(config["model"])
+            split = json.loads((folder / config["split"]).read_text(encoding="utf-8"))
+            return TrainingPlan(
+                model=recipe_of(str(model.pop("name")), model),
+                trainer=TrainerSettings(**config["trainer"]),
+                augmentation=Augmentation(**config.get("augmentation", {})),
+                loss=DiceCrossEntropy(**config.get("loss", {})),
+                sides=_sides(LabelledFrames.load(folder / config["frames"]), split),
+                dataset=str(config["dataset"]),
+                fold=int(split["fold"]),
+                seed=int(config["seed"]),
+            )
+        except KeyError as missing:
+            raise InputError(f"{path}: expected a value for {missing.args[0]}, received none") from missing
+        except InputError:
+            raise
+        except (TypeError, ValueError, OSError) as refusal:
+            raise InputError(
+                f"{path}: expected settings of a training, received others ({refusal})"
+            ) from refusal
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Train, score and write; 0 if all went well, 2 if the input is at fault."""
+    parser = argparse.ArgumentParser(prog="python -m models.train", description=__doc__)
+    parser.add_argument("config", type=Path, help="YAML file, see the module models.train")
+    parser.add_argument("--out", type=Path, required=True, help="folder for the results")
+    given = parser.parse_args(arguments)
+    try:
+        _run(TrainingPlan.read(given.config), given.out)
+    except InputError as refusal:
+        print(refusal, file=sys.stderr)
+        return 2
+    return 0
+
+
+def _run(plan: TrainingPlan, out: Path) -> None:
+    epoch = iter(range(1, plan.trainer.max_epochs + 1))
+    trained = train_fold(
+        model=plan.model,
+        train=plan.sides["train"],
+        validation=plan.sides["validation"],
+        trainer=plan.trainer,
+        augmentation=plan.augmentation,
+        loss=plan.loss,
+        seed=plan.seed,
+        fold=plan.fold,
+        directory=out,
+        on_epoch=lambda report: print(
+            f"epoch {next(epoch)} of {plan.trainer.max_epochs}: validation DSC {report['validation_dsc']:.3f}",
+            flush=True,
+        ),
+    )
+    rows = _scored(plan, trained)
+    scores = {name: [row[name] for row in rows] for name in columns_for(plan.sides["test"].spacing_mm)}
+    metrics = summarise(scores) | {
+        "validation_dsc_best": trained.best_validation_dsc,
+        "best_epoch": float(trained.best_epoch),
+        "epochs": float(len(trained.history)),
+        "training_s": trained.runtime_s,
+    }
+    _write_table(out / "cases.csv", rows)
+    _write_json(out / "history.json", [dict(epoch) for epoch in trained.history])
+    _write_json(out / "metrics.json", metrics)
+    print(
+        f"mean DSC {metrics['dsc_mean']:.3f} over {metrics['dsc_n']:.0f} unseen cases with a vessel; files: {out}"
+    )
+
+
+def _scored(plan: TrainingPlan, trained: TrainedFold) -> list[dict[str, Any]]:
+    """One row for each test case, with the columns that the segmentation study has."""
+    device = "cuda" if plan.trainer.accelerator != "cpu" and torch.cuda.is_available() else "cpu"
+    predictor = Predictor.load(trained.checkpoint, plan.trainer.batch_size, device)
+    about = {"fold": plan.fold, "model": plan.model.name, "dataset": plan.dataset, "seed": plan.seed}
+    return score_cases(plan.sides["test"], dict(predict(predictor, plan.sides["test"])), about)
+
+
+def _sides(frames: LabelledFrames, split: Mapping[str, Any]) -> dict[str, LabelledFrames]:
+    place = {case: index for index, case in enumerate(frames.case_ids)}
+    missing = next((case for side in SIDES for case in split[side] if case not in place), None)
+    if missing is not None:
+        raise InputError(f"split: expected cases of the frames file, received {missing!r}, which it has not")
+    return {side: frames.subset(place[case] for case in split[side]) for side in SIDES}
+
+
+def _mapping(path: Path) -> dict[str, Any]:
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise InputError(f"{path}: expected a YAML file with a training's settings, found none") from error
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: expected a YAML mapping, received {type(content).__name__}")
+    return content
+
+
+def _write_table(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    beside = path.with_name(f".{path.name}.part")
+    with beside.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(rows[0]))
+        writer.writeheader()
+        writer.writerows(rows)
+    beside.replace(path)
+
+
+def _write_json(path: Path, content: object) -> None:
+    # A number that is not defined is null in JSON, which has no NaN.
+    text = json.dumps(content).replace("NaN", "null")
+    beside = path.with_name(f".{path.name}.part")
+    beside.write_text(text, encoding="utf-8")
+    beside.replace(path)

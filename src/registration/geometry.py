@@ -1,0 +1,190 @@
+"""Triangle meshes, centerlines and the shape of a point cloud, as the rest of the package passes them around."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from registration.errors import InputError
+
+# A cloud whose second principal spread is below this share of its first is a line (or a point) for every purpose
+# here: no rotation about it can be told from its points. Single-precision files resolve about 1e-7.
+LINE_SHARE = 1e-6
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A triangle surface: ``vertices_mm`` (v, 3) and ``triangles`` (t, 3), indices wound so that normals point out."""
+
+    vertices_mm: Float64[np.ndarray, "v 3"]
+    triangles: Int64[np.ndarray, "t 3"]
+
+    def __post_init__(self) -> None:
+        if not np.isfinite(self.vertices_mm).all():
+            raise InputError("vertices_mm: expected finite coordinates, received NaN or infinity")
+        if len(self.triangles) and not (
+            0 <= self.triangles.min() and self.triangles.max() < len(self.vertices_mm)
+        ):
+            raise InputError(
+                f"triangles: expected indices from 0 to {len(self.vertices_mm) - 1}, "
+                f"received {self.triangles.min()} to {self.triangles.max()}"
+            )
+
+    @property
+    def corners_mm(self) -> Float64[np.ndarray, "t 3 3"]:
+        """The three corners of every triangle."""
+        return self.vertices_mm[self.triangles]
+
+    @property
+    def areas_mm2(self) -> Float64[np.ndarray, "t"]:
+        """The area of every triangle."""
+        a, b, c = np.moveaxis(self.corners_mm, 1, 0)
+        return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+
+    def sample(self, count: int, rng: np.random.Generator) -> Float64[np.ndarray, "count 3"]:
+        """Draw points uniformly by area (Osada et al., ACM Trans. Graph. 21(4), 2002: square-root barycentrics)."""
+        areas_mm2 = self.areas_mm2
+        if not areas_mm2.sum() > 0:
+            raise InputError("mesh: expected a surface with area to sample, received none")
+        chosen = rng.choice(len(areas_mm2), size=count, p=areas_mm2 / areas_mm2.sum())
+        root, along = np.sqrt(rng.random(count))[:, None], rng.random(count)[:, None]
+        a, b, c = np.moveaxis(self.corners_mm[chosen], 1, 0)
+        return (1 - root) * a + root * (1 - along) * b + root * along * c
+
+
+@dataclass(frozen=True)
+class Polyline:
+    """One line of a centerline: ordered ``points_mm`` (n, 3), n at least 2, and the vessel's ``radius_mm`` (n,)."""
+
+    points_mm: Float64[np.ndarray, "n 3"]
+    radius_mm: Float64[np.ndarray, "n"]
+
+    def __post_init__(self) -> None:
+        if len(self.points_mm) < 2:
+            raise InputError(f"points_mm: expected at least 2 points a line, received {len(self.points_mm)}")
+        if not np.isfinite(self.points_mm).all():
+            raise InputError("points_mm: expected finite coordinates, received NaN or infinity")
+        if not (np.isfinite(self.radius_mm).all() and (self.radius_mm >= 0).all()):
+            raise InputError("radius_mm: expected finite radii of at least 0, received others")
+
+    @property
+    def arc_mm(self) -> Float64[np.ndarray, "n"]:
+        """Arc length from the first point to each."""
+        steps_mm = np.linalg.norm(np.diff(self.points_mm, axis=0), axis=1)
+        return np.concatenate([[0.0], np.cumsum(steps_mm)])
+
+    @property
+    def length_mm(self) -> float:
+        """Arc length from the first point to the last."""
+        return float(self.arc_mm[-1])
+
+    def at(self, arc_mm: Float64[np.ndarray, "k"]) -> Float64[np.ndarray, "k 3"]:
+        """Points at the given arc lengths, linear between neighbours."""
+        own_mm = self.arc_mm
+        return np.stack([np.interp(arc_mm, own_mm, self.points_mm[:, axis]) for axis in range(3)], axis=1)
+
+
+@dataclass(frozen=True)
+class Centerline:
+    """The centerline of a vessel tree, each branch a line of its own (lines may share a trunk)."""
+
+    lines: tuple[Polyline, ...]
+
+    def __post_init__(self) -> None:
+        if not self.lines:
+            raise InputError("lines: expected at least one line, received none")
+
+    @property
+    def length_mm(self) -> float:
+        """Sum of the lines' arc lengths."""
+        return float(sum(line.length_mm for line in self.lines))
+
+    def even_points(self, most: int) -> Float64[np.ndarray, "k 3"]:
+        """At most ``most`` points at even arc length, both ends of each line included.
+
+        A stretch that several lines share is sampled once: a point closer than half a step to one of an earlier
+        line is left out, so that the trunk does not weigh more than the branches.
+        """
+        if most < 2 * len(self.lines):
+            raise InputError(
+                f"most: expected at least {2 * len(self.lines)} (both ends of each line), received {most}"
+            )
+        step_mm = self.length_mm / (most - len(self.lines)) if self.length_mm > 0 else 1.0
+        kept: Float64[np.ndarray, "k 3"] = np.empty((0, 3))
+        for line in self.lines:
+            count = int(np.floor(line.length_mm / step_mm + 1e-9)) + 1
+            points_mm = line.at(np.linspace(0.0, line.length_mm, max(count, 2)))
+            apart_mm = np.linalg.norm(points_mm[:, None] - kept[None], axis=2).min(axis=1, initial=np.inf)
+            kept = np.concatenate([kept, points_mm[apart_mm > step_mm / 2]])
+        return kept
+
+
+@dataclass(frozen=True)
+class PrincipalFrame:
+    """Where a shape lies: ``centre_mm`` (3,), right-handed ``axes`` (3, 3) in columns, longest first, ``spread_mm``.
+
+    ``spread_mm`` (3,) is the standard deviation along each axis. An axis points where its largest component is
+    positive, the third axis excepted, which completes a right-handed frame.
+    """
+
+    centre_mm: Float64[np.ndarray, "3"]
+    axes: Float64[np.ndarray, "3 3"]
+    spread_mm: Float64[np.ndarray, "3"]
+
+
+def principal_frame(
+    points_mm: Float64[np.ndarray, "n 3"], weights: Float64[np.ndarray, "n"] | None = None
+) -> PrincipalFrame:
+    """Principal component analysis of a cloud, each point weighted if ``weights`` are given.
+
+    >>> principal_frame(np.array([[0.0, 0, 0], [0, 4, 0], [0, 2, 1]])).axes[:, 0].round(3).tolist()
+    [0.0, 1.0, 0.0]
+    """
+    centre_mm = np.average(points_mm, axis=0, weights=weights)
+    centred_mm = points_mm - centre_mm
+    share = np.full(len(points_mm), 1 / len(points_mm)) if weights is None else weights / weights.sum()
+    variances, vectors = np.linalg.eigh((centred_mm * share[:, None]).T @ centred_mm)
+    axes = vectors[:, ::-1].copy()
+    for column in range(2):
+        axes[:, column] *= np.sign(axes[np.abs(axes[:, column]).argmax(), column])
+    axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
+    return PrincipalFrame(centre_mm, axes, np.sqrt(np.maximum(variances[::-1], 0.0)))
+
+
+def surface_frame(surface: Mesh | Float64[np.ndarray, "n 3"]) -> PrincipalFrame:
+    """The principal frame of a mesh, triangles weighted by area, or of a cloud."""
+    if isinstance(surface, Mesh):
+        # Exact for the triangles' second moment: the three mid-edges integrate a quadratic over a triangle.
+        corners_mm = surface.corners_mm
+        middles_mm = 0.5 * (corners_mm + np.roll(corners_mm, -1, axis=1))
+        return principal_frame(middles_mm.reshape(-1, 3), np.repeat(surface.areas_mm2, 3))
+    return principal_frame(surface)
+
+
+def require_cloud(
+    points_mm: Float64[np.ndarray, "n 3"], name: str, least: int = 3
+) -> Float64[np.ndarray, "n 3"]:
+    """Return the cloud, or raise InputError naming it if it is short, not finite, or lies on a point or a line."""
+    if len(points_mm) < least:
+        raise InputError(f"{name}: expected at least {least} points, received {len(points_mm)}")
+    if not np.isfinite(points_mm).all():
+        broken = int((~np.isfinite(points_mm)).any(axis=1).sum())
+        raise InputError(
+            f"{name}: expected finite coordinates, received {broken} points with NaN or infinity"
+        )
+    extent_mm = np.ptp(points_mm, axis=0)
+    if not extent_mm.any():
+        raise InputError(
+            f"{name}: expected points that span a surface, received {len(points_mm)} equal points"
+        )
+    spread_mm = principal_frame(points_mm).spread_mm
+    if spread_mm[1] <= LINE_SHARE * spread_mm[0]:
+        raise InputError(f"{name}: expected points that span a surface, received points on one line")
+    return points_mm
+
+
+def diagonal_mm(points_mm: Float64[np.ndarray, "n 3"]) -> float:
+    """The diagonal of the axis-parallel bounding box."""
+    return float(np.linalg.norm(np.ptp(points_mm, axis=0)))

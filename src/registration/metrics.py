@@ -1,0 +1,181 @@
+"""How far two surfaces are apart after registration, and how far a pose is from the truth.
+
+Distances from a point to a mesh are to its triangles, so that they do not fall as the mesh gets denser; only where
+the other side has no triangles are they to its points. Nothing here turns a failure into a number: what is not
+defined raises InputError.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.spatial import cKDTree
+
+from registration import frames
+from registration.checks import require_count, require_positive
+from registration.errors import InputError
+from registration.geometry import Mesh, require_cloud
+
+Surface = Mesh | Float64[np.ndarray, "n 3"]
+
+
+class SurfaceDistance:
+    """Unsigned distances from points to one surface, prepared once and asked often.
+
+    To triangles by Open3D's ray-casting scene (single precision: coordinates are taken from the surface's centre, so
+    that the distance of a vessel far from the origin keeps its digits), to points by a k-d tree.
+    """
+
+    def __init__(self, surface: Surface) -> None:
+        self._scene: Any = None
+        self._tree: Any = None
+        if not isinstance(surface, Mesh):
+            self._tree = cKDTree(require_cloud(surface, "surface"))
+            return
+        if not len(surface.triangles):
+            raise InputError("surface: expected a mesh with triangles, received none")
+        open3d = _open3d()
+        used_mm = surface.vertices_mm[np.unique(surface.triangles)]
+        self._centre_mm = 0.5 * (used_mm.min(axis=0) + used_mm.max(axis=0))
+        self._scene = open3d.t.geometry.RaycastingScene()
+        self._scene.add_triangles(
+            open3d.core.Tensor((surface.vertices_mm - self._centre_mm).astype(np.float32)),
+            open3d.core.Tensor(surface.triangles.astype(np.uint32)),
+        )
+
+    def __call__(self, points_mm: Float64[np.ndarray, "m 3"]) -> Float64[np.ndarray, "m"]:
+        """Distance of each point to the surface, in mm."""
+        if not np.isfinite(points_mm).all():
+            raise InputError("points_mm: expected finite coordinates, received NaN or infinity")
+        if self._tree is not None:
+            return np.asarray(self._tree.query(points_mm)[0], dtype=np.float64)
+        open3d = _open3d()
+        queried = open3d.core.Tensor((points_mm - self._centre_mm).astype(np.float32))
+        return self._scene.compute_distance(queried).numpy().astype(np.float64)
+
+
+@dataclass(frozen=True)
+class SurfaceResiduals:
+    """Distances between a moved and a fixed surface, in mm.
+
+    ``rmse_mm``: root mean square from moved to fixed. ``rmse_trimmed_mm``: the same over the closest share.
+    ``rmse_bidirectional_mm``: root of the mean of both directions' mean squares. ``msd_mm``: mean of both directions'
+    mean distances. ``hd95_mm``: the larger of both directions' 95th percentiles. ``inlier_share``: share of the moved
+    surface within the inlier distance of the fixed one; ``coverage``: share of the fixed one within it of the moved.
+    """
+
+    rmse_mm: float
+    rmse_trimmed_mm: float
+    rmse_bidirectional_mm: float
+    msd_mm: float
+    hd95_mm: float
+    inlier_share: float
+    coverage: float
+
+
+def surface_residuals(
+    moving: Surface,
+    fixed: Surface,
+    fixed_T_moving: Float64[np.ndarray, "4 4"],
+    *,
+    inlier_mm: float,
+    keep: float,
+    samples: int = 10_000,
+    seed: int = 0,
+) -> SurfaceResiduals:
+    """Compare ``moving``, brought over by ``fixed_T_moving``, with ``fixed``, both ways.
+
+    A mesh is sampled uniformly by area at ``samples`` points (drawn from ``seed``); a cloud stands for itself.
+    ``keep`` is the share of smallest distances in the trimmed residual.
+    """
+    require_positive("inlier_mm", inlier_mm)
+    require_positive("keep", keep, 1.0)
+    require_count("samples", samples, 1)
+    frames.require_rigid(fixed_T_moving, "fixed_T_moving")
+    moved = _moved(moving, fixed_T_moving)
+    draws = np.random.default_rng(seed).spawn(2)
+    there_mm = SurfaceDistance(fixed)(_points(moved, samples, draws[0]))
+    back_mm = SurfaceDistance(moved)(_points(fixed, samples, draws[1]))
+    return SurfaceResiduals(
+        rmse_mm=rms(there_mm),
+        rmse_trimmed_mm=trimmed_rms(there_mm, keep),
+        rmse_bidirectional_mm=float(np.sqrt(0.5 * ((there_mm**2).mean() + (back_mm**2).mean()))),
+        msd_mm=float(0.5 * (there_mm.mean() + back_mm.mean())),
+        hd95_mm=float(max(np.percentile(there_mm, 95), np.percentile(back_mm, 95))),
+        inlier_share=float((there_mm <= inlier_mm).mean()),
+        coverage=float((back_mm <= inlier_mm).mean()),
+    )
+
+
+@dataclass(frozen=True)
+class PoseError:
+    """How far an estimated pose is from the true one.
+
+    ``tre_mm`` is the root mean square and ``tre_max_mm`` the largest displacement of the targets,
+    ``rotation_error_deg`` the angle between both, ``translation_error_mm`` the displacement of the targets' centroid.
+    """
+
+    tre_mm: float
+    tre_max_mm: float
+    rotation_error_deg: float
+    translation_error_mm: float
+
+
+def pose_error(
+    fixed_T_moving: Float64[np.ndarray, "4 4"],
+    true_fixed_T_moving: Float64[np.ndarray, "4 4"],
+    targets_mm: Float64[np.ndarray, "t 3"],
+) -> PoseError:
+    """Target registration error (Fitzpatrick et al., IEEE TMI 17(5), 1998) at ``targets_mm`` in the fixed frame.
+
+    A target lies where the truth puts it; the estimate puts the same moving point elsewhere, and the distance between
+    both places is its error. Translation depends on the origin, which is far from a vessel as a rule: it is therefore
+    given at the targets' centroid.
+    """
+    if not len(targets_mm) or not np.isfinite(targets_mm).all():
+        raise InputError(f"targets_mm: expected finite targets, received {len(targets_mm)} with NaN or none")
+    estimate = frames.require_rigid(fixed_T_moving, "fixed_T_moving")
+    truth = frames.require_rigid(true_fixed_T_moving, "true_fixed_T_moving")
+    error = frames.compose(estimate, frames.invert_rigid(truth))
+    apart_mm = np.linalg.norm(frames.apply(error, targets_mm) - targets_mm, axis=1)
+    centre_mm = targets_mm.mean(axis=0)
+    return PoseError(
+        tre_mm=rms(apart_mm),
+        tre_max_mm=float(apart_mm.max()),
+        rotation_error_deg=float(frames.rotation_angle_deg(error)),
+        translation_error_mm=float(np.linalg.norm(frames.apply(error, centre_mm) - centre_mm)),
+    )
+
+
+def rms(distances_mm: Float64[np.ndarray, "n"]) -> float:
+    """Root mean square, in mm."""
+    if not len(distances_mm):
+        raise InputError("distances_mm: expected at least one distance, received none")
+    return float(np.sqrt((distances_mm**2).mean()))
+
+
+def trimmed_rms(distances_mm: Float64[np.ndarray, "n"], keep: float) -> float:
+    """Root mean square of the smallest ``keep`` share (at least one), in mm."""
+    require_positive("keep", keep, 1.0)
+    count = max(int(np.ceil(keep * len(distances_mm) - 1e-9)), 1)
+    return rms(np.sort(distances_mm)[:count])
+
+
+def _open3d() -> Any:
+    """Open3D, imported only where triangles are measured: it takes a second, and its type stubs are not right."""
+    import open3d
+
+    return open3d
+
+
+def _moved(surface: Surface, fixed_T_moving: np.ndarray) -> Surface:
+    if isinstance(surface, Mesh):
+        return Mesh(frames.apply(fixed_T_moving, surface.vertices_mm), surface.triangles)
+    return frames.apply(fixed_T_moving, surface)
+
+
+def _points(surface: Surface, samples: int, rng: np.random.Generator) -> np.ndarray:
+    return surface.sample(samples, rng) if isinstance(surface, Mesh) else surface

@@ -1,0 +1,64 @@
+"""The fixed model: what a segmentation finds in a simulated CT of the anatomy, never the mesh that made the images."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float, Float32
+from scipy.ndimage import gaussian_filter, label
+
+from registration.errors import InputError
+from registration.geometry import Mesh
+from registration.phantom.anatomy import Anatomy
+from registration.phantom.settings import CtScan
+from registration.phantom.shapes import outward
+
+
+def fixed_model(anatomy: Anatomy, scan: CtScan, rng: np.random.Generator) -> Mesh:
+    """Scan the anatomy, crop, threshold at half the contrast and take the largest piece's surface.
+
+    Cropping cuts ``crop_mm`` off both ends along z; the cut is closed, as segmented models usually are.
+    """
+    from skimage.measure import marching_cubes
+
+    volume_hu, origin_mm, spacing_mm = scan_volume(anatomy, scan, rng)
+    pieces, count = label(volume_hu > 0.5 * scan.contrast_hu)
+    if count == 0:
+        raise InputError(
+            "ct: expected a scan that shows the vessel, received one blurred or cropped to nothing"
+        )
+    largest = 1 + int(np.bincount(pieces.ravel())[1:].argmax())
+    # Marching cubes needs the values around the border, so only other pieces are wiped out.
+    others = (pieces > 0) & (pieces != largest)
+    padded = np.pad(np.where(others, 0.0, volume_hu), 1)
+    vertices, triangles, _, _ = marching_cubes(
+        padded, level=0.5 * scan.contrast_hu, spacing=spacing_mm, gradient_direction="descent"
+    )
+    placed_mm = vertices.astype(np.float64) + origin_mm - np.array(spacing_mm)
+    return outward(Mesh(placed_mm, triangles.astype(np.int64)))
+
+
+def scan_volume(
+    anatomy: Anatomy, scan: CtScan, rng: np.random.Generator
+) -> tuple[Float32[np.ndarray, "a b c"], Float[np.ndarray, "3"], tuple[float, float, float]]:
+    """Contrast-filled vessel in HU above its surroundings: volume, position of its first voxel's centre, spacing.
+
+    Each voxel holds the share of it that is vessel (from the distance of its centre to the wall), blurred by the
+    scanner's resolution, with noise of the same grain.
+    """
+    vertices_mm = anatomy.surface.vertices_mm
+    spacing_mm = (scan.voxel_mm, scan.voxel_mm, scan.slice_mm)
+    border_mm = np.array([4.0, 4.0, -scan.crop_mm])
+    shift_mm = rng.random(3) * spacing_mm
+    low_mm = vertices_mm.min(axis=0) - border_mm + shift_mm
+    counts = np.floor((vertices_mm.max(axis=0) + border_mm - low_mm) / spacing_mm).astype(int) + 1
+    if (counts < 4).any():
+        raise InputError(f"crop_mm: expected a crop that leaves at least 4 slices, received {scan.crop_mm:g}")
+    axes_mm = [low_mm[axis] + spacing_mm[axis] * np.arange(counts[axis]) for axis in range(3)]
+    centres_mm = np.stack(np.meshgrid(*axes_mm, indexing="ij"), axis=-1).reshape(-1, 3)
+    distance_mm = anatomy.distance.at(centres_mm).reshape(counts)
+    filled = np.clip(0.5 - distance_mm / float(np.mean(spacing_mm)), 0.0, 1.0)
+    blur = scan.blur_mm / np.array(spacing_mm)
+    noise = gaussian_filter(rng.standard_normal(counts), blur)
+    noise *= scan.noise_hu / max(float(noise.std()), 1e-9)
+    volume_hu = scan.contrast_hu * gaussian_filter(filled, blur, mode="nearest") + noise
+    return volume_hu.astype(np.float32), low_mm, spacing_mm

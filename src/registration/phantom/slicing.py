@@ -1,0 +1,77 @@
+"""The exact mask of a frame: the closed surface cut by the image plane, filled at pixel centres."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float, Float64, Int
+
+from registration.geometry import Mesh
+
+
+def cut(
+    vertices: Float[np.ndarray, "v 3"], triangles: Int[np.ndarray, "t 3"]
+) -> Float64[np.ndarray, "s 2 2"]:
+    """Cut a triangle surface by the plane where the third coordinate is 0.
+
+    Returns the segments ``(start, end)`` in the first two coordinates, all directed alike, so that those of a closed
+    surface chain into closed loops. A vertex in the plane counts as above it: every loop stays closed.
+    """
+    height = vertices[:, 2]
+    above = height[triangles] >= 0.0
+    crossing = triangles[above.any(axis=1) & ~above.all(axis=1)]
+    if not len(crossing):
+        return np.empty((0, 2, 2))
+    above = height[crossing] >= 0.0
+    one_above = above.sum(axis=1) == 1
+    alone = np.where(one_above, above.argmax(axis=1), (~above).argmax(axis=1))
+    order = (alone[:, None] + np.arange(3)) % 3
+    apex, second, third = np.take_along_axis(crossing, order, axis=1).T
+    start, end = _on_plane(vertices, apex, second), _on_plane(vertices, apex, third)
+    return np.stack(
+        [np.where(one_above[:, None], start, end), np.where(one_above[:, None], end, start)], axis=1
+    )
+
+
+def rasterise(
+    segments_px: Float[np.ndarray, "s 2 2"], height_px: int, width_px: int
+) -> Bool[np.ndarray, "height_px width_px"]:
+    """Fill closed directed loops by the non-zero winding rule at pixel centres.
+
+    ``segments_px`` holds (column, row) of each segment's ends; pixel centres lie at whole numbers. Overlapping loops
+    of one direction give their union.
+    """
+    start, end = segments_px[:, 0], segments_px[:, 1]
+    low = np.ceil(np.minimum(start[:, 1], end[:, 1])).astype(np.int64)
+    high = np.ceil(np.maximum(start[:, 1], end[:, 1])).astype(np.int64)
+    low, high = np.clip(low, 0, height_px), np.clip(high, 0, height_px)
+    rows_each = high - low
+    which = np.repeat(np.arange(len(segments_px)), rows_each)
+    row = low[which] + np.arange(len(which)) - np.repeat(np.cumsum(rows_each) - rows_each, rows_each)
+    rise = end[which, 1] - start[which, 1]
+    share = (row - start[which, 1]) / rise
+    column = start[which, 0] + share * (end[which, 0] - start[which, 0])
+    winding = np.zeros((height_px, width_px + 1), dtype=np.int32)
+    first_inside = np.clip(np.ceil(column), 0, width_px).astype(np.int64)
+    np.add.at(winding, (row, first_inside), np.where(rise > 0, 1, -1))
+    return np.cumsum(winding, axis=1)[:, :width_px] != 0
+
+
+def mask_of_plane(
+    mesh: Mesh, pixel_A_mesh: Float[np.ndarray, "4 4"], height_px: int, width_px: int
+) -> Bool[np.ndarray, "height_px width_px"]:
+    """The mask of the image whose pixels are mapped from the mesh's frame by ``pixel_A_mesh`` (affine).
+
+    The result of ``pixel_A_mesh`` is ``(column, row, out of plane, 1)``.
+    """
+    vertices = mesh.vertices_mm @ pixel_A_mesh[:3, :3].T + pixel_A_mesh[:3, 3]
+    return rasterise(cut(vertices, mesh.triangles), height_px, width_px)
+
+
+def _on_plane(
+    vertices: Float[np.ndarray, "v 3"], first: Int[np.ndarray, "s"], second: Int[np.ndarray, "s"]
+) -> Float64[np.ndarray, "s 2"]:
+    # Ordering each edge's ends by index makes the two triangles that share it compute the same point bit by bit.
+    lower, upper = np.minimum(first, second), np.maximum(first, second)
+    a, b = vertices[lower].astype(np.float64), vertices[upper].astype(np.float64)
+    share = a[:, 2] / (a[:, 2] - b[:, 2])
+    return a[:, :2] + share[:, None] * (b[:, :2] - a[:, :2])

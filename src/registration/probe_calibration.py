@@ -1,0 +1,83 @@
+"""What an affine probe calibration says of the image: pixel size, shear, and how far two calibrations differ."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Float64
+
+from registration import frames
+from registration.errors import InputError
+
+
+@dataclass(frozen=True)
+class PixelGeometry:
+    """Pixel size ``column_mm`` and ``row_mm`` (the step from one column or row to the next) and ``shear_deg``.
+
+    ``shear_deg`` is by how much the angle between the image's axes exceeds 90 degrees.
+    """
+
+    column_mm: float
+    row_mm: float
+    shear_deg: float
+
+
+def pixel_geometry(probe_A_pixel: Float[np.ndarray, "4 4"]) -> PixelGeometry:
+    """Pixel size and shear of a calibration."""
+    column, row = np.asarray(probe_A_pixel, dtype=np.float64)[:3, :2].T
+    column_mm, row_mm = float(np.linalg.norm(column)), float(np.linalg.norm(row))
+    if not (column_mm > 0 and row_mm > 0):
+        raise InputError(f"probe_A_pixel: expected pixels of a size, received {column_mm:g} by {row_mm:g} mm")
+    cosine = float(np.clip(column @ row / (column_mm * row_mm), -1, 1))
+    return PixelGeometry(column_mm, row_mm, float(np.rad2deg(np.arccos(cosine)) - 90))
+
+
+def complete_right_handed(
+    column_mm: Float[np.ndarray, "3"], row_mm: Float[np.ndarray, "3"], origin_mm: Float[np.ndarray, "3"]
+) -> Float64[np.ndarray, "4 4"]:
+    """The affine ``probe_A_pixel`` of an image plane: its third column is normal to the image, right-handed.
+
+    ``column_mm`` and ``row_mm`` are the steps of one pixel. The normal's length is their mean, as PLUS has it, so
+    that a body carried through the matrix keeps its proportions.
+    """
+    normal = np.cross(column_mm, row_mm)
+    length = float(np.linalg.norm(normal))
+    if not length > 0:
+        raise InputError("column_mm, row_mm: expected two independent directions, received parallel ones")
+    probe_A_pixel = np.eye(4)
+    mean_step_mm = (np.linalg.norm(column_mm) + np.linalg.norm(row_mm)) / 2
+    probe_A_pixel[:3] = np.stack([column_mm, row_mm, normal / length * mean_step_mm, origin_mm], axis=1)
+    return probe_A_pixel
+
+
+def split_rigid(
+    probe_A_pixel: Float[np.ndarray, "4 4"], shear_tolerance_deg: float
+) -> tuple[Float64[np.ndarray, "4 4"], tuple[float, float]]:
+    """Split a calibration without shear into ``probe_T_image`` (rigid, mm) and (column, row) spacing in mm.
+
+    Raises InputError where the image's axes are further than ``shear_tolerance_deg`` from orthogonal.
+    """
+    geometry = pixel_geometry(probe_A_pixel)
+    if abs(geometry.shear_deg) > shear_tolerance_deg:
+        raise InputError(
+            f"probe_A_pixel: expected image axes orthogonal within {shear_tolerance_deg:g} degrees, "
+            f"received a shear of {geometry.shear_deg:.3g} degrees"
+        )
+    matrix = np.asarray(probe_A_pixel, dtype=np.float64)
+    unit = complete_right_handed(
+        matrix[:3, 0] / geometry.column_mm, matrix[:3, 1] / geometry.row_mm, matrix[:3, 3]
+    )
+    return frames.nearest_rigid(unit), (geometry.column_mm, geometry.row_mm)
+
+
+def corner_displacement_mm(
+    a_A_pixel: Float[np.ndarray, "4 4"], b_A_pixel: Float[np.ndarray, "4 4"], height_px: int, width_px: int
+) -> Float64[np.ndarray, "4"]:
+    """How far the image's corner pixels lie apart under two calibrations, in mm.
+
+    In the order top left, top right, bottom left, bottom right.
+    """
+    right, bottom = width_px - 1, height_px - 1
+    corners = np.array([[0, 0, 0], [right, 0, 0], [0, bottom, 0], [right, bottom, 0]], dtype=np.float64)
+    return np.linalg.norm(frames.apply(a_A_pixel, corners) - frames.apply(b_A_pixel, corners), axis=1)

@@ -1,0 +1,45 @@
+"""A tracked sweep from wherever it lies: the reader is chosen by what the path is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from registration.errors import InputError
+from registration.readers.folder import FolderReader
+from registration.readers.plus import PlusReader
+from registration.readers.plus_fields import SUFFIXES
+from registration.readers.rosbag import RosbagReader
+from registration.sweep import TrackedSweep
+
+
+@dataclass(frozen=True)
+class AutoReader:
+    """Read a plain folder, a PLUS sequence file or a ROS 2 bag, each by the reader given for it.
+
+    The default for bags takes the topics that this project writes; other bags need ``acquisition=ros2`` with topics.
+    A folder that holds nothing but a sweep under the name ``sweep`` (as ``study=convert`` leaves it) stands for that.
+    """
+
+    folder: FolderReader = field(default_factory=FolderReader)
+    plus: PlusReader = field(default_factory=PlusReader)
+    ros2: RosbagReader = field(
+        default_factory=lambda: RosbagReader(image_topic="/us/image", pose_topic="/robot/ee_pose")
+    )
+
+    def __call__(self, path: Path) -> TrackedSweep:
+        """Read the sweep. Raises InputError for a path that is none of the three."""
+        if path.is_file() and path.suffix in SUFFIXES:
+            return self.plus(path)
+        if path.suffix in (".db3", ".mcap") or (path / "metadata.yaml").is_file():
+            return self.ros2(path)
+        if (path / "sweep.yaml").is_file():
+            return self.folder(path)
+        inside = [path / "sweep", *(path / f"sweep.igs{suffix}" for suffix in SUFFIXES)]
+        for candidate in inside:
+            if candidate.exists():
+                return self(candidate)
+        raise InputError(
+            f"{path}: expected a folder with sweep.yaml, a PLUS sequence (.mha, .nrrd) or a ROS 2 bag, found "
+            f"{'none of them' if path.exists() else 'nothing'}"
+        )

@@ -1,0 +1,132 @@
+"""Tracked sweeps from sequence files of the PLUS toolkit (``.igs.mha`` and ``.igs.nrrd``)."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float64
+
+from registration import frames
+from registration.errors import InputError
+from registration.readers.plus_config import read_device_set
+from registration.readers.plus_fields import CLOCKS, TRANSFORM, frame_graph, frame_times_s, read_sequence
+from registration.readers.sequence import PlusSequence
+from registration.readers.streams import as_grey, distinct_times
+from registration.readers.transform_graph import TransformGraph
+from registration.sweep import ProbeCalibration, TrackedSweep
+
+
+@dataclass(frozen=True)
+class PlusReader:
+    """Read a tracked sweep from a PLUS sequence file.
+
+    ``world``, ``ee`` and ``image`` are PLUS's names of those frames: the poses are the chain from ``ee`` to ``world``
+    through the transforms that each frame carries, the calibration is the chain from ``image`` to ``ee`` through
+    those and the coordinate definitions of ``device_set`` (an XML file; or a ``.results.xml`` of a calibration).
+    The tracked marker on the probe, which PLUS calls Probe, is the end effector; ``ee_T_probe`` is the identity.
+    ``tracker`` names a second sequence with the poses, recorded beside a video. ``clock`` is ``filtered`` or
+    ``unfiltered``. ``orientation`` overrules the file's. Poses may be off orthonormal by ``rigid_tolerance`` and
+    are brought to the nearest rotation. Without image pixels the sweep has poses only.
+    """
+
+    world: str = "Reference"
+    ee: str = "Probe"
+    image: str = "Image"
+    device_set: str | None = None
+    tracker: str | None = None
+    clock: str = "filtered"
+    orientation: str | None = None
+    rigid_tolerance: float = frames.RIGID_TOLERANCE
+
+    def __post_init__(self) -> None:
+        if self.clock not in CLOCKS:
+            raise InputError(f"clock: expected {' or '.join(CLOCKS)}, received {self.clock!r}")
+        if not self.rigid_tolerance > 0:
+            raise InputError(f"rigid_tolerance: expected a number above 0, received {self.rigid_tolerance!r}")
+
+    def __call__(self, path: Path) -> TrackedSweep:
+        """Read the sweep; frames with an INVALID image or pose are left out and counted by reason.
+
+        Raises InputError, naming the file, where nothing valid is left or the calibration cannot be found.
+        """
+        video = read_sequence(path, self.orientation)
+        tracker_path = path if self.tracker is None else Path(self.tracker)
+        tracked = video if self.tracker is None else read_sequence(tracker_path)
+        defined = (
+            TransformGraph({})
+            if self.device_set is None
+            else read_device_set(Path(self.device_set)).transforms
+        )
+        world_T_ee, pose_reasons = self._poses(tracked, defined, tracker_path)
+        image_reasons = _image_reasons(video)
+        dropped: Counter[str] = Counter()
+        if self.tracker is None:
+            image_reasons = np.where(image_reasons == "", pose_reasons, image_reasons)
+        else:
+            dropped.update(f"pose: {reason}" for reason in pose_reasons[pose_reasons != ""])
+        dropped.update(image_reasons[image_reasons != ""].tolist())
+        valid_pose, keep = pose_reasons == "", image_reasons == ""
+        pose_times_s, world_T_ee = distinct_times(
+            frame_times_s(tracked, self.clock, str(tracker_path))[valid_pose],
+            world_T_ee[valid_pose],
+            str(tracker_path),
+        )
+        keep = keep & (not video.tracker_only)
+        return TrackedSweep(
+            images=as_grey(video.pixels[keep], str(path)),
+            image_times_s=frame_times_s(video, self.clock, str(path))[keep],
+            world_T_ee=world_T_ee,
+            pose_times_s=pose_times_s,
+            calibration=self._calibration(video, defined, path),
+            dropped=dict(dropped),
+        )
+
+    def _poses(
+        self, sequence: PlusSequence, defined: TransformGraph, path: Path
+    ) -> tuple[Float64[np.ndarray, "n 4 4"], np.ndarray]:
+        """The pose of every frame, and why it has none: text (n,), empty where it has one."""
+        by_frame, valid = frame_graph(sequence, path)
+        graph = by_frame.joined(defined)
+        try:
+            links = graph.path(self.ee, self.world)
+        except InputError as failure:
+            raise InputError(f"{path}: {failure}") from failure
+        reasons = np.full(len(sequence.frame_fields), "", dtype="U96")
+        for source, target in links:
+            bad = ~valid.get((source, target), np.ones(len(reasons), dtype=bool)) & (reasons == "")
+            reasons[bad] = f"{source}To{target}{TRANSFORM} INVALID"
+        if (reasons != "").all():
+            raise InputError(
+                f"{path}: expected at least one frame with a valid {self.ee}To{self.world}, found none"
+            )
+        world_T_ee = np.broadcast_to(graph.chain(self.ee, self.world), (len(reasons), 4, 4))
+        name = f"{path}: {self.ee}To{self.world}"
+        rigid = np.array(world_T_ee)
+        frames.require_rigid(rigid[reasons == ""], name, self.rigid_tolerance)
+        return frames.nearest_rigid(rigid), reasons
+
+    def _calibration(self, video: PlusSequence, defined: TransformGraph, path: Path) -> ProbeCalibration:
+        """From pixels to the tracked marker: constant links from the file, others from the device set."""
+        by_frame, valid = frame_graph(video, path)
+        constant = {
+            pair: stack[valid[pair]][0]
+            for pair, stack in by_frame.edges.items()
+            if valid[pair].any() and (np.ptp(stack[valid[pair]], axis=0) == 0).all()
+        }
+        if video.tracker_only and (self.image, self.ee) not in {**constant, **defined.edges}:
+            return ProbeCalibration(np.eye(4), np.eye(4))
+        try:
+            ee_A_pixel = defined.joined(TransformGraph(constant)).chain(self.image, self.ee)
+        except InputError as failure:
+            raise InputError(f"{path}: no calibration (set device_set): {failure}") from failure
+        return ProbeCalibration(ee_T_probe=np.eye(4), probe_A_pixel=ee_A_pixel)
+
+
+def _image_reasons(video: PlusSequence) -> np.ndarray:
+    statuses = [fields.get("ImageStatus", "OK") for fields in video.frame_fields]
+    if video.tracker_only:
+        return np.full(len(statuses), "", dtype="U96")
+    return np.array(["" if status == "OK" else f"ImageStatus {status}" for status in statuses], dtype="U96")

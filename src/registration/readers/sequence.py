@@ -1,0 +1,92 @@
+"""A PLUS sequence as it lies in a file: pixels in orientation MF, and text fields for the file and for every frame."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from registration.errors import InputError
+
+FRAME_FIELD = re.compile(r"^Seq_Frame(\d+)_(\S+)$")
+ORIENTATION_KEYS = {"UltrasoundImageOrientation", "ultrasound image orientation"}
+
+# Letters of PLUS's image orientations: which way the first and second axis run (Marked or Unmarked side, Far from
+# or Near to the transducer). A third letter (Ascending, Descending) speaks of stacking in volumes, not of frames.
+_ALONG_COLUMNS, _ALONG_ROWS = "MU", "FN"
+
+
+@dataclass(frozen=True)
+class PlusSequence:
+    """Everything in a sequence file.
+
+    ``pixels`` (n, height, width) or (n, height, width, channels) of the file's own type, orientation MF; a
+    tracker-only file has frames of size 0 by 0. ``frame_fields`` holds, per frame, its fields as text
+    (``Timestamp``, ``ProbeToTrackerTransform``, ...), ``header`` the fields that concern the whole file.
+    """
+
+    pixels: np.ndarray
+    frame_fields: tuple[Mapping[str, str], ...]
+    header: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.pixels.ndim not in (3, 4) or len(self.pixels) != len(self.frame_fields):
+            raise InputError(
+                f"pixels: expected shape ({len(self.frame_fields)}, height, width) for as many frames with "
+                f"fields, received {self.pixels.shape}"
+            )
+
+    @property
+    def tracker_only(self) -> bool:
+        """Whether the frames have no pixels."""
+        return self.pixels.size == 0
+
+
+def split_fields(fields: Mapping[str, str], path: Path) -> tuple[dict[str, str], dict[int, dict[str, str]]]:
+    """Part the fields of a file from those of its frames (``Seq_Frame0012_Timestamp`` is of frame 12)."""
+    header: dict[str, str] = {}
+    by_frame: dict[int, dict[str, str]] = {}
+    for key, value in fields.items():
+        matched = FRAME_FIELD.match(key)
+        if matched:
+            by_frame.setdefault(int(matched[1]), {})[matched[2]] = value
+        else:
+            header[key] = value
+    if not by_frame and not header:
+        raise InputError(f"{path}: expected a header, found none")
+    return header, by_frame
+
+
+def numbered_fields(frame_fields: tuple[Mapping[str, str], ...]) -> list[tuple[str, str]]:
+    """The frames' fields under the names that they carry in a file."""
+    return [
+        (f"Seq_Frame{number:04d}_{key}", value)
+        for number, fields in enumerate(frame_fields)
+        for key, value in fields.items()
+    ]
+
+
+def to_mf(pixels: np.ndarray, orientation: str, path: Path) -> np.ndarray:
+    """Turn frames (n, rows, columns, ...) stored in one of PLUS's orientations into MF.
+
+    MF runs along columns to the marked side and along rows away from the transducer.
+    """
+    letters = orientation.strip().upper()
+    first, second = letters[:1], letters[1:2]
+    if len(letters) not in (2, 3) or letters[2:] not in ("", "A", "D"):
+        first = ""
+    if first in _ALONG_ROWS and first and second in _ALONG_COLUMNS:
+        pixels, first, second = np.swapaxes(pixels, 1, 2), second, first
+    if not (first and first in _ALONG_COLUMNS and second in _ALONG_ROWS):
+        raise InputError(
+            f"{path}: expected an image orientation of M or U and F or N (MF, MFA, UF, MN, FM, ...), "
+            f"found {orientation!r}"
+        )
+    if first == "U":
+        pixels = pixels[:, :, ::-1]
+    if second == "N":
+        pixels = pixels[:, ::-1]
+    return np.ascontiguousarray(pixels)

@@ -1,0 +1,97 @@
+"""The tip of a tracked stylus, from poses recorded while it turns about its resting tip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float64
+from scipy.spatial.transform import Rotation
+
+from registration import frames
+from registration.checks import require_count, require_positive
+from registration.errors import InputError
+
+
+@dataclass(frozen=True)
+class PivotResult:
+    """``tip_mm`` in the stylus marker's frame and ``pivot_mm`` where it rested, in the reference's.
+
+    ``residuals_mm`` (n,) is how far each pose puts the tip from the pivot, ``outliers`` (n,) the poses left out.
+    ``weakest_mm`` is the standard error of the tip along the direction that the turning determined worst.
+    """
+
+    tip_mm: Float64[np.ndarray, "3"]
+    pivot_mm: Float64[np.ndarray, "3"]
+    residuals_mm: Float64[np.ndarray, "n"]
+    outliers: Bool[np.ndarray, "n"]
+    weakest_mm: float
+
+    @property
+    def rmse_mm(self) -> float:
+        """Root mean square of the residuals of the poses that were used."""
+        return float(np.sqrt(np.mean(self.residuals_mm[~self.outliers] ** 2)))
+
+
+@dataclass(frozen=True)
+class PivotCalibration:
+    """Least squares for tip and pivot, ``R_i @ tip - pivot = -t_i`` over all poses.
+
+    (The algebraic two-step of Yaniv, "Which pivot calibration?", SPIE Medical Imaging 9415, 2015, in one step.)
+    Poses whose residual exceeds ``outlier_sigma`` times the root mean square are left out until none does. Turning
+    must span at least ``min_rotation_deg`` about two axes.
+    """
+
+    outlier_sigma: float = 3.0
+    min_rotation_deg: float = 15.0
+    min_poses: int = 10
+
+    def __post_init__(self) -> None:
+        require_positive("outlier_sigma", self.outlier_sigma)
+        require_positive("min_rotation_deg", self.min_rotation_deg, 180)
+        require_count("min_poses", self.min_poses, 3)
+
+    def __call__(self, reference_T_stylus: Float64[np.ndarray, "n 4 4"]) -> PivotResult:
+        """Find the tip. Raises InputError for too few poses and for turning that leaves the tip open."""
+        if len(reference_T_stylus) < self.min_poses:
+            raise InputError(
+                f"reference_T_stylus: expected at least {self.min_poses} poses, received {len(reference_T_stylus)}"
+            )
+        frames.require_rigid(reference_T_stylus, "reference_T_stylus")
+        self._require_turning(reference_T_stylus)
+        kept = np.ones(len(reference_T_stylus), dtype=bool)
+        while True:
+            tip_mm, pivot_mm, weakest = _solve(reference_T_stylus[kept])
+            tips_mm = reference_T_stylus[:, :3, :3] @ tip_mm + reference_T_stylus[:, :3, 3]
+            residuals_mm = np.linalg.norm(tips_mm - pivot_mm, axis=1)
+            rms_mm = float(np.sqrt(np.mean(residuals_mm[kept] ** 2)))
+            still = kept & (residuals_mm <= max(self.outlier_sigma * rms_mm, 1e-9))
+            if (still == kept).all():
+                return PivotResult(tip_mm, pivot_mm, residuals_mm, ~kept, weakest * rms_mm)
+            if still.sum() < self.min_poses:
+                raise InputError(
+                    f"reference_T_stylus: expected at least {self.min_poses} poses that agree, received {still.sum()}"
+                )
+            kept = still
+
+    def _require_turning(self, reference_T_stylus: Float64[np.ndarray, "n 4 4"]) -> None:
+        """Refuse a stylus that stood still or turned about one axis only: its tip may be anywhere along that."""
+        from_mean = frames.invert_rigid(frames.mean_rigid(reference_T_stylus)) @ reference_T_stylus
+        turns_deg = np.rad2deg(Rotation.from_matrix(from_mean[:, :3, :3]).as_rotvec())
+        axes = np.linalg.svd(turns_deg - turns_deg.mean(axis=0), full_matrices=False)[2]
+        spans_deg = np.ptp(turns_deg @ axes.T, axis=0)
+        if spans_deg[1] < self.min_rotation_deg:
+            raise InputError(
+                f"reference_T_stylus: expected turning over at least {self.min_rotation_deg:g} degrees about two "
+                f"axes, received {spans_deg[0]:.1f} and {spans_deg[1]:.1f}"
+            )
+
+
+def _solve(reference_T_stylus: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Tip, pivot, and the factor from residual to standard error of the tip in its weakest direction."""
+    rotations = reference_T_stylus[:, :3, :3]
+    negative = np.broadcast_to(-np.eye(3), rotations.shape)
+    equations = np.concatenate([rotations, negative], axis=2).reshape(-1, 6)
+    solution = np.linalg.lstsq(equations, -reference_T_stylus[:, :3, 3].reshape(-1), rcond=None)[0]
+    covariance = np.linalg.inv(equations.T @ equations)[:3, :3]
+    return solution[:3], solution[3:], float(np.sqrt(np.linalg.eigvalsh(covariance)[-1] / 3))

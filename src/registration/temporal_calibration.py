@@ -1,0 +1,146 @@
+"""The constant lag between the tracker's clock and the images', from the motion that both have seen.
+
+The image's motion signal is compared with the tracker's at all lags by normalised cross-correlation; the peak is
+found between samples by a parabola. The procedure follows PLUS's temporal calibration (Lasso et al., IEEE Trans.
+Biomed. Eng. 61(10), 2014), which moves a probe up and down above the bottom of a water tank.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Float64
+
+from registration.checks import require_count, require_positive
+from registration.errors import InputError
+
+
+@dataclass(frozen=True)
+class TemporalResult:
+    """The lag found, and how sure it is.
+
+    ``tracker_lag_s`` is positive where poses are stamped later than the frames they belong to. ``offset_s`` is its
+    negative: what to add to the poses' times (see ``synchronise``). ``correlation`` is the peak's, signed: the sign
+    says whether the image's signal runs with the principal axis of the motion or against it.
+    ``runner_up_lag_s`` and ``runner_up_correlation`` are of the next best peak of either sign (NaN where there is
+    none). ``lags_s`` and ``correlations`` are the curve. ``frames_used`` (n,) marks the frames that entered.
+    """
+
+    tracker_lag_s: float
+    correlation: float
+    runner_up_lag_s: float
+    runner_up_correlation: float
+    lags_s: Float64[np.ndarray, "k"]
+    correlations: Float64[np.ndarray, "k"]
+    frames_used: np.ndarray
+
+    @property
+    def offset_s(self) -> float:
+        """What to add to the poses' times to bring them to the images' clock."""
+        return -self.tracker_lag_s
+
+
+@dataclass(frozen=True)
+class TemporalCalibration:
+    """Estimate the tracker's lag within ``max_lag_s`` either way.
+
+    ``step_s`` is the step of the search, refined by a parabola. A periodic motion correlates nearly as well a period
+    later, or half a period later with the sign turned: among peaks within ``tie`` of the best in correlation the
+    smallest lag is taken, as PLUS does. A best correlation under ``min_correlation`` is no result.
+    """
+
+    max_lag_s: float = 0.5
+    step_s: float = 0.001
+    tie: float = 0.02
+    min_correlation: float = 0.8
+    min_frames: int = 20
+
+    def __post_init__(self) -> None:
+        require_positive("max_lag_s", self.max_lag_s)
+        require_positive("step_s", self.step_s, self.max_lag_s / 4)
+        require_positive("tie", self.tie, 1)
+        require_positive("min_correlation", self.min_correlation, 1)
+        require_count("min_frames", self.min_frames, 3)
+
+    def __call__(
+        self,
+        image_times_s: Float[np.ndarray, "n"],
+        image_signal: Float[np.ndarray, "n"],
+        pose_times_s: Float[np.ndarray, "m"],
+        pose_signal: Float[np.ndarray, "m"],
+    ) -> TemporalResult:
+        """Find the lag. Signals are of any unit; NaN in ``image_signal`` marks a frame without one.
+
+        Raises InputError for too few frames within the tracker's times, signals that do not move, a correlation
+        that is too low, and a peak at the end of the search.
+        """
+        used = np.isfinite(image_signal)
+        used &= (image_times_s >= pose_times_s[0] + self.max_lag_s) & (
+            image_times_s <= pose_times_s[-1] - self.max_lag_s
+        )
+        if used.sum() < self.min_frames:
+            raise InputError(
+                f"image_signal: expected at least {self.min_frames} frames with a signal whose times lie "
+                f"{self.max_lag_s:g} s inside the poses', received {used.sum()}"
+            )
+        steps = int(np.ceil(self.max_lag_s / self.step_s))
+        lags_s = np.arange(-steps, steps + 1) * self.step_s
+        sampled = np.interp(image_times_s[used][None] + lags_s[:, None], pose_times_s, pose_signal)
+        correlations = (
+            _normalised(sampled, "pose_signal") @ _normalised(image_signal[used][None], "image_signal")[0]
+        )
+        peaks = _peaks(np.abs(correlations))
+        if not len(peaks) or np.abs(correlations[peaks]).max() < self.min_correlation:
+            best = float(np.abs(correlations).max())
+            raise InputError(
+                f"signals: expected a correlation of at least {self.min_correlation:g} at a lag within "
+                f"{self.max_lag_s:g} s, received at most {best:.3f}"
+                + (" at the end of the search" if best >= self.min_correlation else "")
+            )
+        height = np.abs(correlations[peaks])
+        tied = peaks[height >= height.max() - self.tie]
+        chosen = int(tied[np.abs(lags_s[tied]).argmin()])
+        others = peaks[peaks != chosen]
+        second = int(others[np.abs(correlations[others]).argmax()]) if len(others) else None
+        return TemporalResult(
+            tracker_lag_s=_refined(lags_s, np.abs(correlations), chosen),
+            correlation=float(correlations[chosen]),
+            runner_up_lag_s=float("nan") if second is None else float(lags_s[second]),
+            runner_up_correlation=float("nan") if second is None else float(correlations[second]),
+            lags_s=lags_s,
+            correlations=correlations,
+            frames_used=used,
+        )
+
+
+def principal_motion_mm(positions_mm: Float[np.ndarray, "m 3"]) -> Float64[np.ndarray, "m"]:
+    """Positions along the axis of their largest variance, about their mean, in mm; the axis's sign is arbitrary."""
+    centred = np.asarray(positions_mm, dtype=np.float64) - np.mean(positions_mm, axis=0)
+    if len(centred) < 2 or not np.ptp(centred, axis=0).max() > 0:
+        raise InputError("positions_mm: expected positions that move, received ones that do not")
+    axis = np.linalg.svd(centred, full_matrices=False)[2][0]
+    return centred @ axis
+
+
+def _normalised(signals: Float64[np.ndarray, "k n"], name: str) -> Float64[np.ndarray, "k n"]:
+    """Each row about its mean and of unit norm, so that a product of two rows is their correlation."""
+    centred = signals - signals.mean(axis=1, keepdims=True)
+    norm = np.linalg.norm(centred, axis=1, keepdims=True)
+    if not (norm > 1e-12 * np.abs(signals).max(initial=1)).all():
+        raise InputError(f"{name}: expected a signal that moves, received a constant one")
+    return centred / norm
+
+
+def _peaks(values: Float64[np.ndarray, "k"]) -> np.ndarray:
+    """Indices of the local maxima, the ends left out: a maximum there is only where the search stopped."""
+    middle = values[1:-1]
+    return np.flatnonzero((middle >= values[:-2]) & (middle > values[2:])) + 1
+
+
+def _refined(lags_s: Float64[np.ndarray, "k"], values: Float64[np.ndarray, "k"], at: int) -> float:
+    """The summit of the parabola through a peak and its neighbours."""
+    before, peak, after = values[at - 1 : at + 2]
+    curvature = before - 2 * peak + after
+    shift = 0.5 * (before - after) / curvature if curvature < 0 else 0.0
+    return float(lags_s[at] + shift * (lags_s[1] - lags_s[0]))
