@@ -17,7 +17,7 @@ echo "1/3  Training a U-Net on simulated frames, fold by fold"
 step segmentation.txt study=segmentation dataset=phantom trainer=demo out=$out/segmentation
 
 echo "2/3  Segmenting a sweep that no network has seen, and placing its contours in the world"
-step pipeline.txt study=pipeline phantom=artery model_path="$out/segmentation/fold=0/model.pt" out=$out/pipeline
+step pipeline.txt study=pipeline phantom=artery model_path="$out/segmentation/fold-0/model.pt" out=$out/pipeline
 
 echo "3/3  Registering that cloud to the phantom's model, single start against multi-start"
 step robustness.txt -m study=robustness target=$out/pipeline/model.ply moving=$out/pipeline/cloud.ply \

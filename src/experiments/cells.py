@@ -119,8 +119,9 @@ def cells_of(points: list[tuple[Mapping[str, Any], str]], out: Path) -> list[Cel
 
 
 def folder_name(label: str, key: str) -> str:
-    """A folder's name that a person can read and a file system takes."""
-    name = "".join(char if char.isalnum() or char in "=,.+-_" else "_" for char in label)
+    """A folder's name that a person can read, a file system takes, and an override can hold without quotes."""
+    readable = label.replace("=", "-").replace(",", "_")
+    name = "".join(char if char.isalnum() or char in ".+-_" else "_" for char in readable)
     return name if 0 < len(name) <= 80 else f"{name[:60]}_{key[:12]}".lstrip("_")
 
 

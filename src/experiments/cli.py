@@ -75,6 +75,7 @@ def compose_points(overrides: list[str], config_dir: str | None = None, *, multi
 
     _register_resolvers()
 
+    _refuse_unreadable(overrides)
     more = [f"hydra.searchpath=[file://{config_dir}]"] if config_dir else []
     try:
         with initialize_config_dir(str(conf_dir()), version_base=HYDRA_VERSION_BASE):
@@ -93,6 +94,22 @@ def compose_points(overrides: list[str], config_dir: str | None = None, *, multi
     except (HydraException, OmegaConfBaseException) as refusal:
         raise InputError(_sentence(refusal)) from refusal
     return points
+
+
+def _refuse_unreadable(overrides: list[str]) -> None:
+    """Raise InputError that names the first word that Hydra's grammar can't read."""
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+    from hydra.errors import HydraException
+
+    for word in overrides:
+        try:
+            OverridesParser.create().parse_override(word)
+        except HydraException as refusal:
+            name, _, value = word.partition("=")
+            raise InputError(
+                f"{word}: expected setting=value (a value with any of = , : {{ }} or a blank needs quotes: "
+                f"'{name}=\"{value}\"'), received what can't be read: {str(refusal).splitlines()[0]}"
+            ) from refusal
 
 
 def _register_resolvers() -> None:

@@ -25,13 +25,22 @@ ALLOWED: frozenset[str] = frozenset(
         "models.unet.UNet",
         "registration.comparators.SingleStartICP",
         "registration.contours.ContourExtractor",
+        "registration.line_detection.LineDetector",
+        "registration.live.LiveRecorder",
         "registration.perturbation.Perturbation",
         "registration.phantom.settings.CtScan",
         "registration.phantom.settings.Motion",
         "registration.phantom.settings.PhantomSettings",
         "registration.phantom.settings.Scanner",
         "registration.phantom.settings.Tissue",
+        "registration.readers.detect.AutoReader",
+        "registration.readers.folder.FolderReader",
+        "registration.readers.plus.PlusReader",
+        "registration.readers.rosbag.RosbagReader",
         "registration.rigid.MultiStartICP",
+        "registration.spatial_calibration.NWireCalibration",
+        "registration.stylus_calibration.PivotCalibration",
+        "registration.temporal_calibration.TemporalCalibration",
     }
 )
 

@@ -22,6 +22,16 @@ from models.preprocessing import Preprocessing
 
 FORMAT = "ctus-checkpoint"
 VERSION = 1
+# What torch raises for a file that it can't read, by how far it gets.
+_UNREADABLE = (
+    pickle.UnpicklingError,
+    zipfile.BadZipFile,
+    RuntimeError,
+    EOFError,
+    OSError,
+    ValueError,
+    KeyError,
+)
 
 
 @dataclass(frozen=True)
@@ -90,14 +100,7 @@ def _read(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: expected a checkpoint file, found none")
     try:
         content = torch.load(path, map_location="cpu", weights_only=True)
-    except (
-        pickle.UnpicklingError,
-        zipfile.BadZipFile,
-        RuntimeError,
-        EOFError,
-        ValueError,
-        KeyError,
-    ) as error:
+    except _UNREADABLE as error:
         raise InputError(
             f"{path}: expected a checkpoint of this program, received a file that is damaged or of another kind"
         ) from error

@@ -7,6 +7,7 @@ import zipfile
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import SupportsIndex
 
 import numpy as np
 
@@ -24,8 +25,9 @@ class LabelledFrames:
     every result drawn from these frames is to be marked as such. Raises InputError naming the first case at fault.
     """
 
-    images: tuple[UInt8[np.ndarray, "height width"], ...]
-    masks: tuple[Bool[np.ndarray, "height width"], ...]
+    # "_" is any size: one name for all would say that all cases are of one size.
+    images: tuple[UInt8[np.ndarray, "_ _"], ...]
+    masks: tuple[Bool[np.ndarray, "_ _"], ...]
     case_ids: tuple[str, ...]
     groups: tuple[str, ...]
     spacing_mm: tuple[tuple[float, float] | None, ...]
@@ -49,7 +51,7 @@ class LabelledFrames:
     def __len__(self) -> int:
         return len(self.images)
 
-    def subset(self, indices: Iterable[int]) -> LabelledFrames:
+    def subset(self, indices: Iterable[SupportsIndex]) -> LabelledFrames:
         """The cases at ``indices``, in that order."""
         chosen = [int(index) for index in indices]
         return LabelledFrames(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from torch import nn
 
@@ -12,6 +12,7 @@ from models.errors import InputError
 from models.unet import UNet
 
 
+@runtime_checkable
 class NetworkRecipe(Protocol):
     """A frozen dataclass of plain settings whose call builds a network, images (b, 1, h, w) to logits alike."""
 

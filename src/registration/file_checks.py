@@ -18,8 +18,16 @@ def require_complete(path: Path) -> None:
     check = {".ply": _check_ply, ".pcd": _check_pcd, ".stl": _check_stl, ".obj": _check_obj}.get(
         path.suffix.lower()
     )
-    if check is not None:
+    if check is None:
+        return
+    try:
         check(path)
+    except InputError:
+        raise
+    except (KeyError, IndexError, ValueError) as refusal:
+        raise InputError(
+            f"{path}: expected a header that can be read, received {refusal!r} in it"
+        ) from refusal
 
 
 def _check_ply(path: Path) -> None:

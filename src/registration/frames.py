@@ -20,7 +20,7 @@ RIGID_TOLERANCE = 1e-3
 FLAT_SHARE = 1e-12
 
 
-def compose(*transforms: Float[np.ndarray, "*n 4 4"]) -> Float64[np.ndarray, "*n 4 4"]:
+def compose(*transforms: Float[np.ndarray, "... 4 4"]) -> Float64[np.ndarray, "... 4 4"]:
     """Chain transforms from left to right: ``compose(A_T_B, B_T_C)`` is ``A_T_C``.
 
     Stacks broadcast against single matrices.
@@ -77,9 +77,9 @@ def translation(offset_mm: tuple[float, float, float] | Float[np.ndarray, "3"]) 
 
 
 def from_rotation(
-    rotation: Rotation, translation_mm: Float[np.ndarray, "*n 3"]
-) -> Float64[np.ndarray, "*n 4 4"]:
-    """Join a scipy rotation (one or a stack) and translations in mm into rigid transforms."""
+    rotation: Rotation, translation_mm: Float[np.ndarray, "... 3"]
+) -> Float64[np.ndarray, "... 4 4"]:
+    """Join a scipy rotation and translations in mm into rigid transforms; one of either goes with a stack of both."""
     matrix = rotation.as_matrix()
     translation_mm = np.asarray(translation_mm, dtype=np.float64)
     A_T_B = np.zeros((*np.broadcast_shapes(matrix.shape[:-2], translation_mm.shape[:-1]), 4, 4))

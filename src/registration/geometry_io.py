@@ -50,7 +50,10 @@ def read_surface(path: Path) -> Surface:
     if suffix == ".stl":
         points_mm, owner = np.unique(points_mm, axis=0, return_inverse=True)
         triangles = owner.reshape(-1)[triangles]
-    mesh = Mesh(points_mm, triangles)
+    try:
+        mesh = Mesh(points_mm, triangles)
+    except InputError as refusal:
+        raise InputError(f"{path}: {refusal}") from refusal
     if not mesh.areas_mm2.sum() > 0:
         raise InputError(f"{path}: expected triangles with area, received only degenerate ones")
     return mesh
@@ -133,6 +136,12 @@ def _require_file(path: Path) -> Path:
     if not path.is_file():
         found = "a folder" if path.is_dir() else "nothing there"
         raise InputError(f"{path}: expected a file, received {found}")
+    try:
+        path.open("rb").close()
+    except OSError as refusal:
+        raise InputError(
+            f"{path}: expected a file that can be read, received {refusal.strerror}"
+        ) from refusal
     return path
 
 
@@ -154,12 +163,15 @@ def _read_text(path: Path) -> tuple[np.ndarray, np.ndarray]:
     try:
         text = path.read_text(encoding="utf-8").replace(",", " ").replace(";", " ")
         rows = [
-            line.split() for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")
+            line.split() for line in text.splitlines() if line.strip() and not line.strip().startswith("#")
         ]
+        short = next((row for row in rows if len(row) < 3), None)
+        if short is not None:
+            raise ValueError(f"the row {' '.join(short)!r}")
         points_mm = np.array([[float(entry) for entry in row[:3]] for row in rows], dtype=np.float64)
     except ValueError as refusal:
         raise InputError(f"{path}: expected rows of x y z, received {refusal}") from refusal
-    return points_mm.reshape(len(rows), -1), np.empty((0, 3), dtype=np.int64)
+    return points_mm.reshape(-1, 3), np.empty((0, 3), dtype=np.int64)
 
 
 def _read_vtp(path: Path) -> tuple[np.ndarray, np.ndarray]:

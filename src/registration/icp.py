@@ -7,7 +7,6 @@ ICPR 2002 (trimming by a fixed share).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -24,6 +23,8 @@ from registration.errors import InputError
 FLOOR_SHARE = 1e-10
 # Directions of motion whose stiffness is below this share of the stiffest are left alone by a point-to-plane step.
 STIFFNESS_SHARE = 1e-6
+# Normals are estimated for so many points at a time, which bounds the memory for large clouds.
+NORMALS_BLOCK = 50_000
 
 
 @runtime_checkable
@@ -39,18 +40,25 @@ class Target(Protocol):
 
 
 class TreeTarget:
-    """Exact closest points by a k-d tree; ``neighbours`` above 0 also estimates a normal for every fixed point."""
+    """Exact closest points by a k-d tree; ``neighbours`` above 0 also estimates a normal for every fixed point.
+
+    Points that occur several times are kept once: they say nothing about the surface around them.
+    """
 
     def __init__(self, points_mm: Float64[np.ndarray, "n 3"], neighbours: int = 0) -> None:
-        self.points_mm: np.ndarray = points_mm
-        self._tree = cKDTree(points_mm)
+        self.points_mm: np.ndarray = np.unique(points_mm, axis=0)
+        self._tree = cKDTree(self.points_mm)
         self.normals: np.ndarray | None = None
         if neighbours:
-            _, index = self._tree.query(points_mm, k=min(neighbours, len(points_mm)))
-            patches_mm = points_mm[index]
-            patches_mm = patches_mm - patches_mm.mean(axis=1, keepdims=True)
-            # The direction of least spread; its sign does not matter to a squared residual.
-            self.normals = np.linalg.eigh(np.swapaxes(patches_mm, 1, 2) @ patches_mm)[1][:, :, 0]
+            blocks = np.array_split(self.points_mm, -(-len(self.points_mm) // NORMALS_BLOCK))
+            self.normals = np.concatenate([self._normals(block, neighbours) for block in blocks])
+
+    def _normals(self, points_mm: np.ndarray, neighbours: int) -> np.ndarray:
+        """The direction in which the nearest points spread least; its sign does not matter to a squared residual."""
+        index = np.asarray(self._tree.query(points_mm, k=min(neighbours, len(self.points_mm)))[1])
+        patches_mm = self.points_mm[index]
+        patches_mm = patches_mm - patches_mm.mean(axis=1, keepdims=True)
+        return np.linalg.eigh(np.swapaxes(patches_mm, 1, 2) @ patches_mm)[1][:, :, 0]
 
     def closest(self, points_mm: Float64[np.ndarray, "m 3"]) -> Int64[np.ndarray, "m"]:
         """Index of the closest fixed point."""
@@ -64,7 +72,7 @@ class TreeTarget:
 
 
 class VoxelTarget:
-    """Closest points looked up in a table over a voxel grid, wrong by up to a voxel's diagonal and 20 times faster.
+    """Closest points looked up in a table over a voxel grid: wrong by up to a voxel's diagonal, and far faster.
 
     The fixed points are averaged within each voxel; the table holds for every voxel the average nearest to it (exact
     Euclidean feature transform). Points outside the grid are answered by its border. ``cells`` is the number of
@@ -181,20 +189,21 @@ def align(
     keep: float,
     max_iterations: int,
     tolerance: float,
-    step: Callable[..., np.ndarray] = point_step,
 ) -> Alignments:
     """Run ICP from every start at once.
 
     In each step every moving point is paired with its closest fixed point, the ``keep`` share with the smallest
-    distances counts, and ``step`` moves the cloud. A start has converged once its trimmed residual changes by less
-    than ``tolerance`` of itself; it then rests while the others go on. The residual returned is that of the pose
-    returned (for ``plane_step`` along the normals).
+    distances counts, and the cloud moves: along the normals if the target has them, else onto the paired points. A
+    start has converged once its trimmed residual (along the normals, or to the points) comes within ``tolerance`` of
+    itself one or two steps before: trimming can end in two poses that change places forever. It then rests while the
+    others go on. The residual returned is that of the pose returned.
     """
     poses = np.array(starts, dtype=np.float64)
     count = len(poses)
-    rmse_mm, before_mm = np.full(count, np.inf), np.full(count, np.inf)
+    history_mm = np.full((2, count), np.inf)
     iterations, converged = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=bool)
     floor_mm = FLOOR_SHARE * float(np.sqrt(moving_mm.var(axis=0).sum()))
+    step = point_step if target.normals is None else plane_step
     for iteration in range(max_iterations + 1):
         active = np.flatnonzero(~converged)
         moved_mm = moving_mm @ np.swapaxes(poses[active, :3, :3], 1, 2) + poses[active, None, :3, 3]
@@ -202,17 +211,16 @@ def align(
         offset_mm = target.points_mm[index] - moved_mm
         squared = (offset_mm**2).sum(axis=2)
         weights = trimming_weights(squared, keep)
-        if step is plane_step and target.normals is not None:
+        if target.normals is not None:
             squared = (offset_mm * target.normals[index]).sum(axis=2) ** 2
-        rmse_mm[active] = np.sqrt((weights * squared).sum(axis=1) / weights.sum(axis=1))
-        change_mm = np.abs(before_mm[active] - rmse_mm[active])
-        settled = change_mm <= np.maximum(tolerance * rmse_mm[active], floor_mm)
+        rmse_mm = np.sqrt((weights * squared).sum(axis=1) / weights.sum(axis=1))
+        change_mm = np.abs(history_mm[:, active] - rmse_mm).min(axis=0)
+        settled = change_mm <= np.maximum(tolerance * rmse_mm, floor_mm)
         converged[active] = settled
-        before_mm[active] = rmse_mm[active]
+        history_mm[:, active] = np.stack([rmse_mm, history_mm[0, active]])
         if iteration == max_iterations or settled.all():
             break
-        going = ~settled
-        on = active[going]
-        poses[on] = step(moved_mm[going], target, index[going], weights[going]) @ poses[on]
+        on = active[~settled]
+        poses[on] = step(moved_mm[~settled], target, index[~settled], weights[~settled]) @ poses[on]
         iterations[on] += 1
-    return Alignments(poses, rmse_mm, iterations, converged)
+    return Alignments(poses, history_mm[0], iterations, converged)

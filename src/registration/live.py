@@ -57,6 +57,8 @@ class _Streams:
     received: Counter[str] = field(default_factory=Counter)
     dropped: Counter[str] = field(default_factory=Counter)
     interruptions: list[Interruption] = field(default_factory=list)
+    heard_s: float = 0.0
+    connected: bool = False
 
 
 @dataclass(frozen=True)
@@ -65,8 +67,9 @@ class LiveRecorder:
 
     ``pose_device`` sends TRANSFORM messages that map the end effector to the world, in mm (``ProbeToReference``).
     ``calibration`` is a YAML or XML file, ``orientation`` that of the images sent. A lost connection is taken up
-    again as often as needed; after ``give_up_s`` without one the recording ends. Frames that were missed meanwhile
-    are estimated from the frame rate and counted in ``sweep.dropped``.
+    again as often as needed; after ``give_up_s`` without any message (a server that stays away, or a cable that was
+    pulled) the recording ends. Frames that were missed while the connection was lost are estimated from the frame
+    rate and counted in ``sweep.dropped``.
     """
 
     image_device: str
@@ -118,26 +121,31 @@ class LiveRecorder:
     ) -> None:
         """Read messages, taking the connection up again when it is lost."""
         lost_s, cut = None, False
-        while not ended():
-            connection = self._connect(ended)
+        streams.heard_s = time.monotonic()
+
+        def over() -> bool:
+            return ended() or time.monotonic() - streams.heard_s >= self.give_up_s
+
+        while not over():
+            connection = self._connect(over)
             if connection is None:
-                if lost_s is None and not ended():
-                    raise InputError(
-                        f"{self._server}: expected an OpenIGTLink server within {self.give_up_s:g} s, found none"
-                    )
                 break
             if lost_s is not None:
                 streams.interruptions.append(Interruption(lost_s, time.monotonic() - began, cut))
+            streams.connected = True
             with connection:
-                cut = self._receive(connection, streams, ended, on_frame)
+                cut = self._receive(connection, streams, over, on_frame)
             lost_s = time.monotonic() - began
             if cut:
                 streams.dropped["message cut by a lost connection"] += 1
+        if not streams.connected and not ended():
+            raise InputError(
+                f"{self._server}: expected an OpenIGTLink server within {self.give_up_s:g} s, found none"
+            )
 
-    def _connect(self, ended: Callable[[], bool]) -> socket.socket | None:
-        """A connection, or None where none could be made within ``give_up_s`` or the recording has ended."""
-        deadline = time.monotonic() + self.give_up_s
-        while time.monotonic() < deadline and not ended():
+    def _connect(self, over: Callable[[], bool]) -> socket.socket | None:
+        """A connection, or None where the recording is over before there is one."""
+        while not over():
             try:
                 connection = socket.create_connection((self.host, self.port), timeout=_POLL_S)
                 connection.settimeout(_POLL_S)
@@ -150,14 +158,15 @@ class LiveRecorder:
         self,
         connection: socket.socket,
         streams: _Streams,
-        ended: Callable[[], bool],
+        over: Callable[[], bool],
         on_frame: Callable[[int], None],
     ) -> bool:
         """Take messages until the connection or the recording ends; whether a message was cut in two by it."""
-        while not ended():
-            message = next_message(connection, ended, self._server)
+        while not over():
+            message = next_message(connection, over, self._server)
             if isinstance(message, ConnectionEnded):
                 return message.message_cut
+            streams.heard_s = time.monotonic()
             streams.received[f"{message.kind} {message.device}"] += 1
             if (message.kind, message.device) == ("TRANSFORM", self.pose_device):
                 self._take_pose(message, streams)

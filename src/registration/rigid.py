@@ -13,7 +13,7 @@ from registration import frames
 from registration.checks import require_count, require_positive
 from registration.errors import InputError
 from registration.geometry import require_cloud
-from registration.icp import Alignments, Target, TreeTarget, VoxelTarget, align, plane_step, point_step
+from registration.icp import Alignments, Target, TreeTarget, VoxelTarget, align
 from registration.results import Candidate, RigidResult, fit
 from registration.starts import cone_starts, symmetry_starts
 
@@ -137,15 +137,8 @@ class MultiStartICP:
     def _stage(
         self, points_mm: np.ndarray, target: Target, starts: np.ndarray, iterations: int, tolerance: float
     ) -> Alignments:
-        step = point_step if target.normals is None else plane_step
         return align(
-            points_mm,
-            target,
-            starts,
-            keep=self.keep,
-            max_iterations=iterations,
-            tolerance=tolerance,
-            step=step,
+            points_mm, target, starts, keep=self.keep, max_iterations=iterations, tolerance=tolerance
         )
 
     def _basins(

@@ -49,7 +49,7 @@ class NWireCalibration:
     def __call__(
         self,
         points_px: Float64[np.ndarray, "k w 2"],
-        wires_mm: Float64[np.ndarray, "w 2 3"],
+        wires_mm: Float64[np.ndarray, "_ 2 3"],
         probe_T_phantom: Float64[np.ndarray, "k 4 4"],
     ) -> NWireResult:
         """Calibrate from the pixels (column, row) of all wires, three a pattern, in k frames.
@@ -95,7 +95,7 @@ class NWireCalibration:
 
 
 def middle_points_mm(
-    points_px: Float64[np.ndarray, "k w 2"], wires_mm: Float64[np.ndarray, "w 2 3"]
+    points_px: Float64[np.ndarray, "k w 2"], wires_mm: Float64[np.ndarray, "_ 2 3"]
 ) -> Float64[np.ndarray, "k p 3"]:
     """Where the middle wires cut the image, in the phantom's frame, from the ratios of distances in the image."""
     if len(wires_mm) == 0 or len(wires_mm) % 3 or points_px.shape[1] != len(wires_mm):
@@ -117,7 +117,7 @@ def middle_points_mm(
 
 def middle_points_probe_mm(
     points_px: Float64[np.ndarray, "k w 2"],
-    wires_mm: Float64[np.ndarray, "w 2 3"],
+    wires_mm: Float64[np.ndarray, "_ 2 3"],
     probe_T_phantom: Float64[np.ndarray, "k 4 4"],
 ) -> Float64[np.ndarray, "k p 3"]:
     """The middle points in the probe's frame."""

@@ -13,6 +13,8 @@ from registration.geometry import PrincipalFrame, principal_frame
 NO_ROOM_SHARE = 0.05
 # A window with fewer points than this has no principal axes worth laying anything on.
 WINDOW_POINTS = 10
+# A sliver of a long vessel would otherwise ask for more starts than anyone waits for.
+MOST_WINDOWS = 40
 
 
 def symmetry_starts(
@@ -26,8 +28,8 @@ def symmetry_starts(
 
     The principal axis of the moving cloud is laid on that of a window of the fixed one, both ways round, and rolled
     about it in ``rolls`` equal steps. The windows are as long as the moving cloud and slide along the fixed one in
-    steps of at most ``slide_share`` of that length: the axes of a piece are those of the same piece of the whole, not
-    those of the whole. A moving cloud as long as the fixed one has one window.
+    steps of at most ``slide_share`` of that length (in 40 places at most): the axes of a piece are those of the same
+    piece of the whole, not those of the whole. A moving cloud as long as the fixed one has one window.
 
     A short piece with a bifurcation is as wide as it is long, and noise decides which axis comes first: every axis
     with a spread of at least ``axis_share`` of the first is therefore taken for the principal one in turn.
@@ -69,7 +71,7 @@ def _windows(
     room_mm = last_mm - first_mm - length_mm
     if room_mm <= NO_ROOM_SHARE * length_mm:
         return [whole]
-    count = 1 + int(np.ceil(room_mm / (slide_share * length_mm)))
+    count = min(1 + int(np.ceil(room_mm / (slide_share * length_mm))), MOST_WINDOWS)
     windows = []
     for middle_mm in np.linspace(first_mm + length_mm / 2, last_mm - length_mm / 2, count):
         inside = np.abs(along_mm - middle_mm) <= length_mm / 2

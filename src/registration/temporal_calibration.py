@@ -15,6 +15,9 @@ from jaxtyping import Float, Float64
 from registration.checks import require_count, require_positive
 from registration.errors import InputError
 
+# Motion at constant speed correlates equally at all lags; what differs then is rounding.
+_LEAST_CONTRAST = 1e-3
+
 
 @dataclass(frozen=True)
 class TemporalResult:
@@ -91,13 +94,7 @@ class TemporalCalibration:
             _normalised(sampled, "pose_signal") @ _normalised(image_signal[used][None], "image_signal")[0]
         )
         peaks = _peaks(np.abs(correlations))
-        if not len(peaks) or np.abs(correlations[peaks]).max() < self.min_correlation:
-            best = float(np.abs(correlations).max())
-            raise InputError(
-                f"signals: expected a correlation of at least {self.min_correlation:g} at a lag within "
-                f"{self.max_lag_s:g} s, received at most {best:.3f}"
-                + (" at the end of the search" if best >= self.min_correlation else "")
-            )
+        self._require_a_peak(np.abs(correlations), peaks)
         height = np.abs(correlations[peaks])
         tied = peaks[height >= height.max() - self.tie]
         chosen = int(tied[np.abs(lags_s[tied]).argmin()])
@@ -112,6 +109,19 @@ class TemporalCalibration:
             correlations=correlations,
             frames_used=used,
         )
+
+    def _require_a_peak(self, heights: Float64[np.ndarray, "k"], peaks: np.ndarray) -> None:
+        """Refuse a correlation that is too low, the same everywhere, or highest where the search stopped."""
+        found = f"expected a correlation of at least {self.min_correlation:g} at a lag within {self.max_lag_s:g} s"
+        if heights.max() < self.min_correlation:
+            raise InputError(f"signals: {found}, received at most {heights.max():.3f}")
+        if np.ptp(heights) < _LEAST_CONTRAST:
+            raise InputError(
+                "signals: expected a motion that tells one lag from another, such as up and down, "
+                "received one that fits all lags alike"
+            )
+        if not len(peaks) or heights[peaks].max() < self.min_correlation:
+            raise InputError(f"signals: {found}, received {heights.max():.3f} only at the end of the search")
 
 
 def principal_motion_mm(positions_mm: Float[np.ndarray, "m 3"]) -> Float64[np.ndarray, "m"]:

@@ -73,9 +73,9 @@ def test_a_failed_job_loses_neither_the_others_nor_leaves_half_a_result(
     out = home / "result"
     assert main(["study=counting", "parts=[1,2,3]", "fail_on=[2]", f"out={out}"]) == 1
 
-    assert (out / "part=1" / "half.txt").is_file()
-    assert (out / "part=3" / "cases.parquet").is_file()
-    assert not (out / "part=2").exists()
+    assert (out / "part-1" / "half.txt").is_file()
+    assert (out / "part-3" / "cases.parquet").is_file()
+    assert not (out / "part-2").exists()
     assert not list(out.glob(".*partial*"))
     store = Store()
     by_part = {run.data.params["part"]: run for run in runs_of(store, "job")}
@@ -116,12 +116,12 @@ def test_resume_runs_only_what_has_not_finished(counting_study: ModuleType, home
 def test_resume_brings_back_the_files_of_a_finished_job(counting_study: ModuleType, home: Path) -> None:
     out = home / "result"
     assert main(["study=counting", f"out={out}"]) == 0
-    (out / "part=1" / "job.json").write_text('{"config_hash": "another job used this folder"}')
-    (out / "part=1" / "half.txt").unlink()
+    (out / "part-1" / "job.json").write_text('{"config_hash": "another job used this folder"}')
+    (out / "part-1" / "half.txt").unlink()
 
     assert main(["study=counting", f"out={out}", "resume=true"]) == 0
 
-    assert (out / "part=1" / "half.txt").read_text() == "part 1\n"
+    assert (out / "part-1" / "half.txt").read_text() == "part 1\n"
     assert pd.read_parquet(out / "cases.parquet")["value"].tolist() == pytest.approx([4 / 3, 5 / 3])
 
 
@@ -157,12 +157,12 @@ def test_multirun_is_one_sweep_of_all_cells_of_all_points(counting_study: Module
         "seed=0,part=1", "seed=0,part=2", "seed=1,part=1", "seed=1,part=2"
     }  # fmt: skip
     assert parent.data.metrics["parts"] == 4
-    assert (home / "sweep" / "seed=1,part=2" / "half.txt").is_file()
+    assert (home / "sweep" / "seed-1_part-2" / "half.txt").is_file()
 
 
 def test_tracking_can_be_switched_off(counting_study: ModuleType, home: Path, capsys) -> None:
     assert main(["study=counting", "tracking.enabled=false", f"out={home / 'result'}"]) == 0
-    assert (home / "result" / "part=2" / "metrics.json").is_file()
+    assert (home / "result" / "part-2" / "metrics.json").is_file()
     assert not list(Store().runs(["counting"]))
     assert "Dashboard" not in capsys.readouterr().out
 

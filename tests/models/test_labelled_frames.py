@@ -39,9 +39,15 @@ def test_refuses_fields_of_another_length(field: str) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"masks": (np.zeros((3, 4), bool), np.ones((2, 5), bool))}, r"size \(5, 2\), received \(2, 5\) in case b"),
+        (
+            {"masks": (np.zeros((3, 4), bool), np.ones((2, 5), bool))},
+            r"size \(5, 2\), received \(2, 5\) in case b",
+        ),
         ({"case_ids": ("a", "a")}, "unique names, received 'a' more than once"),
-        ({"spacing_mm": (None, (0.1, 0.0))}, r"positive pixel sizes or None, received \(0.1, 0.0\) in case b"),
+        (
+            {"spacing_mm": (None, (0.1, 0.0))},
+            r"positive pixel sizes or None, received \(0.1, 0.0\) in case b",
+        ),
         ({"spacing_mm": (None, (0.1, float("nan")))}, "positive pixel sizes"),
         ({"images": (np.zeros((0, 4), np.uint8), np.ones((5, 2), np.uint8))}, "in case a"),
     ],

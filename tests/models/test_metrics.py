@@ -91,7 +91,9 @@ def test_metrics_are_symmetric(metric) -> None:
     prediction, reference = rng.random((2, 20, 25)) > 0.8
     assert metric(prediction, reference) == metric(reference, prediction)
     assert metric(prediction.T, reference.T) == pytest.approx(metric(prediction, reference))
-    assert metric(prediction[::-1, ::-1], reference[::-1, ::-1]) == pytest.approx(metric(prediction, reference))
+    assert metric(prediction[::-1, ::-1], reference[::-1, ::-1]) == pytest.approx(
+        metric(prediction, reference)
+    )
 
 
 def random_pairs(count: int = 40):
@@ -165,7 +167,11 @@ def test_surfel_hd95_equals_surface_distance() -> None:
 
 def test_one_spacing_means_square_pixels() -> None:
     other = np.roll(SQUARE, (1, 2), (0, 1))
-    assert hd95_mm(other, SQUARE, 0.3) == hd95_mm(other, SQUARE, [0.3, 0.3]) == hd95_mm(other, SQUARE, np.full(2, 0.3))
+    assert (
+        hd95_mm(other, SQUARE, 0.3)
+        == hd95_mm(other, SQUARE, [0.3, 0.3])
+        == hd95_mm(other, SQUARE, np.full(2, 0.3))
+    )
 
 
 def test_diagonal() -> None:

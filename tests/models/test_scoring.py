@@ -64,7 +64,9 @@ def test_summary_of_five_numbers_leaves_undefined_cases_out() -> None:
 
 
 def test_summary_of_misses_and_alarms_is_a_rate() -> None:
-    summary = summarise({"missed": [1.0, 0.0, np.nan, 0.0, 0.0], "false_alarm": [np.nan, np.nan, 1.0, np.nan, np.nan]})
+    summary = summarise(
+        {"missed": [1.0, 0.0, np.nan, 0.0, 0.0], "false_alarm": [np.nan, np.nan, 1.0, np.nan, np.nan]}
+    )
     assert summary == {"missed_rate": 0.25, "missed_n": 4.0, "false_alarm_rate": 1.0, "false_alarm_n": 1.0}
 
 

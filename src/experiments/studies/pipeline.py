@@ -97,7 +97,7 @@ def run(
     residuals = surface_residuals(
         cloud_mm, truth.model, result.fixed_T_moving, inlier_mm=inlier_mm, keep=keep, seed=seed
     )
-    error = pose_error(result.fixed_T_moving, truth.ct_T_world, truth.centerline.even_points(MOST_TARGETS))
+    error = pose_error(result.fixed_T_moving, truth.ct_T_world, _targets(truth))
     found = Registered(cloud_mm, result, residuals, error)
     _write(workspace, truth, found, name)
     masks = probability >= predictor.threshold
@@ -109,6 +109,13 @@ def run(
 def _drawn(truth: SimulatedSweep, count: int, seed: int) -> np.ndarray:
     """Points of the fixed model, uniformly by area, (count, 3), in mm in the ct frame."""
     return truth.model.sample(count, np.random.default_rng([seed, 1]))
+
+
+def _targets(truth: SimulatedSweep) -> np.ndarray:
+    """Where the error is measured, (t, 3) in mm in the ct frame: the centerline, or the surface where there is none."""
+    if truth.centerline is not None:
+        return truth.centerline.even_points(MOST_TARGETS)
+    return truth.anatomy.sample(MOST_TARGETS, np.random.default_rng(0))
 
 
 def _thinned(points_mm: np.ndarray, voxel_mm: float) -> np.ndarray:

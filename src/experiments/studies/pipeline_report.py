@@ -48,20 +48,21 @@ def _registration(truth: SimulatedSweep, cloud_mm: np.ndarray, ct_T_world: np.nd
     rng = np.random.default_rng(0)
     model_mm = truth.model.sample(POINTS_SHOWN, rng)
     shown = cloud_mm[rng.permutation(len(cloud_mm))[:POINTS_SHOWN]]
-    figure = Figure(figsize=(12, 5), layout="constrained")
-    figure.suptitle(
-        "Cloud of the sweep (orange) on the model from CT (grey), in the ct frame, mm (simulated)"
-    )
-    axes_of = figure.subplots(1, 2)
-    for axes, (first, second) in zip(axes_of, ((2, 0), (2, 1)), strict=True):
-        for points, colour, label in (
-            (model_mm, "0.6", "model"),
-            (frames.apply(ct_T_world, shown), FOUND, "registered"),
-            (frames.apply(truth.ct_T_world, shown), TRUE, "at its true place"),
+    figure = Figure(figsize=(9, 6), layout="constrained")
+    figure.suptitle("Cloud of a simulated sweep on the model from CT, in the ct frame")
+    # The longest axis of the model goes to the right, so that the vessel fills the page.
+    along = int(np.ptp(model_mm, axis=0).argmax())
+    across = [axis for axis in range(3) if axis != along]
+    axes_of = figure.subplots(2, 1, sharex=True)
+    for axes, other in zip(axes_of, across, strict=True):
+        for points, colour, size, label in (
+            (model_mm, "0.75", 1.5, "model"),
+            (frames.apply(truth.ct_T_world, shown), TRUE, 6.0, "at its true place"),
+            (frames.apply(ct_T_world, shown), FOUND, 1.0, "registered"),
         ):
-            axes.scatter(points[:, first], points[:, second], s=1.5, c=colour, label=label, linewidths=0)
-        _label(axes, "xyz"[first], "xyz"[second])
-    axes_of[0].legend(markerscale=6)
+            axes.scatter(points[:, along], points[:, other], s=size, c=colour, label=label, linewidths=0)
+        _label(axes, "xyz"[along], "xyz"[other])
+    figure.legend(*axes_of[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, markerscale=4)
     return figure
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from experiments import files
-from experiments.outcome import Outcome, Progress
+from experiments.outcome import InputData, Outcome, Progress
 from experiments.studies.registration_inputs import (
     one_method,
     read_mm,
@@ -30,10 +31,24 @@ LENGTHS = ("rmse_mm", "rmse_trimmed_mm", "rmse_bidirectional_mm", "msd_mm", "hd9
 SHARES = ("inlier_share", "coverage")
 
 
+def check(
+    *,
+    moving: str,
+    fixed: str,
+    rigid: Mapping[str, Any],
+    initial: str | None,
+    moving_unit: str | None,
+    fixed_unit: str | None,
+) -> None:
+    """Raise InputError for files and settings that cannot be registered."""
+    one_method(rigid)
+    _read(moving, fixed, initial, moving_unit, fixed_unit)
+
+
 def run(
     *,
-    moving: str | None,
-    fixed: str | None,
+    moving: str,
+    fixed: str,
     rigid: Mapping[str, Any],
     initial: str | None,
     moving_unit: str | None,
@@ -52,26 +67,49 @@ def run(
     InputError for files that cannot be registered, or for one that looks like metres beside millimetres.
     """
     name, method = one_method(rigid)
-    moving_path = require_path(moving, "moving", "the file of the cloud or mesh to move")
-    fixed_path = require_path(fixed, "fixed", "the file of the cloud or mesh to register to")
-    start = None if initial is None else read_pose(Path(initial), "initial")
-    moving_surface = read_mm(moving_path, "moving", moving_unit)
-    fixed_surface = read_mm(fixed_path, "fixed", fixed_unit)
-    hint = "say moving_unit=m or fixed_unit=m to convert it, or =mm to take it as it is"
-    refuse_metres(moving_surface, fixed_surface, "moving", moving_unit, hint)
-    refuse_metres(fixed_surface, moving_surface, "fixed", fixed_unit, hint)
+    pair = _read(moving, fixed, initial, moving_unit, fixed_unit)
     draws = np.random.default_rng(seed).spawn(2)
-    progress.note(f"registering {moving_path.name} to {fixed_path.name} by {name}")
+    progress.note(f"registering {pair.moving_path.name} to {pair.fixed_path.name} by {name}")
     result: RigidResult = method(
-        _cloud(moving_surface, moving_points, draws[0]), _cloud(fixed_surface, fixed_points, draws[1]), start
+        _cloud(pair.moving, moving_points, draws[0]), _cloud(pair.fixed, fixed_points, draws[1]), pair.initial
     )
     residuals = surface_residuals(
-        moving_surface, fixed_surface, result.fixed_T_moving, inlier_mm=inlier_mm, keep=keep, seed=seed
+        pair.moving, pair.fixed, result.fixed_T_moving, inlier_mm=inlier_mm, keep=keep, seed=seed
     )
-    record = _record(result, residuals, name, moving_path, fixed_path, fixed_surface)
-    files.write_text(workspace / "registration.json", json.dumps(record, indent=2, allow_nan=False) + "\n")
-    write_surface(workspace / "moved.ply", _moved(moving_surface, result.fixed_T_moving))
-    return _outcome(result, residuals, name)
+    record = json.dumps(_record(result, residuals, name, pair), indent=2, allow_nan=False)
+    files.write_text(workspace / "registration.json", record + "\n")
+    write_surface(workspace / "moved.ply", _moved(pair.moving, result.fixed_T_moving))
+    return _outcome(result, residuals, name, pair)
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """Both surfaces in mm, where they came from, and the pose to search around, if there is one."""
+
+    moving_path: Path
+    fixed_path: Path
+    moving: Surface
+    fixed: Surface
+    initial: np.ndarray | None
+
+
+def _read(
+    moving: str, fixed: str, initial: str | None, moving_unit: str | None, fixed_unit: str | None
+) -> _Pair:
+    pair = _Pair(
+        moving_path=require_path(moving, "moving", "the file of the cloud or mesh to move"),
+        fixed_path=require_path(fixed, "fixed", "the file of the cloud or mesh to register to"),
+        moving=read_mm(Path(moving), "moving", moving_unit),
+        fixed=read_mm(Path(fixed), "fixed", fixed_unit),
+        initial=None if initial is None else read_pose(Path(initial), "initial"),
+    )
+    for name, surface, other, unit in (
+        ("moving", pair.moving, pair.fixed, moving_unit),
+        ("fixed", pair.fixed, pair.moving, fixed_unit),
+    ):
+        hint = f"pass {name}_unit=m to convert it or {name}_unit=mm to take it as it is"
+        refuse_metres(surface, other, name, unit, hint)
+    return pair
 
 
 def _cloud(surface: Surface, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -84,23 +122,16 @@ def _moved(surface: Surface, fixed_T_moving: np.ndarray) -> Surface:
     return frames.apply(fixed_T_moving, surface)
 
 
-def _record(
-    result: RigidResult,
-    residuals: SurfaceResiduals,
-    name: str,
-    moving_path: Path,
-    fixed_path: Path,
-    fixed_surface: Surface,
-) -> dict[str, Any]:
+def _record(result: RigidResult, residuals: SurfaceResiduals, name: str, pair: _Pair) -> dict[str, Any]:
     measured = {key: getattr(residuals, key) for key in (*LENGTHS, *SHARES)}
     return {
-        "moving": str(moving_path),
-        "fixed": str(fixed_path),
+        "moving": str(pair.moving_path),
+        "fixed": str(pair.fixed_path),
         "rigid": name,
         "units": {"length": "mm", "time": "s"},
         "fixed_T_moving": result.fixed_T_moving.tolist(),
         **measured,
-        "distances_to": "triangles" if isinstance(fixed_surface, Mesh) else "points",
+        "distances_to": "triangles" if isinstance(pair.fixed, Mesh) else "points",
         "iterations": result.iterations,
         "converged": result.converged,
         "candidates": [
@@ -117,7 +148,7 @@ def _record(
     }
 
 
-def _outcome(result: RigidResult, residuals: SurfaceResiduals, name: str) -> Outcome:
+def _outcome(result: RigidResult, residuals: SurfaceResiduals, name: str, pair: _Pair) -> Outcome:
     import pandas as pd
 
     metrics = {key: float(getattr(residuals, key)) for key in (*LENGTHS, *SHARES)}
@@ -139,4 +170,8 @@ def _outcome(result: RigidResult, residuals: SurfaceResiduals, name: str) -> Out
         tables={"registration": table},
         findings=tuple(findings),
         tags={"rigid": name},
+        inputs=tuple(
+            InputData(path.name, files.digest(path), str(path))
+            for path in (pair.moving_path, pair.fixed_path)
+        ),
     )

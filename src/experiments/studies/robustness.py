@@ -6,33 +6,28 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from experiments.errors import InputError
 from experiments.outcome import CellResult, Outcome, Progress
 from experiments.statistics import summary
-from experiments.studies.registration_inputs import (
-    one_method,
-    read_mm,
-    read_pose,
-    refuse_metres,
-    require_path,
-)
+from experiments.studies.registration_inputs import one_method
+from experiments.studies.robustness_problem import Problem, read_problem
 from experiments.studies.robustness_report import describe, figures, success_metrics, table
 from experiments.studies.robustness_trial import RobustnessTrial
 from registration import errors as registration_errors
-from registration.geometry import Mesh
-from registration.geometry_io import read_centerline
-from registration.metrics import Surface
 from registration.perturbation import Perturbation, Piece
 
 if TYPE_CHECKING:
     import pandas as pd
 
-# At most this many points carry the target registration error.
-MOST_TARGETS = 500
-# Drawn once for every study, so that all runs on a surface share their targets.
-TARGET_SEED = 20250
+SUMMARISED = (
+    "rmse_mm",
+    "tre_mm",
+    "tre_max_mm",
+    "tre_covered_mm",
+    "rotation_error_deg",
+    "translation_error_mm",
+    "runtime_s",
+)
 
 
 def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -47,6 +42,26 @@ def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
         for overlap in overlaps
         for name, settings in methods.items()
     ]
+
+
+def check(
+    *,
+    target: str | None,
+    moving: str | None,
+    moving_truth: str | None,
+    centerline: str | None,
+    rigid: Mapping[str, Any],
+    overlaps: Sequence[float],
+    piece: str,
+    trials: int,
+    workers: int,
+) -> None:
+    """Raise InputError for files and settings that allow no trial at all."""
+    one_method(rigid)
+    _piece(overlaps, piece)
+    _require_count("trials", trials)
+    _require_count("workers", workers)
+    read_problem(target, moving, moving_truth, centerline)
 
 
 def run(
@@ -71,76 +86,55 @@ def run(
     infinite errors and the reason. Raises InputError for files and settings that allow no trial at all.
     """
     del workspace
+    _require_count("trials", trials)
+    _require_count("workers", workers)
     name, method = one_method(rigid)
-    if len(overlaps) != 1:
-        raise InputError(f"overlaps: expected one overlap a cell, received {len(overlaps)}")
-    if isinstance(trials, bool) or not isinstance(trials, int) or trials < 1:
-        raise InputError(f"trials: expected a whole number of at least 1, received {trials!r}")
-    fixed = read_mm(require_path(target, "target", "the file of a fixed surface"), "target", None)
-    moved, truth = _moving(moving, moving_truth, fixed)
-    targets_mm, targets = _targets(centerline, fixed)
-    try:
-        task = RobustnessTrial(
-            name,
-            method,
-            perturbation,
-            Piece(float(overlaps[0]), piece),
-            moved,
-            fixed,
-            truth,
-            targets_mm,
-            seed,
-        )
-    except registration_errors.InputError as refusal:
-        raise InputError(f"overlaps, piece: {refusal}") from refusal
-    rows = list(progress.track(_solved(task, trials, workers), f"{name}, overlap {overlaps[0]:g}", trials))
-    return _outcome(rows, {"tre_targets": targets, "tre_targets_n": str(len(targets_mm))})
+    covered = _piece(overlaps, piece)
+    problem = read_problem(target, moving, moving_truth, centerline)
+    task = RobustnessTrial(
+        name=name,
+        method=method,
+        perturbation=perturbation,
+        piece=covered,
+        moving=problem.moving,
+        fixed=problem.fixed,
+        true_fixed_T_moving=problem.fixed_T_moving,
+        targets_mm=problem.targets_mm,
+        seed=seed,
+    )
+    rows = progress.track(_solved(task, trials, workers), f"{name}, overlap {covered.share:g}", trials)
+    return _outcome(list(rows), problem)
 
 
 def summarise(cells: list[CellResult]) -> Outcome:
     """Set all methods and overlaps side by side: one table, success against angle, RMSE against TRE."""
     import pandas as pd
 
-    frames = [cell.cases for cell in cells if cell.cases is not None and len(cell.cases)]
-    if not frames:
-        return Outcome(findings=("No cell has trials to summarise.",))
-    cases = pd.concat(frames, ignore_index=True)
+    known = [cell.cases for cell in cells if cell.cases is not None and len(cell.cases)]
+    if not known:
+        return Outcome(findings=("No job has trials to summarise.",))
+    cases = pd.concat(known, ignore_index=True)
     return Outcome(
         cases=cases, tables={"robustness": table(cases)}, figures=figures(cases), findings=describe(cases)
     )
 
 
-def _moving(moving: str | None, moving_truth: str | None, fixed: Surface) -> tuple[Surface, np.ndarray]:
-    """The surface that moves and its true pose; without a file of the user's, the fixed surface itself."""
-    if moving is None:
-        if moving_truth is not None:
-            raise InputError("moving_truth: expected a moving file with it, received none")
-        return fixed, np.eye(4)
-    truth_path = require_path(moving_truth, "moving_truth", "a JSON file with the fixed_T_moving of moving")
-    surface = read_mm(Path(moving), "moving", None)
-    hint = "convert the file to millimetres first"
-    refuse_metres(surface, fixed, "moving", None, hint)
-    refuse_metres(fixed, surface, "target", None, hint)
-    return surface, read_pose(truth_path, "moving_truth")
+def _piece(overlaps: Sequence[float], place: str) -> Piece:
+    if len(overlaps) != 1:
+        raise InputError(f"overlaps: expected one overlap a job, received {len(overlaps)}")
+    try:
+        return Piece(overlaps[0], place)
+    except registration_errors.InputError as refusal:
+        raise InputError(f"overlaps and piece: {refusal}") from refusal
 
 
-def _targets(centerline: str | None, fixed: Surface) -> tuple[np.ndarray, str]:
-    """The points of the fixed side that the error is measured at, and what they are."""
-    if centerline is not None:
-        try:
-            return read_centerline(Path(centerline)).even_points(MOST_TARGETS), "centerline"
-        except registration_errors.InputError as refusal:
-            raise InputError(f"centerline: {refusal}") from refusal
-    rng = np.random.default_rng(TARGET_SEED)
-    if isinstance(fixed, Mesh):
-        return fixed.sample(MOST_TARGETS, rng), "surface"
-    return rng.permutation(fixed, axis=0)[:MOST_TARGETS], "surface"
+def _require_count(name: str, value: int) -> None:
+    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+        raise InputError(f"{name}: expected a whole number of at least 1, received {value!r}")
 
 
 def _solved(task: RobustnessTrial, trials: int, workers: int) -> Iterator[dict[str, Any]]:
     """The rows in order of trial, from this process or from several."""
-    if isinstance(workers, bool) or not isinstance(workers, int) or workers < 1:
-        raise InputError(f"workers: expected a whole number of at least 1, received {workers!r}")
     if workers == 1:
         yield from map(task, range(trials))
         return
@@ -152,26 +146,19 @@ def _solved(task: RobustnessTrial, trials: int, workers: int) -> Iterator[dict[s
         yield from pool.map(task, range(trials), chunksize=max(trials // (8 * workers), 1))
 
 
-def _outcome(rows: list[dict[str, Any]], tags: dict[str, str]) -> Outcome:
+def _outcome(rows: list[dict[str, Any]], problem: Problem) -> Outcome:
     import pandas as pd
 
     cases: pd.DataFrame = pd.DataFrame(rows)
     metrics = success_metrics(cases)
-    for name in (
-        "rmse_mm",
-        "tre_mm",
-        "tre_max_mm",
-        "tre_covered_mm",
-        "rotation_error_deg",
-        "translation_error_mm",
-    ):
+    for name in SUMMARISED:
         metrics |= summary(name, cases[name].tolist())
-    metrics |= summary("runtime_s", cases["runtime_s"].tolist())
     return Outcome(
         metrics=metrics,
         cases=cases,
         tables={"robustness": table(cases)},
         figures=figures(cases),
         findings=describe(cases),
-        tags=tags,
+        tags={"tre_targets": problem.target_kind, "tre_targets_n": str(len(problem.targets_mm))},
+        inputs=problem.inputs,
     )

@@ -70,6 +70,12 @@ def describe(cases: pd.DataFrame) -> tuple[str, ...]:
             f"{share.high:.0%}), {_rate(group, 'success').rate:.0%} with RMSE up to {SUCCESS_RMSE_MM:g} mm, "
             f"{group['runtime_s'].mean():.2f} s a trial."
         )
+        unanswered = group.loc[group["error"] != "", "error"]
+        if len(unanswered):
+            sentences.append(
+                f"{method} at overlap {overlap:g} gave no answer in {len(unanswered)} of {len(group)} trials, which "
+                f"count as failed (first: {unanswered.iloc[0]})."
+            )
     return tuple(sentences)
 
 

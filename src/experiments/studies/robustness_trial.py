@@ -57,7 +57,7 @@ class RobustnessTrial:
         row: dict[str, Any] = {
             "trial": number,
             "method": self.name,
-            "overlap": self.piece.share,
+            "overlap": float(self.piece.share),
             "piece": self.piece.place,
             "angle_deg": trial.angle_deg,
             "translation_mm": trial.translation_mm,
@@ -65,14 +65,14 @@ class RobustnessTrial:
         begin_s = time.perf_counter()
         try:
             result = self.method(trial.moving_mm, trial.fixed_mm)
-            found = self._measured(trial, result)
+            frames.require_rigid(result.fixed_T_moving, "fixed_T_moving")
         except Exception as failure:  # whatever a method does wrong, the trial counts and the others go on
-            found = dict.fromkeys(ERRORS, float("inf"))
+            found: dict[str, Any] = dict.fromkeys(ERRORS, float("inf"))
             found |= {"converged": False, "iterations": 0, "candidates": 0}
-            found |= {
-                "runtime_s": time.perf_counter() - begin_s,
-                "error": f"{type(failure).__name__}: {failure}",
-            }
+            found["runtime_s"] = time.perf_counter() - begin_s
+            found["error"] = f"{type(failure).__name__}: {failure}"
+        else:
+            found = self._measured(trial, result)
         success = {
             "success": bool(found["rmse_mm"] <= SUCCESS_RMSE_MM),
             "success_tre": bool(found["tre_mm"] <= SUCCESS_TRE_MM),

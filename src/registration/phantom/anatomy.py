@@ -1,43 +1,74 @@
-"""What lies under the probe: one vessel tree, its surface, and the skin above it, in the ``ct`` frame."""
+"""What lies under the probe: a vessel, its surface, and the skin above it.
+
+An anatomy has a frame of its own, ``bed``: the vessel runs along z, the skin is the plane ``y = skin_y_mm``, the probe
+on it looks along +y. For designed and random vessels it is the ct frame; a user's mesh keeps its own ct frame.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float64
 
+from registration import frames
 from registration.errors import InputError
 from registration.geometry import Centerline, Mesh, Polyline
 from registration.phantom.designs import DESIGNS, SKIN_Y_MM
 from registration.phantom.distance import DistanceGrid, distance_grid
-from registration.phantom.shapes import VesselLine, surround
+from registration.phantom.random_anatomy import draw_lines
+from registration.phantom.settings import MESH, RANDOM, PhantomSettings
+from registration.phantom.shapes import VesselLine, outward, surround
+
+# How deep the nearest wall of a user's mesh is laid below the skin.
+COVER_MM = 11.0
+GUIDE_STEP_MM = 2.0
 
 
 @dataclass(frozen=True)
 class Anatomy:
-    """A vessel with its exact centerline, undeformed: the truth that images are made from.
+    """A vessel as it was when the CT was taken: the truth that images are made from, in the bed frame.
 
-    ``surface`` is closed. ``centerline`` carries the largest inscribed radius. The skin is the plane
-    ``y = skin_y_mm``; the probe looks along +y.
+    ``surface`` is closed. ``centerline`` carries the largest inscribed radius; a user's mesh has none. ``squeeze`` is
+    the share of its depth by which the probe's full pressure flattens it.
     """
 
-    name: str
     surface: Mesh
-    centerline: Centerline
+    centerline: Centerline | None
     distance: DistanceGrid
     skin_y_mm: float
+    squeeze: float
+    ct_T_bed: Float64[np.ndarray, "4 4"]
+
+    @property
+    def guide_mm(self) -> Float64[np.ndarray, "g 3"]:
+        """The middle of all that lies at one height z, at even steps from the vessel's one end to the other."""
+        vertices_mm = self.surface.vertices_mm
+        bins = np.floor(vertices_mm[:, 2] / GUIDE_STEP_MM).astype(int)
+        levels = np.unique(bins)
+        low = np.array([vertices_mm[bins == level, :2].min(axis=0) for level in levels])
+        high = np.array([vertices_mm[bins == level, :2].max(axis=0) for level in levels])
+        return np.column_stack([0.5 * (low + high), (levels + 0.5) * GUIDE_STEP_MM])
+
+
+def anatomy_of(settings: PhantomSettings) -> Anatomy:
+    """The anatomy that the settings choose."""
+    changed = Path(settings.mesh).stat().st_mtime_ns if settings.mesh and Path(settings.mesh).is_file() else 0
+    return _chosen(settings.subset, settings.anatomy_seed, settings.mesh, changed)
 
 
 @lru_cache(maxsize=4)
-def design(name: str) -> Anatomy:
-    """One of the fixed designs by name: ``artificial``, ``vein`` or ``artery``."""
-    if name not in DESIGNS:
-        raise InputError(f"subset: expected one of {', '.join(DESIGNS)}, received {name!r}")
-    return from_lines(name, DESIGNS[name](), SKIN_Y_MM)
+def _chosen(subset: str, seed: int, mesh: str, changed: int) -> Anatomy:
+    del changed
+    if subset == MESH:
+        return from_mesh(Path(mesh))
+    lines = draw_lines(seed) if subset == RANDOM else DESIGNS[subset]()
+    return from_lines(lines, SKIN_Y_MM, squeeze=0.25 if subset == "vein" else 0.05)
 
 
-def from_lines(name: str, lines: tuple[VesselLine, ...], skin_y_mm: float) -> Anatomy:
+def from_lines(lines: tuple[VesselLine, ...], skin_y_mm: float, squeeze: float = 0.05) -> Anatomy:
     """The anatomy around given vessel lines; the skin must lie in front of every wall."""
     surface = surround(lines)
     nearest_mm = float(surface.vertices_mm[:, 1].min())
@@ -52,4 +83,33 @@ def from_lines(name: str, lines: tuple[VesselLine, ...], skin_y_mm: float) -> An
             for line in lines
         )
     )
-    return Anatomy(name, surface, centerline, distance_grid(surface), skin_y_mm)
+    return Anatomy(surface, centerline, distance_grid(surface), skin_y_mm, squeeze, np.eye(4))
+
+
+def from_mesh(path: Path) -> Anatomy:
+    """Lay a user's closed surface (mm) under the skin, its longest axis along the sweep, its flattest facing up."""
+    from registration.geometry_io import read_surface
+
+    mesh = read_surface(path)
+    if not isinstance(mesh, Mesh):
+        raise InputError(f"mesh: expected a surface with triangles in {path}, received points alone")
+    if not is_closed(mesh):
+        raise InputError(f"mesh: expected a closed surface in {path}, received one with open edges")
+    middle_mm = 0.5 * (mesh.vertices_mm.min(axis=0) + mesh.vertices_mm.max(axis=0))
+    _, _, axes = np.linalg.svd(mesh.vertices_mm - mesh.vertices_mm.mean(axis=0), full_matrices=False)
+    ct_T_bed = np.eye(4)
+    ct_T_bed[:3, :3] = np.column_stack([axes[1], axes[2], np.cross(axes[1], axes[2])])
+    ct_T_bed[:3, 3] = middle_mm
+    placed_mm = frames.apply(frames.invert_rigid(ct_T_bed), mesh.vertices_mm)
+    surface = outward(Mesh(placed_mm, mesh.triangles))
+    skin_y_mm = float(placed_mm[:, 1].min()) - COVER_MM
+    return Anatomy(surface, None, distance_grid(surface), skin_y_mm, 0.05, ct_T_bed)
+
+
+def is_closed(mesh: Mesh) -> bool:
+    """Whether every edge is shared by exactly two triangles that run along it in opposite directions."""
+    corners = mesh.triangles
+    edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+    forward = np.sort(edges @ np.array([len(mesh.vertices_mm), 1]))
+    backward = np.sort(edges[:, ::-1] @ np.array([len(mesh.vertices_mm), 1]))
+    return len(np.unique(forward)) == len(forward) and np.array_equal(forward, backward)

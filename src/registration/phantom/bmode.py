@@ -12,24 +12,34 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Complex64, Float, Float32, Float64, UInt8
+from jaxtyping import Bool, Complex64, Float, Float32, Int64, UInt8
 from scipy import fft
-from scipy.ndimage import gaussian_filter1d, zoom
 
+from registration.phantom.acoustics import Scanner
 from registration.phantom.beams import FWHM_PER_SIGMA, Beams
-from registration.phantom.scatterers import Slab, cells_in, place
-from registration.phantom.settings import Scanner
+from registration.phantom.deformation import View
+from registration.phantom.scatterers import cells_in, place
 from registration.phantom.tissue import Scattering, TissueModel
+from registration.phantom.transmission import along_beams_db, ring_down
 
-# Grey level of average tissue, below white, in dB; scanners leave room for interfaces.
-HEADROOM_DB = 26.0
-# Attenuation is summed on a coarser grid: (samples, beams) a cell.
-COARSE = (8, 6)
+# Where on the grey scale, before gamma, average tissue lies: scanners leave room for interfaces.
+TISSUE_LEVEL = 0.38
+HIDDEN_DB = 12.0
+# Distance between looks in deviations of the beam's own spectrum: their speckle correlates by about a quarter.
+LOOK_STEP = 1.6
+
+
+@dataclass(frozen=True)
+class Echo:
+    """The blurred complex envelope of each look (k, s, b), 1 RMS in average tissue, and the loss in dB on the way."""
+
+    signal: Complex64[np.ndarray, "k s b"]
+    loss_db: Float32[np.ndarray, "s b"]
 
 
 @dataclass(frozen=True)
 class BMode:
-    """A scanner that looks at a tissue; call it with the true pose of the image plane."""
+    """A scanner that looks at a tissue."""
 
     scanner: Scanner
     tissue: TissueModel
@@ -37,118 +47,141 @@ class BMode:
     @cached_property
     def beams(self) -> Beams:
         """The probe's grid of beams."""
-        return Beams(self.scanner)
+        return Beams(self.scanner, self.tissue.settings.sound_speed_m_s)
 
     def __call__(
-        self, tissue_T_image: Float64[np.ndarray, "4 4"], rng: np.random.Generator
-    ) -> UInt8[np.ndarray, "h w"]:
-        """Make one frame, its receiver noise drawn from ``rng``.
+        self, view: View, contact_db: Float32[np.ndarray, "b"], rng: np.random.Generator
+    ) -> tuple[UInt8[np.ndarray, "h w"], Bool[np.ndarray, "h w"]]:
+        """Make one frame, and the pixels in it that shadow or missing contact hide.
 
-        ``tissue_T_image`` is rigid and maps (lateral, depth, elevation) in mm to the tissue.
+        ``contact_db`` is each beam's loss at the skin; the receiver's noise is drawn from ``rng``.
         """
-        signal, transmission_db = self.signal(tissue_T_image)
-        noise = (
-            rng.standard_normal(signal.shape, dtype=np.float32)
-            + 1j * rng.standard_normal(signal.shape, dtype=np.float32)
-        ).astype(np.complex64)
-        level_db = 20.0 * np.log10(np.abs(self._receive(signal, transmission_db, noise)) + 1e-6)
-        picture_db = self.beams.to_picture(level_db.astype(np.float32)) + self.scanner.gain_db
-        grey = 255.0 * (1.0 + (picture_db - HEADROOM_DB) / self.scanner.dynamic_range_db)
-        return np.where(self.beams.seen, np.clip(np.rint(grey), 0, 255), 0).astype(np.uint8)
-
-    def signal(
-        self, tissue_T_image: Float64[np.ndarray, "4 4"]
-    ) -> tuple[Complex64[np.ndarray, "s b"], Float32[np.ndarray, "s b"]]:
-        """The blurred echoes, 1 RMS in average tissue, and the two-way loss in dB on the way to each sample."""
-        slab = self._slab(tissue_T_image)
-        positions_mm, strength, bits = place(
-            cells_in(slab, self.tissue.pitch_mm), self.tissue.pitch_mm, self.tissue.seed
+        echo = self.echo(view)
+        power = np.mean(np.abs(self._receive(echo, contact_db, rng)) ** 2, axis=0)
+        level_db = self.beams.to_picture(10.0 * np.log10(power + 1e-12)) + self.scanner.gain_db
+        grey = (
+            np.clip(TISSUE_LEVEL + level_db / self.scanner.dynamic_range_db, 0.0, 1.0) ** self.scanner.gamma
         )
-        rotation = tissue_T_image[:3, :3].astype(np.float32)
-        origin_mm = tissue_T_image[:3, 3].astype(np.float32)
-        local_mm = (positions_mm - origin_mm) @ rotation
-        inside = ((local_mm > slab.low_mm) & (local_mm < slab.high_mm)).all(axis=1)
-        echoes = self.tissue.scatter(positions_mm[inside], strength[inside], bits[inside], rotation[:, 1])
-        local_mm = (echoes.positions_mm - origin_mm) @ rotation
-        deposited, loss_db = self._deposit(echoes, local_mm)
-        return self._blur(deposited), loss_db
+        picture = np.where(self.beams.seen, np.rint(255.0 * grey), 0).astype(np.uint8)
+        return picture, self._hidden(echo.loss_db + contact_db)
 
-    def _slab(self, tissue_T_image: Float64[np.ndarray, "4 4"]) -> Slab:
+    def echo(self, view: View) -> Echo:
+        """What comes back before losses and noise."""
         margin_mm, scanner = self.beams.margin_mm, self.scanner
+        deepest_mm = (scanner.depth_mm + margin_mm) / self.beams.stretch
+        reach_mm = self._reach_mm(deepest_mm)
         half_mm = 2.0 * float(self._elevation_sigma_mm(np.array([0.0, scanner.depth_mm])).max())
-        width_mm = self.beams.half_width_mm + margin_mm
-        low_mm = np.array([-width_mm, -margin_mm, -half_mm])
-        return Slab(tissue_T_image, low_mm, np.array([width_mm, scanner.depth_mm + margin_mm, half_mm]))
+        low_mm = np.array([-reach_mm, -margin_mm - scanner.sag_mm, -half_mm])
+        high_mm = np.array([reach_mm, deepest_mm, half_mm])
+        slab = view.slab(low_mm, high_mm)
+        pitch_mm = self.tissue.pitch_mm
+        positions_mm, strength, bits = place(cells_in(slab, pitch_mm), pitch_mm, self.tissue.seed)
+        local_mm = view.to_image(positions_mm)
+        inside = ((local_mm > low_mm.astype(np.float32)) & (local_mm < high_mm.astype(np.float32))).all(
+            axis=1
+        )
+        local_mm = local_mm[inside]
+        beam = self.beams.directions(local_mm) @ view.tissue_T_image[:3, :3].T.astype(np.float32)
+        echoes = self.tissue.scatter(positions_mm[inside], strength[inside], bits[inside], beam)
+        local_mm[echoes.smooth] = view.to_image(echoes.positions_mm[echoes.smooth])
+        return self._echo(echoes, local_mm)
+
+    def _reach_mm(self, deepest_mm: float) -> float:
+        """Half the width of the tissue that is looked at."""
+        half_mm = self.beams.half_arc_mm + self.beams.margin_mm
+        if self.scanner.geometry == "linear":
+            return half_mm
+        radius_mm = self.scanner.radius_mm
+        return float((radius_mm + deepest_mm) * np.sin(min(half_mm / radius_mm, 0.5 * np.pi)))
 
     def _elevation_sigma_mm(self, depth_mm: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
         """Deviation of the slice's profile; it grows hyperbolically on both sides of the lens's focus."""
         scanner = self.scanner
         away = (depth_mm - scanner.elevation_focus_mm) / scanner.elevation_focus_mm
-        return scanner.elevation_mm / FWHM_PER_SIGMA * np.sqrt(1.0 + away * away)
+        sigma_mm = scanner.elevation_mm / FWHM_PER_SIGMA * np.sqrt(1.0 + away * away)
+        return np.asarray(sigma_mm, dtype=depth_mm.dtype)
 
-    def _deposit(
-        self, echoes: Scattering, local_mm: Float32[np.ndarray, "n 3"]
-    ) -> tuple[Complex64[np.ndarray, "s b"], Float32[np.ndarray, "s b"]]:
-        samples, lines = self.beams.shape
-        depth_mm = local_mm[:, 1]
-        row, column = self.beams.to_grid(local_mm[:, 0], depth_mm)
-        row, column = np.rint(row).astype(np.int64), np.rint(column).astype(np.int64)
-        sigma_mm = self._elevation_sigma_mm(depth_mm)
-        weight = np.exp(-0.5 * (local_mm[:, 2] / sigma_mm) ** 2) / np.sqrt(np.sqrt(np.pi) * sigma_mm)
-        kept = (row >= 0) & (row < samples) & (column >= 0) & (column < lines)
-        cell = (row * lines + column)[kept]
-        phase = np.where(echoes.smooth, 0.0, 4.0 * np.pi / self.scanner.wavelength_mm * depth_mm)[kept]
-        value = (echoes.amplitude * weight)[kept]
-        size = samples * lines
+    def _echo(self, echoes: Scattering, local_mm: Float32[np.ndarray, "n 3"]) -> Echo:
+        beams, (samples, lines) = self.beams, self.beams.shape
+        arc_mm, range_mm = beams.to_beam(local_mm[:, 0], local_mm[:, 1])
+        row, column = beams.to_grid(arc_mm, range_mm * np.float32(beams.stretch))
+        rows: Int64[np.ndarray, "n"] = np.rint(row).astype(np.int64)
+        columns: Int64[np.ndarray, "n"] = np.rint(column).astype(np.int64)
+        kept = (rows >= 0) & (rows < samples) & (columns >= 0) & (columns < lines)
+        rows, columns, range_mm = rows[kept], columns[kept], range_mm[kept]
+        sigma_mm = self._elevation_sigma_mm(range_mm)
+        profile = np.exp(-0.5 * (local_mm[kept, 2] / sigma_mm) ** 2) / np.sqrt(np.sqrt(np.pi) * sigma_mm)
+        carrier = np.float32(4.0 * np.pi / self.scanner.wavelength_mm) * range_mm
+        phase = np.where(echoes.smooth[kept], np.float32(0.0), carrier)
+        value = echoes.amplitude[kept] * profile
+        cell, size = rows * lines + columns, samples * lines
         real = np.bincount(cell, value * np.cos(phase), minlength=size)
         imaginary = np.bincount(cell, value * np.sin(phase), minlength=size)
-        density = self.tissue.settings.scatterers_per_mm3 * self.beams.sample_mm * self.beams.beam_mm
-        echo = ((real + 1j * imaginary) / np.sqrt(density)).reshape(samples, lines).astype(np.complex64)
-        return echo, self._loss_db(row[kept], column[kept], echoes.attenuation[kept])
+        deposited = (real + 1j * imaginary).reshape(samples, lines) / np.sqrt(self._per_cell())[:, None]
+        loss_db = along_beams_db(
+            beams, self.tissue.settings, (rows, columns), echoes.attenuation[kept], profile * profile
+        )
+        return Echo(self._blur(deposited.astype(np.complex64)), loss_db)
 
-    def _loss_db(
-        self, row: np.ndarray, column: np.ndarray, attenuation: Float32[np.ndarray, "n"]
-    ) -> Float32[np.ndarray, "s b"]:
-        """Two-way loss of attenuation summed along each beam, less what the depth gain compensates."""
-        samples, lines = self.beams.shape
-        rows, columns = -(-samples // COARSE[0]), -(-lines // COARSE[1])
-        cell = (row // COARSE[0]) * columns + column // COARSE[1]
-        counts = np.bincount(cell, minlength=rows * columns).reshape(rows, columns)
-        total = np.bincount(cell, attenuation, minlength=rows * columns).reshape(rows, columns)
-        relative = np.where(counts > 0, total / np.maximum(counts, 1), 1.0)
-        settings, step_cm = self.tissue.settings, COARSE[0] * self.beams.sample_mm / 10.0
-        rate = 2.0 * self.scanner.frequency_mhz * step_cm
-        excess_db = rate * (settings.attenuation_db_cm_mhz * relative - settings.compensation_db_cm_mhz)
-        summed = gaussian_filter1d(np.cumsum(excess_db, axis=0), 1.0, axis=1)
-        fine = zoom(summed, COARSE, order=1, mode="nearest", grid_mode=True)
-        return np.asarray(fine[:samples, :lines], dtype=np.float32)
+    def _per_cell(self) -> Float[np.ndarray, "s"]:
+        """Mean number of scatterers a grid cell and mm of elevation, by depth: a convex array's cells widen."""
+        beams, scanner = self.beams, self.scanner
+        area_mm2 = beams.sample_mm / beams.stretch * beams.beam_mm * np.ones(beams.shape[0])
+        if scanner.geometry == "convex":
+            true_mm = np.maximum(beams.sample_depth_mm, 0.0) / beams.stretch
+            area_mm2 *= (scanner.radius_mm + true_mm) / scanner.radius_mm
+        return self.tissue.settings.scatterers_per_mm3 * area_mm2
 
-    def _blur(self, echo: Complex64[np.ndarray, "s b"]) -> Complex64[np.ndarray, "s b"]:
-        """Convolve with the pulse along depth and with a beam whose width depends on depth; energy stays 1."""
+    def _blur(self, echo: Complex64[np.ndarray, "s b"]) -> Complex64[np.ndarray, "k s b"]:
+        """Convolve with pulse and beam, both of unit energy; the pulse has a later copy, the beam's width its depth.
+
+        Side lobes and stray paths are a second, wide and weak blur. Looks from other directions are the same beam
+        shifted in lateral frequency, as a steered aperture is.
+        """
+        beams, artefacts, scanner = self.beams, self.tissue.artefacts, self.scanner
         samples, lines = echo.shape
-        pulse = self._gaussian(np.array([self.beams.axial_sigma_mm / self.beams.sample_mm]), samples)
-        along = fft.ifft(fft.fft(echo, axis=0) * pulse.T, axis=0)
-        away = (self.beams.sample_depth_mm - self.scanner.focus_mm) / self.scanner.focus_mm
-        width = self.beams.lateral_sigma_mm * np.sqrt(1.0 + (0.8 * away) ** 2) / self.beams.beam_mm
-        side_lobes = 10.0 ** (self.scanner.clutter_db / 20.0)
-        beam = self._gaussian(width, lines) + side_lobes * self._gaussian(8.0 * width, lines)
-        return np.asarray(fft.ifft(fft.fft(along, axis=1) * beam, axis=1), dtype=np.complex64)
+        frequency = fft.fftfreq(samples)
+        later = artefacts.reverberation_mm / beams.sample_mm
+        copies = 1.0 + 10.0 ** (artefacts.reverberation_db / 20.0) * np.exp(-2j * np.pi * frequency * later)
+        pulse = self._gaussian(np.array([beams.axial_sigma_mm / beams.sample_mm]), samples)[0]
+        stray = self._gaussian(np.array([2.5 * beams.axial_sigma_mm / beams.sample_mm]), samples)[0]
+        spectrum = fft.fft(echo, axis=0)
+        along = fft.ifft(spectrum * (pulse * copies).astype(np.complex64)[:, None], axis=0)
+        strayed = fft.ifft(spectrum * stray[:, None], axis=0)
+        width = beams.lateral_sigma_mm(beams.sample_depth_mm) / beams.beam_mm
+        clutter = np.float32(10.0 ** (artefacts.clutter_db / 20.0))
+        haze = clutter * (fft.fft(strayed, axis=1) * self._gaussian(7.0 * width, lines))
+        spectrum = fft.fft(along, axis=1)
+        steps = np.arange(scanner.looks) - 0.5 * (scanner.looks - 1)
+        looks = [spectrum * self._gaussian(width, lines, LOOK_STEP * step) + haze for step in steps]
+        return np.asarray(fft.ifft(np.stack(looks), axis=2), dtype=np.complex64)
 
     @staticmethod
-    def _gaussian(sigma: Float[np.ndarray, "n"], length: int) -> Float32[np.ndarray, "n length"]:
-        """Transfer function of Gaussians of unit energy, one a row."""
-        frequency = fft.fftfreq(length)
+    def _gaussian(
+        sigma: Float[np.ndarray, "n"], length: int, shift: float = 0.0
+    ) -> Float32[np.ndarray, "n length"]:
+        """Transfer function of Gaussians of unit energy, one a row, moved by ``shift`` of their own deviations."""
+        scaled = 2.0 * np.pi * fft.fftfreq(length) * sigma[:, None] - shift
         scale = np.sqrt(2.0 * np.sqrt(np.pi) * sigma)[:, None]
-        return (scale * np.exp(-2.0 * (np.pi * frequency * sigma[:, None]) ** 2)).astype(np.float32)
+        return (scale * np.exp(-0.5 * scaled**2)).astype(np.float32)
 
     def _receive(
-        self,
-        signal: Complex64[np.ndarray, "s b"],
-        loss_db: Float32[np.ndarray, "s b"],
-        noise: Complex64[np.ndarray, "s b"],
-    ) -> Complex64[np.ndarray, "s b"]:
-        """Apply the loss and add the receiver's noise, which the depth gain raises towards the bottom."""
-        rate = 2.0 * self.scanner.frequency_mhz * self.tissue.settings.compensation_db_cm_mhz / 10.0
-        noise_db = self.scanner.noise_db + rate * (self.beams.sample_depth_mm - self.scanner.depth_mm)
+        self, echo: Echo, contact_db: Float32[np.ndarray, "b"], rng: np.random.Generator
+    ) -> Complex64[np.ndarray, "k s b"]:
+        """Apply the losses, add what rings between face and air, and the noise that depth gain raises downwards."""
+        beams, scanner = self.beams, self.scanner
+        rate = 2.0 * scanner.frequency_mhz * self.tissue.settings.compensation_db_cm_mhz / 10.0
+        noise_db = scanner.noise_db + rate * (beams.sample_depth_mm - scanner.depth_mm)
         level = (10.0 ** (noise_db / 20.0) / np.sqrt(2.0)).astype(np.float32)[:, None]
-        return signal * (10.0 ** (-loss_db / 20.0)).astype(np.float32) + level * noise
+        noise = rng.standard_normal((2, scanner.looks, *beams.shape), dtype=np.float32)
+        passed = (10.0 ** (-(echo.loss_db + contact_db) / 20.0)).astype(np.float32)
+        received = echo.signal * passed + level * (noise[0] + 1j * noise[1])
+        return np.asarray(received + ring_down(beams, self.tissue.artefacts, contact_db), dtype=np.complex64)
+
+    def _hidden(self, loss_db: Float32[np.ndarray, "s b"]) -> Bool[np.ndarray, "h w"]:
+        """Pixels where shadow or missing contact takes more than plain tissue above them would, by 12 dB."""
+        settings, beams = self.tissue.settings, self.beams
+        rate = 2.0 * self.scanner.frequency_mhz / 10.0
+        usual_db = rate * (settings.attenuation_db_cm_mhz - settings.compensation_db_cm_mhz)
+        excess_db = loss_db - (usual_db * np.maximum(beams.sample_depth_mm, 0.0))[:, None]
+        return (beams.to_picture(excess_db.astype(np.float32)) > HIDDEN_DB) & beams.seen

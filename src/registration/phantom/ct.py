@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter, label
 from registration.errors import InputError
 from registration.geometry import Mesh
 from registration.phantom.anatomy import Anatomy
-from registration.phantom.settings import CtScan
+from registration.phantom.conditions import CtScan
 from registration.phantom.shapes import outward
 
 

@@ -56,6 +56,17 @@ def rasterise(
     return np.cumsum(winding, axis=1)[:, :width_px] != 0
 
 
+def section(segments_mm: Float[np.ndarray, "s 2 2"]) -> tuple[float, tuple[float, float]]:
+    """Area in mm2 inside closed directed loops, and its centroid; 0 and the origin where there are none."""
+    (x0, y0), (x1, y1) = segments_mm[:, 0].T, segments_mm[:, 1].T
+    twice = x0 * y1 - x1 * y0
+    area_mm2 = 0.5 * float(twice.sum())
+    if abs(area_mm2) < 1e-9:
+        return 0.0, (0.0, 0.0)
+    centroid = float(((x0 + x1) * twice).sum()), float(((y0 + y1) * twice).sum())
+    return abs(area_mm2), (centroid[0] / (6.0 * area_mm2), centroid[1] / (6.0 * area_mm2))
+
+
 def mask_of_plane(
     mesh: Mesh, pixel_A_mesh: Float[np.ndarray, "4 4"], height_px: int, width_px: int
 ) -> Bool[np.ndarray, "height_px width_px"]:

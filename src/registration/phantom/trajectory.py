@@ -11,45 +11,52 @@ from scipy.spatial.transform import Rotation
 
 from registration import frames
 from registration.phantom.anatomy import Anatomy
-from registration.phantom.settings import Motion
+from registration.phantom.conditions import Motion
 
 WAYPOINTS = 7
+# The sweep stays this far from the ends of the vessel, where a frame would show nothing.
+ENDS_MM = 4.0
 
 
 @dataclass(frozen=True)
 class Path:
-    """A smooth path of the probe: ``ct_T_probe`` at any time from 0 to ``duration_s``.
+    """A smooth path of the probe in the anatomy's bed frame, from time 0 to ``duration_s``.
 
-    The probe's x is lateral, z points into the body, y completes a right-handed frame.
+    The probe's x is lateral, z points into the body, y completes a right-handed frame. ``position_mm`` runs on the
+    skin; ``pressure_mm`` is how far the probe is pushed below it, along its z.
     """
 
     duration_s: float
     position_mm: CubicSpline
     angles_deg: CubicSpline
+    pressure_mm: CubicSpline
+    sag_mm: float
 
     def at(self, times_s: Float64[np.ndarray, "n"]) -> Float64[np.ndarray, "n 4 4"]:
-        """Pose of the probe at each time."""
+        """``bed_T_probe`` at each time."""
         # At rest the probe looks to the back (+y) with its x to the patient's left (+x).
         upright = Rotation.from_matrix([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
         turned = upright * Rotation.from_euler("xyz", self.angles_deg(times_s), degrees=True)
-        return frames.from_rotation(turned, self.position_mm(times_s))
+        pushed = np.zeros((len(times_s), 3))
+        # A curved face is pushed in until its ends touch.
+        pushed[:, 2] = self.pressure_mm(times_s) + self.sag_mm
+        return frames.from_rotation(turned, self.position_mm(times_s) + turned.apply(pushed))
 
 
-def plan(anatomy: Anatomy, motion: Motion, rng: np.random.Generator) -> Path:
-    """Follow the vessel's main line on the skin, with some tilt and wander; start and direction are random.
+def plan(
+    anatomy: Anatomy, motion: Motion, pressure_mm: float, sag_mm: float, rng: np.random.Generator
+) -> Path:
+    """Follow the vessel on the skin, with some tilt and wander; start and direction are random.
 
-    The probe keeps the vessel roughly in the middle, as an operator or a visual servo would.
+    The probe keeps the vessel roughly in the middle, as an operator or a visual servo would, and presses with 0.4 to 1
+    of ``pressure_mm``.
     """
-    line = max(anatomy.centerline.lines, key=lambda candidate: candidate.length_mm)
-    points_mm = np.concatenate([one.points_mm for one in anatomy.centerline.lines])
-    low_mm, high_mm = points_mm[:, 2].min(), points_mm[:, 2].max()
+    guide_mm = anatomy.guide_mm
+    low_mm, high_mm = guide_mm[0, 2] + ENDS_MM, guide_mm[-1, 2] - ENDS_MM
     length_mm = min(motion.length_mm, high_mm - low_mm)
     start_mm = low_mm + rng.random() * (high_mm - low_mm - length_mm)
     z_mm = np.linspace(start_mm, start_mm + length_mm, WAYPOINTS)
-    near = [np.abs(points_mm[:, 2] - z) < 2.0 for z in z_mm]
-    middle_mm = np.array(
-        [points_mm[close, 0].mean() if close.any() else line.points_mm[:, 0].mean() for close in near]
-    )
+    middle_mm = np.interp(z_mm, guide_mm[:, 2], guide_mm[:, 0])
     position_mm = np.column_stack(
         [
             middle_mm + motion.wander_mm * rng.standard_normal(WAYPOINTS),
@@ -58,22 +65,29 @@ def plan(anatomy: Anatomy, motion: Motion, rng: np.random.Generator) -> Path:
         ]
     )
     # The same tilt throughout, as in an operator's habit, and some more that varies along the sweep.
+    # Turns in the image plane stay small, because they would lift one end of the face off the skin.
     angles_deg = motion.tilt_deg * (0.7 * rng.uniform(-1, 1, 3) + 0.4 * rng.uniform(-1, 1, (WAYPOINTS, 3)))
+    angles_deg *= [1.0, 0.35, 1.0]
     if rng.random() < 0.5:
         position_mm = position_mm[::-1]
     times_s = np.linspace(0.0, motion.duration_s, WAYPOINTS)
-    return Path(motion.duration_s, CubicSpline(times_s, position_mm), CubicSpline(times_s, angles_deg))
+    pushed_mm = pressure_mm * rng.uniform(0.4, 1.0, WAYPOINTS)
+    return Path(
+        duration_s=motion.duration_s,
+        position_mm=CubicSpline(times_s, position_mm),
+        angles_deg=CubicSpline(times_s, angles_deg),
+        pressure_mm=CubicSpline(times_s, pushed_mm),
+        sag_mm=sag_mm,
+    )
 
 
 def disturb(
-    world_T_ee: Float64[np.ndarray, "n 4 4"], motion: Motion, rng: np.random.Generator
+    A_T_B: Float64[np.ndarray, "n 4 4"], noise_mm: float, noise_deg: float, rng: np.random.Generator
 ) -> Float64[np.ndarray, "n 4 4"]:
-    """The poses as recorded: each true one with a small random motion of its own."""
-    count = len(world_T_ee)
-    rotation = Rotation.from_rotvec(motion.noise_deg * rng.standard_normal((count, 3)), degrees=True)
-    return frames.compose(
-        world_T_ee, frames.from_rotation(rotation, motion.noise_mm * rng.standard_normal((count, 3)))
-    )
+    """Poses as they are known: each true one with a small random motion of its own, in B."""
+    count = len(A_T_B)
+    rotation = Rotation.from_rotvec(noise_deg * rng.standard_normal((count, 3)), degrees=True)
+    return A_T_B @ frames.from_rotation(rotation, noise_mm * rng.standard_normal((count, 3)))
 
 
 def random_rigid(rng: np.random.Generator, reach_mm: float) -> Float64[np.ndarray, "4 4"]:

@@ -29,7 +29,8 @@ class PlusReader:
     The tracked marker on the probe, which PLUS calls Probe, is the end effector; ``ee_T_probe`` is the identity.
     ``tracker`` names a second sequence with the poses, recorded beside a video. ``clock`` is ``filtered`` or
     ``unfiltered``. ``orientation`` overrules the file's. Poses may be off orthonormal by ``rigid_tolerance`` and
-    are brought to the nearest rotation. Without image pixels the sweep has poses only.
+    are brought to the nearest rotation. Without image pixels the sweep has poses only, and needs no calibration;
+    ``uncalibrated`` says that none is known yet (pixels then stand for millimetres), as for a temporal calibration.
     """
 
     world: str = "Reference"
@@ -40,6 +41,7 @@ class PlusReader:
     clock: str = "filtered"
     orientation: str | None = None
     rigid_tolerance: float = frames.RIGID_TOLERANCE
+    uncalibrated: bool = False
 
     def __post_init__(self) -> None:
         if self.clock not in CLOCKS:
@@ -116,6 +118,8 @@ class PlusReader:
             for pair, stack in by_frame.edges.items()
             if valid[pair].any() and (np.ptp(stack[valid[pair]], axis=0) == 0).all()
         }
+        if self.uncalibrated:
+            return ProbeCalibration(np.eye(4), np.eye(4))
         if video.tracker_only and (self.image, self.ee) not in {**constant, **defined.edges}:
             return ProbeCalibration(np.eye(4), np.eye(4))
         try:

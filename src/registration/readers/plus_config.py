@@ -32,11 +32,15 @@ class DeviceSet:
 
 
 def read_device_set(path: Path) -> DeviceSet:
-    """Read a device set; transforms and phantom may both be absent, a malformed matrix raises InputError."""
+    """Read a device set, or the transform in the ``.results.xml`` of a calibration.
+
+    Transforms and phantom may both be absent; a malformed matrix raises InputError.
+    """
     root = parse_xml(path)
     edges = {
         (str(node.get("From")), str(node.get("To"))): numbers(node, "Matrix", 16, path).reshape(4, 4)
-        for definitions in root.iter("CoordinateDefinitions")
+        for definitions in root.iter()
+        if definitions.tag in ("CoordinateDefinitions", "CalibrationResults")
         for node in definitions.findall("Transform")
     }
     # Older files call a pattern NWire, newer ones Pattern of type NWire.

@@ -1,0 +1,171 @@
+"""Study ``calibrate_spatial``: where the image lies on the probe, from an N-wire phantom."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from experiments import files
+from experiments.errors import InputError
+from experiments.outcome import Outcome, Progress
+from experiments.studies.sweep_input import require_exists
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from registration.readers.plus_config import DeviceSet
+    from registration.readers.plus_results import WireCalibrationFile, WireFrames
+    from registration.spatial_calibration import NWireCalibration
+
+
+def check(*, results: str, phantom: str) -> None:
+    """Raise InputError for files that are not there."""
+    require_exists(results, "results")
+    require_exists(phantom, "phantom")
+
+
+def run(
+    *,
+    results: str,
+    phantom: str,
+    probe: str,
+    reference: str,
+    phantom_frame: str,
+    best_share: float,
+    spatial: NWireCalibration,
+    workspace: Path,
+    progress: Progress,
+) -> Outcome:
+    """Calibrate, and leave ``probe.yaml`` and a device set ``probe.xml`` in ``workspace``."""
+    from registration.probe_calibration import corner_displacement_mm, pixel_geometry
+    from registration.readers.calibration_file import calibration_yaml
+    from registration.readers.plus_config import device_set_xml, read_device_set
+    from registration.readers.plus_results import read_wire_calibration
+    from registration.readers.transform_graph import TransformGraph
+    from registration.spatial_calibration import mean_of_best_mm
+    from registration.sweep import ProbeCalibration
+
+    data = read_wire_calibration(require_exists(results, "results"), probe, reference)
+    device_set = read_device_set(require_exists(phantom, "phantom"))
+    if not len(device_set.wires_mm):
+        raise InputError(f"phantom: expected NWire patterns in {phantom}, found none")
+    registered, how = _registration(device_set, data, phantom_frame, reference)
+    poses = data.calibration.probe_T_reference @ registered
+    progress.note(f"calibrating from {len(poses)} frames")
+    result = spatial(data.calibration.points_px, device_set.wires_mm, poses)
+    matrix = result.probe_A_pixel
+    cases = _cases(data, device_set, registered, matrix, result.outliers)
+    errors = {
+        part: cases.loc[cases["part"] == part, "error_mm"].to_numpy()
+        for part in ("calibration", "validation")
+    }
+    geometry = pixel_geometry(matrix)
+    displaced = corner_displacement_mm(matrix, data.probe_A_pixel, data.height_px, data.width_px)
+    means = {part: mean_of_best_mm(values, best_share) for part, values in errors.items()}
+    files.write_text(workspace / "probe.yaml", calibration_yaml(ProbeCalibration(np.eye(4), matrix)))
+    files.write_text(workspace / "probe.xml", device_set_xml(TransformGraph({("Image", probe): matrix})))
+    metrics = {
+        "error_calibration_mm": means["calibration"],
+        "error_validation_mm": means["validation"],
+        "column_mm": geometry.column_mm,
+        "row_mm": geometry.row_mm,
+        "shear_deg": geometry.shear_deg,
+        "outliers": float(result.outliers.sum()),
+        "corner_displacement_max_mm": float(displaced.max()),
+    }
+    return Outcome(
+        metrics=metrics,
+        cases=cases,
+        figures={"residuals": _figure(cases)},
+        findings=(
+            f"Mean 3-D error over the best {best_share:.0%} of the points: {means['calibration']:.3f} mm on "
+            f"{len(poses)} calibration frames, {means['validation']:.3f} mm on {len(data.validation.points_px)} "
+            f"validation frames; phantom registered {how}.",
+            f"Pixels of {geometry.column_mm:.4f} by {geometry.row_mm:.4f} mm, sheared by {geometry.shear_deg:.2f} "
+            f"degrees; image corners at most {displaced.max():.4f} mm from the calibration in the file.",
+        ),
+    )
+
+
+def _registration(
+    device_set: DeviceSet, data: WireCalibrationFile, phantom_frame: str, reference: str
+) -> tuple[np.ndarray, str]:
+    """``reference_T_phantom`` from the device set, or, where that has none, from the middle points in the results."""
+    import registration.errors
+    from registration import frames
+    from registration.spatial_calibration import middle_points_mm, phantom_registration
+
+    try:
+        registered = device_set.transforms.chain(phantom_frame, reference)
+        return frames.nearest_rigid(
+            frames.require_rigid(registered, f"{phantom_frame}To{reference}")
+        ), "as defined"
+    except registration.errors.InputError:
+        if (
+            data.calibration.middle_probe_mm is None
+            or (phantom_frame, reference) in device_set.transforms.edges
+        ):
+            raise
+    in_phantom = middle_points_mm(data.calibration.points_px, device_set.wires_mm).reshape(-1, 3)
+    reference_T_probe = frames.invert_rigid(frames.nearest_rigid(data.calibration.probe_T_reference))
+    in_reference = np.concatenate(
+        list(map(frames.apply, reference_T_probe, data.calibration.middle_probe_mm))
+    )
+    return phantom_registration(in_phantom, in_reference), "to the middle points that the results hold"
+
+
+def _cases(
+    data: WireCalibrationFile,
+    device_set: DeviceSet,
+    registered: np.ndarray,
+    matrix: np.ndarray,
+    outliers: np.ndarray,
+) -> pd.DataFrame:
+    """A row for each middle point of either part: its pixel and its error."""
+    import pandas as pd
+
+    from registration.spatial_calibration import middle_errors_mm, middle_points_probe_mm
+
+    tables = []
+    parts: dict[str, WireFrames] = {"calibration": data.calibration, "validation": data.validation}
+    for part, found in parts.items():
+        target = middle_points_probe_mm(
+            found.points_px, device_set.wires_mm, found.probe_T_reference @ registered
+        )
+        middle_px = found.points_px[:, 1::3]
+        frame, pattern = np.indices(middle_px.shape[:2])
+        tables.append(
+            pd.DataFrame(
+                {
+                    "part": part,
+                    "frame": frame.reshape(-1),
+                    "wire": [device_set.wire_names[3 * index + 1] for index in pattern.reshape(-1)],
+                    "column_px": middle_px[..., 0].reshape(-1),
+                    "row_px": middle_px[..., 1].reshape(-1),
+                    "error_mm": middle_errors_mm(matrix, middle_px, target).reshape(-1),
+                    "outlier": outliers.reshape(-1) if part == "calibration" else False,
+                }
+            )
+        )
+    return pd.concat(tables, ignore_index=True)
+
+
+def _figure(cases: pd.DataFrame) -> Figure:
+    """Errors over the image, and their distribution in both parts."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11, 4.5), layout="constrained")
+    image, spread = figure.subplots(1, 2)
+    drawn = image.scatter(cases["column_px"], cases["row_px"], c=cases["error_mm"], s=8, cmap="viridis")
+    image.set(xlabel="column_px", ylabel="row_px", aspect="equal")
+    image.invert_yaxis()
+    figure.colorbar(drawn, ax=image, label="error_mm")
+    bins = np.linspace(0, float(cases["error_mm"].max()), 40).tolist()
+    for part, group in cases.groupby("part"):
+        spread.hist(group["error_mm"], bins=bins, alpha=0.6, label=str(part), density=True)
+    spread.set(xlabel="error_mm", ylabel="density")
+    spread.legend()
+    return figure

@@ -1,0 +1,74 @@
+"""Study ``calibrate_stylus``: the tip of a tracked stylus."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from experiments import files
+from experiments.outcome import Outcome, Progress
+from experiments.studies.sweep_input import SweepReader, require_exists
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from registration.stylus_calibration import PivotCalibration, PivotResult
+
+
+def check(*, sweep: str) -> None:
+    """Raise InputError for a recording that is not there."""
+    require_exists(sweep, "sweep")
+
+
+def run(
+    *, sweep: str, acquisition: SweepReader, pivot: PivotCalibration, workspace: Path, progress: Progress
+) -> Outcome:
+    """Find the tip and leave ``stylus_calibration.json`` in ``workspace``."""
+    import pandas as pd
+
+    recorded = acquisition(require_exists(sweep, "sweep"))
+    progress.note(f"pivot calibration from {len(recorded.world_T_ee)} poses")
+    result = pivot(recorded.world_T_ee)
+    length_mm = float(np.linalg.norm(result.tip_mm))
+    record = {
+        "tip_mm": result.tip_mm.tolist(),
+        "pivot_mm": result.pivot_mm.tolist(),
+        "rmse_mm": result.rmse_mm,
+        "weakest_mm": result.weakest_mm,
+    }
+    files.write_text(workspace / "stylus_calibration.json", json.dumps(record, indent=2) + "\n")
+    cases = pd.DataFrame(
+        {"time_s": recorded.pose_times_s, "residual_mm": result.residuals_mm, "outlier": result.outliers}
+    )
+    return Outcome(
+        metrics={
+            "tip_length_mm": length_mm,
+            "rmse_mm": result.rmse_mm,
+            "weakest_mm": result.weakest_mm,
+            "outliers": float(result.outliers.sum()),
+        },
+        cases=cases,
+        figures={"residuals": _figure(recorded.pose_times_s, result)},
+        findings=(
+            f"Tip at {', '.join(f'{value:.3f}' for value in result.tip_mm)} mm, {length_mm:.3f} mm from the marker; "
+            f"RMSE {result.rmse_mm:.3f} mm, standard error {result.weakest_mm:.3f} mm in the weakest direction, "
+            f"{int(result.outliers.sum())} of {len(cases)} poses left out.",
+        ),
+    )
+
+
+def _figure(times_s: np.ndarray, result: PivotResult) -> Figure:
+    """Residuals over time."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 4), layout="constrained")
+    axes = figure.subplots()
+    elapsed_s, kept = times_s - times_s[0], ~result.outliers
+    axes.plot(elapsed_s[kept], result.residuals_mm[kept], ".", label="used")
+    axes.plot(elapsed_s[~kept], result.residuals_mm[~kept], "x", label="left out")
+    axes.set(xlabel="time_s", ylabel="residual_mm")
+    axes.legend()
+    return figure

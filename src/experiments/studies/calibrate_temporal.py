@@ -1,0 +1,130 @@
+"""Study ``calibrate_temporal``: the lag of the tracker behind the images."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from experiments import files
+from experiments.outcome import Outcome, Progress
+from experiments.studies.sweep_input import SweepReader, require_exists
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from registration.line_detection import LineDetector
+    from registration.temporal_calibration import TemporalCalibration, TemporalResult
+
+
+def check(*, sweep: str) -> None:
+    """Raise InputError for a sweep that is not there."""
+    require_exists(sweep, "sweep")
+
+
+def run(
+    *,
+    sweep: str,
+    acquisition: SweepReader,
+    line: LineDetector,
+    temporal: TemporalCalibration,
+    workspace: Path,
+    progress: Progress,
+) -> Outcome:
+    """Find the lag and leave ``temporal_calibration.json`` (``offset_s`` is for synchronisation) in ``workspace``."""
+    from registration.temporal_calibration import principal_motion_mm
+
+    recorded = acquisition(require_exists(sweep, "sweep"))
+    progress.note(f"looking for the line in {len(recorded.images)} frames")
+    rows_px = line(recorded.images)
+    # The principal axis is that of the motion during the images, not of what the tracker saw before and after.
+    first_s, last_s = recorded.image_times_s.min(initial=np.inf), recorded.image_times_s.max(initial=-np.inf)
+    near = (recorded.pose_times_s >= first_s - 2 * temporal.max_lag_s) & (
+        recorded.pose_times_s <= last_s + 2 * temporal.max_lag_s
+    )
+    pose_times_s, positions_mm = recorded.pose_times_s[near], recorded.world_T_ee[near, :3, 3]
+    motion_mm = principal_motion_mm(positions_mm)
+    result = temporal(recorded.image_times_s, rows_px, pose_times_s, motion_mm)
+    cases = _cases(recorded.image_times_s, rows_px, pose_times_s, motion_mm, result)
+    residual_px = float(np.sqrt(np.nanmean(cases["residual_px"] ** 2)))
+    metrics = {
+        "tracker_lag_s": result.tracker_lag_s,
+        "offset_s": result.offset_s,
+        "correlation": result.correlation,
+        "residual_rms_px": residual_px,
+        "frames_with_line": float(np.isfinite(rows_px).sum()),
+        "frames_used": float(result.frames_used.sum()),
+    }
+    record = metrics | {
+        "runner_up_lag_s": result.runner_up_lag_s,
+        "runner_up_correlation": result.runner_up_correlation,
+    }
+    known = {key: value if np.isfinite(value) else None for key, value in record.items()}
+    files.write_text(workspace / "temporal_calibration.json", json.dumps(known, indent=2) + "\n")
+    return Outcome(
+        metrics=metrics,
+        cases=cases,
+        figures={"signals": _signals(cases, result), "correlation": _curve(result)},
+        findings=(
+            f"The tracker lags the images by {result.tracker_lag_s * 1e3:.1f} ms (correlation "
+            f"{abs(result.correlation):.3f}): synchronise with offset_s={result.offset_s:.4f}.",
+        ),
+    )
+
+
+def _cases(
+    image_times_s: np.ndarray,
+    rows_px: np.ndarray,
+    pose_times_s: np.ndarray,
+    motion_mm: np.ndarray,
+    result: TemporalResult,
+) -> pd.DataFrame:
+    """Per frame: the line's row, the motion at the frame's time with and without the lag, and what is left."""
+    import pandas as pd
+
+    at_lag_mm = np.interp(image_times_s + result.tracker_lag_s, pose_times_s, motion_mm)
+    used = result.frames_used
+    slope, shift = np.polyfit(at_lag_mm[used], rows_px[used], 1)
+    return pd.DataFrame(
+        {
+            "time_s": image_times_s,
+            "row_px": rows_px,
+            "motion_uncorrected_px": slope * np.interp(image_times_s, pose_times_s, motion_mm) + shift,
+            "motion_px": slope * at_lag_mm + shift,
+            "residual_px": np.where(used, rows_px - (slope * at_lag_mm + shift), np.nan),
+            "used": used,
+        }
+    )
+
+
+def _signals(cases: pd.DataFrame, result: TemporalResult) -> Figure:
+    """Both signals over time, and the residual with and without the lag."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 6), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True)
+    elapsed_s = cases["time_s"] - cases["time_s"].iloc[0]
+    above.plot(elapsed_s, cases["row_px"], ".", label="line in the image")
+    above.plot(elapsed_s, cases["motion_px"], "-", label=f"tracker, lag {result.tracker_lag_s * 1e3:.1f} ms")
+    above.set_ylabel("row_px")
+    above.legend()
+    below.plot(elapsed_s, cases["row_px"] - cases["motion_uncorrected_px"], ".", label="uncorrected")
+    below.plot(elapsed_s, cases["residual_px"], ".", label="corrected")
+    below.set(xlabel="time_s", ylabel="residual_px")
+    below.legend()
+    return figure
+
+
+def _curve(result: TemporalResult) -> Figure:
+    """Correlation over lag."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7, 4), layout="constrained")
+    axes = figure.subplots()
+    axes.plot(result.lags_s, np.abs(result.correlations))
+    axes.axvline(result.tracker_lag_s, linestyle="--", color="black")
+    axes.set(xlabel="lag_s", ylabel="absolute correlation")
+    return figure

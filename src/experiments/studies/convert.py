@@ -1,0 +1,62 @@
+"""Study ``convert``: a tracked sweep from one format into another."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from experiments.errors import InputError
+from experiments.outcome import Outcome, Progress
+from experiments.studies.sweep_input import SweepReader, describe_dropped, require_exists
+
+# A conversion measures nothing: the tracker would only keep a second copy of the files.
+TRACKED = False
+FORMATS = ("folder", "plus_mha", "plus_nrrd", "ros2_mcap", "ros2_sqlite3")
+
+
+def check(*, input: str, format: str) -> None:
+    """Raise InputError for an input that is not there or a format that is not known."""
+    require_exists(input, "input")
+    if format not in FORMATS:
+        raise InputError(f"format: expected {', '.join(FORMATS)}, received {format!r}")
+
+
+def run(
+    *,
+    input: str,
+    acquisition: SweepReader,
+    format: str,
+    max_gap_s: float,
+    workspace: Path,
+    progress: Progress,
+) -> Outcome:
+    """Read the sweep at ``input`` and leave it in ``workspace`` as ``sweep`` or ``sweep.igs.mha`` or ``.nrrd``.
+
+    Folders and bags keep both streams with their own times. A PLUS file holds a pose a frame, brought to the frame's
+    time; frames without one are left out and counted.
+    """
+    from registration.readers.folder import write_folder
+    from registration.readers.plus_writer import write_plus
+    from registration.readers.rosbag_writer import write_bag
+
+    check(input=input, format=format)
+    progress.note(f"reading {input}")
+    sweep = acquisition(require_exists(input, "input"))
+    dropped = dict(sweep.dropped)
+    kind, _, variant = format.partition("_")
+    target = workspace / ("sweep" if kind != "plus" else f"sweep.igs.{variant}")
+    progress.note(f"writing {len(sweep.images)} frames and {len(sweep.world_T_ee)} poses as {format}")
+    if kind == "plus":
+        dropped = write_plus(target, sweep, max_gap_s)
+    elif kind == "ros2":
+        write_bag(target, sweep, variant)
+    else:
+        write_folder(target, sweep)
+    lost = sum(dropped.values()) - sum(sweep.dropped.values())
+    written = len(sweep.images) - lost
+    return Outcome(
+        metrics={"frames": float(written), "frames_dropped": float(sum(dropped.values()))},
+        findings=(
+            f"{target.name}: {written} frames and {len(sweep.world_T_ee)} poses from {input}; "
+            f"frames left out: {describe_dropped(dropped)}.",
+        ),
+    )

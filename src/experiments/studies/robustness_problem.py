@@ -1,0 +1,87 @@
+"""The surfaces, the truth and the targets of a robustness study, from files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from experiments import files
+from experiments.errors import InputError
+from experiments.outcome import InputData
+from experiments.studies.registration_inputs import read_mm, read_pose, refuse_metres, require_path
+from registration import errors as registration_errors
+from registration.geometry import Mesh
+from registration.geometry_io import read_centerline
+from registration.metrics import Surface
+
+# At most this many points carry the target registration error.
+MOST_TARGETS = 500
+# Drawn once for every study, so that all runs on a surface share their targets.
+TARGET_SEED = 20250
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is registered to what, and how far the answer is from the truth is measured at which points.
+
+    ``fixed_T_moving`` (4, 4) is the true pose of ``moving`` before any perturbation; ``targets_mm`` (t, 3) lie in the
+    fixed frame, on the ``centerline`` or the ``surface`` as ``target_kind`` says. ``inputs`` are the files read.
+    """
+
+    fixed: Surface
+    moving: Surface
+    fixed_T_moving: np.ndarray
+    targets_mm: np.ndarray
+    target_kind: str
+    inputs: tuple[InputData, ...]
+
+
+def read_problem(
+    target: str | None, moving: str | None, moving_truth: str | None, centerline: str | None
+) -> Problem:
+    """Read the fixed surface, and what the user has of a moving one, its true pose and a centerline.
+
+    Without ``moving`` the fixed surface is registered to itself. Raises InputError that names the setting and the file.
+    """
+    target_path = require_path(
+        target, "target", "the file of the fixed surface (PLY, PCD, STL, OBJ, VTP or XYZ)"
+    )
+    fixed = read_mm(target_path, "target", None)
+    surface, truth = _moving(moving, moving_truth, fixed)
+    targets_mm, kind = _targets(centerline, fixed)
+    paths = [Path(path) for path in (target, moving, moving_truth, centerline) if path is not None]
+    return Problem(
+        fixed=fixed,
+        moving=surface,
+        fixed_T_moving=truth,
+        targets_mm=targets_mm,
+        target_kind=kind,
+        inputs=tuple(InputData(path.name, files.digest(path), str(path)) for path in paths),
+    )
+
+
+def _moving(moving: str | None, moving_truth: str | None, fixed: Surface) -> tuple[Surface, np.ndarray]:
+    if moving is None:
+        if moving_truth is not None:
+            raise InputError("moving_truth: expected a moving file with it, received none")
+        return fixed, np.eye(4)
+    truth_path = require_path(moving_truth, "moving_truth", "a JSON file with the fixed_T_moving of moving")
+    surface = read_mm(Path(moving), "moving", None)
+    hint = "convert the file to millimetres first"
+    refuse_metres(surface, fixed, "moving", None, hint)
+    refuse_metres(fixed, surface, "target", None, hint)
+    return surface, read_pose(truth_path, "moving_truth")
+
+
+def _targets(centerline: str | None, fixed: Surface) -> tuple[np.ndarray, str]:
+    if centerline is not None:
+        try:
+            return read_centerline(Path(centerline)).even_points(MOST_TARGETS), "centerline"
+        except registration_errors.InputError as refusal:
+            raise InputError(f"centerline: {refusal}") from refusal
+    rng = np.random.default_rng(TARGET_SEED)
+    if isinstance(fixed, Mesh):
+        return fixed.sample(MOST_TARGETS, rng), "surface"
+    return rng.permutation(fixed, axis=0)[:MOST_TARGETS], "surface"

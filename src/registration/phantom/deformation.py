@@ -1,0 +1,197 @@
+"""How tissue moves between the CT and a frame: a smooth bend of the body, and the push of the probe.
+
+A material point X of the CT lies at ``X + u(X)`` at the time of the sweep (ct frame, mm); under the probe it is pushed
+once more, by an amount that belongs to the frame. Both are closed formulas, so truth is exact at any point.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Float64
+from scipy.spatial.transform import Rotation
+
+from registration import frames
+from registration.phantom.scatterers import Slab
+
+INVERSE_STEPS = 8
+# How far the tissue reaches around the vessel whose rigid motion is taken out of a bend.
+BODY_MM = 15.0
+
+
+@dataclass(frozen=True)
+class Bend:
+    """A sum of Gaussian bumps, followed by a rigid motion that takes out its rigid part.
+
+    ``centres_mm`` and ``weights_mm`` (k, 3); ``still_T_bent`` brings the bent vessel back over itself.
+    """
+
+    centres_mm: Float64[np.ndarray, "k 3"]
+    weights_mm: Float64[np.ndarray, "k 3"]
+    length_mm: float
+    still_T_bent: Float64[np.ndarray, "4 4"]
+
+    def __call__(self, points_mm: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """Where material points lie at the time of the sweep; keeps the precision of its input."""
+        kind = points_mm.dtype
+        bent = points_mm.copy()
+        for centre, weight in zip(self.centres_mm.astype(kind), self.weights_mm.astype(kind), strict=True):
+            offset = points_mm - centre
+            squared = np.einsum("ni,ni->n", offset, offset)
+            bent += np.exp(squared * kind.type(-0.5 / self.length_mm**2))[:, None] * weight
+        rigid = self.still_T_bent.astype(kind)
+        return np.asarray(bent @ rigid[:3, :3].T + rigid[:3, 3])
+
+
+def draw_bend(
+    guide_mm: Float64[np.ndarray, "g 3"], most_mm: float, length_mm: float, rng: np.random.Generator
+) -> Bend | None:
+    """A random bend whose largest displacement along ``guide_mm`` (points of the vessel) is ``most_mm``; None for 0."""
+    if most_mm == 0:
+        return None
+    chosen = np.linspace(0, len(guide_mm) - 1, 5).round().astype(int)
+    centres_mm = guide_mm[chosen] + rng.normal(0.0, 8.0, (5, 3))
+    direction = rng.standard_normal((5, 3)) * [1.0, 0.7, 0.5]
+
+    # A line alone leaves its roll open; with the tissue around it, the rigid part is that of the whole body.
+    aside_mm = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]) * BODY_MM
+    body_mm = (guide_mm[:, None] + aside_mm).reshape(-1, 3)
+
+    def scaled(size_mm: float) -> Bend:
+        raw = Bend(centres_mm, size_mm * direction, length_mm, np.eye(4))
+        return Bend(centres_mm, size_mm * direction, length_mm, _rigid_part(raw(body_mm), body_mm))
+
+    # The rigid part is not linear in the size, but nearly so: a few corrections meet the maximum.
+    size_mm = most_mm
+    for _ in range(6):
+        largest_mm = np.linalg.norm(scaled(size_mm)(guide_mm) - guide_mm, axis=1).max()
+        size_mm *= most_mm / largest_mm
+    return scaled(size_mm)
+
+
+@dataclass(frozen=True)
+class Press:
+    """The probe's push in one frame, in image coordinates (lateral, depth, elevation).
+
+    The skin under the probe gives way by ``depth_mm``; deeper tissue follows less, with a decay over ``fade_mm``.
+    Around ``centre_mm`` (lateral, depth) tissue is flattened by the share ``squeeze`` and gives way sideways, within
+    about ``reach_mm``.
+    """
+
+    depth_mm: float
+    fade_mm: float
+    half_width_mm: float
+    squeeze: float
+    centre_mm: tuple[float, float]
+    reach_mm: float
+
+    def __call__(self, local_mm: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """Where points lie when pressed; keeps the precision of its input."""
+        kind = local_mm.dtype.type
+        pressed = local_mm.copy()
+        below = np.maximum(local_mm[:, 1] + kind(self.depth_mm), kind(0.0))
+        outside = (local_mm[:, 0] / kind(1.3 * self.half_width_mm)) ** 2
+        along = (local_mm[:, 2] / kind(15.0)) ** 2
+        pressed[:, 1] += kind(self.depth_mm) * np.exp(
+            -below / kind(self.fade_mm) - outside**2 - kind(0.5) * along
+        )
+        if self.squeeze > 0:
+            aside = local_mm[:, 0] - kind(self.centre_mm[0])
+            deeper = local_mm[:, 1] - kind(self.centre_mm[1])
+            near = np.exp((aside**2 + deeper**2) * kind(-0.5 / self.reach_mm**2) - kind(0.5) * along)
+            pressed[:, 1] -= kind(self.squeeze) * near * deeper
+            pressed[:, 0] += kind(self.squeeze) * near * aside
+        return pressed
+
+
+@dataclass(frozen=True)
+class View:
+    """The tissue as one frame sees it: rigid pose of the image plane, the bend, and the push.
+
+    ``tissue_T_image`` maps (lateral, depth, elevation) in mm to the ct frame, where tissue lies as bent.
+    """
+
+    tissue_T_image: Float64[np.ndarray, "4 4"]
+    bend: Bend | None = None
+    press: Press | None = None
+
+    def to_image(self, points_mm: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """Image coordinates of material points, in their precision."""
+        bent = self.bend(points_mm) if self.bend else points_mm
+        return self.pressed(bent)
+
+    def pressed(self, bent_mm: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """Image coordinates of points whose bend is already applied."""
+        kind = bent_mm.dtype
+        local_mm = (bent_mm - self.tissue_T_image[:3, 3].astype(kind)) @ self.tissue_T_image[:3, :3].astype(
+            kind
+        )
+        return self.press(local_mm) if self.press else local_mm
+
+    def to_tissue(self, local_mm: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n 3"]:
+        """Material points seen at image coordinates: the inverse, by fixed-point iteration."""
+        points_mm = frames.apply(self.tissue_T_image, _undo(self.press, local_mm) if self.press else local_mm)
+        return _undo(self.bend, points_mm) if self.bend else points_mm
+
+    def slab(self, low_mm: Float64[np.ndarray, "3"], high_mm: Float64[np.ndarray, "3"]) -> Slab:
+        """A block of material that holds all that is seen between two corners in image coordinates."""
+        if self.bend is None and self.press is None:
+            return Slab(self.tissue_T_image, low_mm, high_mm)
+        axes = [np.linspace(low_mm[axis], high_mm[axis], count) for axis, count in enumerate((7, 7, 3))]
+        local_mm = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        material_mm = self.to_tissue(local_mm)
+        # Turning the block with the tissue keeps it thin.
+        tissue_T_block = _rigid_part(local_mm, material_mm)
+        within_mm = frames.apply(frames.invert_rigid(tissue_T_block), material_mm)
+        return Slab(tissue_T_block, within_mm.min(axis=0) - 0.3, within_mm.max(axis=0) + 0.3)
+
+
+@dataclass(frozen=True)
+class SweepDeformation:
+    """The whole truth about deformation in one sweep: the bend, and the push of every frame.
+
+    ``views`` hold both, in the anatomy's bed frame; points go in and come out in the ct frame, in mm.
+    """
+
+    views: tuple[View, ...]
+    ct_T_bed: Float64[np.ndarray, "4 4"]
+
+    def displaced(self, points_mm: Float64[np.ndarray, "n 3"], frame: int) -> Float64[np.ndarray, "n 3"]:
+        """Where material points (ct frame, n x 3) lie while ``frame`` is taken."""
+        view, bed_T_ct = self.views[frame], frames.invert_rigid(self.ct_T_bed)
+        local_mm = view.to_image(frames.apply(bed_T_ct, points_mm))
+        return frames.apply(self.ct_T_bed @ view.tissue_T_image, local_mm)
+
+    def as_swept(self, points_mm: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n 3"]:
+        """Where material points lie when the image plane passes nearest to them: what a reconstruction shows."""
+        material_mm = frames.apply(frames.invert_rigid(self.ct_T_bed), points_mm)
+        away_mm = np.abs(np.stack([view.to_image(material_mm)[:, 2] for view in self.views]))
+        nearest = away_mm.argmin(axis=0)
+        shown_mm = np.empty_like(points_mm)
+        for frame in np.unique(nearest):
+            chosen = nearest == frame
+            shown_mm[chosen] = self.displaced(points_mm[chosen], int(frame))
+        return shown_mm
+
+    @cached_property
+    def pressure_mm(self) -> Float64[np.ndarray, "n"]:
+        """How deep the probe presses in each frame."""
+        return np.array([view.press.depth_mm if view.press else 0.0 for view in self.views])
+
+
+def _undo(forward: Bend | Press, moved: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n 3"]:
+    points = moved.copy()
+    for _ in range(INVERSE_STEPS):
+        points += moved - forward(points)
+    return points
+
+
+def _rigid_part(
+    moving_mm: Float64[np.ndarray, "n 3"], fixed_mm: Float64[np.ndarray, "n 3"]
+) -> Float64[np.ndarray, "4 4"]:
+    """The rigid transform that brings one set of points best over the other (Kabsch, Acta Cryst. A32, 1976)."""
+    middle, target = moving_mm.mean(axis=0), fixed_mm.mean(axis=0)
+    rotation, _ = Rotation.align_vectors(fixed_mm - target, moving_mm - middle)
+    return frames.from_rotation(rotation, target - rotation.apply(middle))

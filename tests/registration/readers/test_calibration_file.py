@@ -1,0 +1,55 @@
+"""A probe's calibration from YAML and from PLUS's XML."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sweeps import CALIBRATION
+
+from registration.errors import InputError
+from registration.readers.calibration_file import calibration_yaml, read_calibration
+from registration.sweep import ProbeCalibration
+
+
+def test_yaml_comes_back_to_the_last_bit(tmp_path: Path) -> None:
+    tiny = ProbeCalibration(CALIBRATION.ee_T_probe, CALIBRATION.probe_A_pixel + 1e-17 * np.eye(4, k=2))
+    path = tmp_path / "probe.yaml"
+    path.write_text(calibration_yaml(tiny))
+    found = read_calibration(path)
+    np.testing.assert_array_equal(found.probe_A_pixel, tiny.probe_A_pixel)
+    np.testing.assert_array_equal(found.ee_T_probe, tiny.ee_T_probe)
+
+
+def test_result_of_plus_is_read_as_it_is(real_data: Path) -> None:
+    found = read_calibration(real_data / "plus" / "FreehandCalibration3NWires_fCal2.0.results.xml")
+    np.testing.assert_allclose(found.probe_A_pixel[:3, 3], [11.2137, 48.4162, -0.398993])
+    np.testing.assert_array_equal(found.ee_T_probe, np.eye(4))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("ee_T_probe: []\n", "expected the key probe_A_pixel, found ee_T_probe"),
+        ("probe_A_pixel: [[1, 2], [3]]\n", "expected probe_A_pixel as four rows of four numbers"),
+        ("probe_A_pixel: [[1, 2], [3, 4]]\n", r"expected probe_A_pixel as four rows .* found shape \(2, 2\)"),
+        ("- 1\n", "expected a mapping of keys to values, found list"),
+        (
+            "probe_A_pixel: [[1,0,0,0],[2,0,0,0],[0,0,1,0]]\n",
+            r"expected probe_A_pixel in millimetres|expected an inv",
+        ),
+    ],
+)
+def test_broken_yaml_is_refused(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "probe.yaml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=rf"probe\.yaml: .*({message})"):
+        read_calibration(path)
+
+
+def test_xml_without_the_chain_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "set.xml"
+    path.write_text("<PlusConfiguration/>")
+    with pytest.raises(InputError, match=r"set\.xml: transform ImageToProbe: expected a chain"):
+        read_calibration(path)

@@ -1,0 +1,35 @@
+"""The reader is chosen by what the path is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from sweeps import assert_same_sweep, known_sweep
+
+from registration.errors import InputError
+from registration.readers.detect import AutoReader
+from registration.readers.folder import write_folder
+from registration.readers.plus_writer import write_plus
+from registration.readers.rosbag_writer import write_bag
+
+
+def test_folder_bag_and_sequence_are_told_apart(tmp_path: Path) -> None:
+    write_folder(tmp_path / "folder", known_sweep())
+    write_bag(tmp_path / "bag", known_sweep())
+    write_plus(tmp_path / "a.igs.nrrd", known_sweep(), max_gap_s=1.0)
+    assert_same_sweep(AutoReader()(tmp_path / "folder"), known_sweep())
+    assert_same_sweep(AutoReader()(tmp_path / "bag"), known_sweep())
+    assert AutoReader()(tmp_path / "a.igs.nrrd").images.shape == known_sweep().images.shape
+
+
+def test_result_folder_stands_for_the_sweep_in_it(tmp_path: Path) -> None:
+    write_folder(tmp_path / "out" / "sweep", known_sweep())
+    assert_same_sweep(AutoReader()(tmp_path / "out"), known_sweep())
+
+
+@pytest.mark.parametrize(("name", "found"), [("empty", "none of them"), ("absent", "nothing")])
+def test_anything_else_is_refused(tmp_path: Path, name: str, found: str) -> None:
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match=f"{name}: expected a folder with sweep.yaml, .* found {found}"):
+        AutoReader()(tmp_path / name)

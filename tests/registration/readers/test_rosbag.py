@@ -1,0 +1,305 @@
+"""Bags written by rosbags: both storages, all message kinds, and what may be wrong with a recording."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from scipy.spatial.transform import Rotation
+from sweeps import assert_same_sweep, known_sweep, world_T_ee
+
+from registration import frames
+from registration.errors import InputError
+from registration.readers.calibration_file import calibration_yaml
+from registration.readers.rosbag import RosbagReader
+from registration.readers.rosbag_writer import write_bag
+from registration.synchronisation import AFTER_LAST_POSE, synchronise
+
+rosbag2 = pytest.importorskip("rosbags.rosbag2")
+typesys = pytest.importorskip("rosbags.typesys")
+STORE = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+READER = RosbagReader(image_topic="/us/image", pose_topic="/robot/ee_pose")
+PICTURE = np.random.default_rng(3).integers(0, 256, (6, 9)).astype(np.uint8)
+Message = tuple[str, str, float, Any]
+
+
+def make(name: str, **fields: Any) -> Any:
+    return STORE.types[name](**fields)
+
+
+def header(time_s: float, frame_id: str) -> Any:
+    ns = round(time_s * 1e9)
+    stamp = make("builtin_interfaces/msg/Time", sec=ns // 10**9, nanosec=ns % 10**9)
+    return make("std_msgs/msg/Header", stamp=stamp, frame_id=frame_id)
+
+
+def image(time_s: float, pixels: np.ndarray = PICTURE, encoding: str = "mono8", padding: int = 0) -> Message:
+    rows = np.pad(pixels.reshape(len(pixels), -1), ((0, 0), (0, padding)), constant_values=99)
+    message = make(
+        "sensor_msgs/msg/Image",
+        header=header(time_s, "image"),
+        height=pixels.shape[0],
+        width=pixels.shape[1],
+        encoding=encoding,
+        is_bigendian=0,
+        step=rows.shape[1],
+        data=rows.reshape(-1),
+    )
+    return "/us/image", "sensor_msgs/msg/Image", time_s, message
+
+
+def compressed(time_s: float, kind: str) -> Message:
+    stream = io.BytesIO()
+    Image.fromarray(np.full((6, 9), 120, np.uint8) if kind == "jpeg" else PICTURE).save(stream, kind)
+    data = np.frombuffer(stream.getvalue(), np.uint8)
+    name = "sensor_msgs/msg/CompressedImage"
+    return "/us/image", name, time_s, make(name, header=header(time_s, "image"), format=kind, data=data)
+
+
+def vector(pose: np.ndarray, name: str) -> Any:
+    return make(name, **dict(zip("xyz", map(float, pose[:3, 3] / 1000), strict=True)))
+
+
+def turn(pose: np.ndarray) -> Any:
+    values = map(float, Rotation.from_matrix(pose[:3, :3]).as_quat())
+    return make("geometry_msgs/msg/Quaternion", **dict(zip("xyzw", values, strict=True)))
+
+
+def pose(time_s: float, frame_id: str = "world") -> Message:
+    matrix = world_T_ee(np.array([time_s]))[0]
+    name = "geometry_msgs/msg/PoseStamped"
+    inner = make(
+        "geometry_msgs/msg/Pose", position=vector(matrix, "geometry_msgs/msg/Point"), orientation=turn(matrix)
+    )
+    return "/robot/ee_pose", name, time_s, make(name, header=header(time_s, frame_id), pose=inner)
+
+
+def transform(time_s: float, matrix: np.ndarray, parent: str, child: str) -> Any:
+    inner = make(
+        "geometry_msgs/msg/Transform",
+        translation=vector(matrix, "geometry_msgs/msg/Vector3"),
+        rotation=turn(matrix),
+    )
+    return make(
+        "geometry_msgs/msg/TransformStamped",
+        header=header(time_s, parent),
+        child_frame_id=child,
+        transform=inner,
+    )
+
+
+def tf(time_s: float, *links: Any, topic: str = "/tf") -> Message:
+    return topic, "tf2_msgs/msg/TFMessage", time_s, make("tf2_msgs/msg/TFMessage", transforms=list(links))
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Callable[..., Path]:
+    """Write messages into a bag in the order given, a microsecond apart."""
+
+    def write(*messages: Message, plugin: str = "SQLITE3") -> Path:
+        path = tmp_path / "bag"
+        with rosbag2.Writer(path, version=9, storage_plugin=rosbag2.StoragePlugin[plugin]) as writer:
+            connections: dict[str, Any] = {}
+            for index, (topic, name, _, message) in enumerate(messages):
+                if topic not in connections:
+                    connections[topic] = writer.add_connection(topic, name, typestore=STORE)
+                writer.write(connections[topic], index * 1000, STORE.serialize_cdr(message, name))
+        (path / "calibration.yaml").write_text(calibration_yaml(known_sweep().calibration))
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
+def test_written_sweep_comes_back_whole(tmp_path: Path, storage: str) -> None:
+    write_bag(tmp_path / "bag", known_sweep(), storage)
+    assert len(list((tmp_path / "bag").glob("*.db3" if storage == "sqlite3" else "*.mcap"))) == 1
+    assert_same_sweep(READER(tmp_path / "bag"), known_sweep())
+    file = next(path for path in (tmp_path / "bag").iterdir() if path.suffix in (".db3", ".mcap"))
+    assert_same_sweep(READER(file), known_sweep())
+
+
+@pytest.mark.parametrize("plugin", ["SQLITE3", "MCAP"])
+def test_metres_become_millimetres(bag: Callable[..., Path], plugin: str) -> None:
+    sweep = READER(bag(image(0.5), pose(0.4), pose(0.6), plugin=plugin))
+    np.testing.assert_allclose(sweep.world_T_ee, world_T_ee(np.array([0.4, 0.6])), atol=1e-9)
+    np.testing.assert_array_equal(sweep.images[0], PICTURE)
+
+
+def test_encodings_and_padded_rows(bag: Callable[..., Path]) -> None:
+    rgb = np.random.default_rng(4).integers(0, 256, (6, 9, 3)).astype(np.uint8)
+    grey = np.rint(rgb @ np.array([0.299, 0.587, 0.114])).astype(np.uint8)
+    alpha = np.dstack([rgb, np.full((6, 9), 17, np.uint8)])
+    sweep = READER(
+        bag(
+            image(0.1, rgb, "rgb8"),
+            image(0.2, rgb[..., ::-1], "bgr8", padding=5),
+            image(0.3, alpha, "rgba8"),
+            image(0.4, alpha[..., [2, 1, 0, 3]], "bgra8"),
+            image(0.5, PICTURE, "8UC1", padding=3),
+            pose(0.0),
+            pose(1.0),
+        )
+    )
+    for index in range(4):
+        np.testing.assert_array_equal(sweep.images[index], grey)
+    np.testing.assert_array_equal(sweep.images[4], PICTURE)
+
+
+def test_compressed_images(bag: Callable[..., Path]) -> None:
+    sweep = READER(bag(compressed(0.1, "png"), compressed(0.2, "jpeg"), pose(0.0), pose(1.0)))
+    np.testing.assert_array_equal(sweep.images[0], PICTURE)
+    assert np.abs(sweep.images[1].astype(int) - 120).max() <= 1
+
+
+def test_transform_topic(bag: Callable[..., Path]) -> None:
+    name = "geometry_msgs/msg/TransformStamped"
+    messages = [
+        (
+            "/robot/ee_pose",
+            name,
+            time_s,
+            transform(time_s, world_T_ee(np.array([time_s]))[0], "world", "flange"),
+        )
+        for time_s in (0.0, 1.0)
+    ]
+    path = bag(image(0.5), *messages)
+    np.testing.assert_allclose(READER(path).world_T_ee, world_T_ee(np.array([0.0, 1.0])), atol=1e-9)
+    other = RosbagReader("/us/image", "/robot/ee_pose", ee="gripper")
+    with pytest.raises(InputError, match="message 0: expected ee 'gripper', found frame 'flange'"):
+        other(path)
+
+
+def test_tf2_chain_with_links_of_their_own_times(bag: Callable[..., Path]) -> None:
+    base_T_ee, world_T_base = world_T_ee, world_T_ee(np.array([9.0]))[0]
+    static = tf(0.0, transform(0.0, np.linalg.inv(world_T_base), "base", "world"), topic="/tf_static")
+    arm_s, hand_s = np.arange(0.0, 0.61, 0.1), np.arange(0.03, 0.6, 0.04)
+    arm = [tf(t, transform(t, frames.translation((0.0, 100 * t, 0.0)), "base", "arm")) for t in arm_s]
+    hand = []
+    for time_s in hand_s:
+        arm_T_base = frames.translation((0.0, -100 * time_s, 0.0))
+        hand.append(tf(time_s, transform(time_s, arm_T_base @ base_T_ee(np.array([time_s]))[0], "arm", "ee")))
+    path = bag(image(0.3), static, *sorted(arm + hand, key=lambda message: message[2]))
+    sweep = RosbagReader("/us/image", world="world", ee="ee", tf_max_gap_s=0.15)(path)
+    np.testing.assert_allclose(sweep.pose_times_s, hand_s, atol=1e-9)
+    np.testing.assert_allclose(sweep.world_T_ee, world_T_base @ base_T_ee(hand_s), atol=1e-7)
+    with pytest.raises(InputError, match="transform eeToroom: expected a chain of known transforms"):
+        RosbagReader("/us/image", world="room", ee="ee")(path)
+
+
+def test_gap_in_one_link_is_a_gap_of_the_poses(bag: Callable[..., Path]) -> None:
+    step = frames.translation((1.0, 0.0, 0.0))
+    arm = [tf(t, transform(t, step, "world", "arm")) for t in (0.0, 0.1, 0.7, 0.8)]
+    hand = [
+        tf(t, transform(t, world_T_ee(np.array([t]))[0], "arm", "ee")) for t in np.arange(0.0, 0.81, 0.05)
+    ]
+    path = bag(image(0.05), image(0.4), *sorted(arm + hand, key=lambda message: message[2]))
+    sweep = RosbagReader("/us/image", world="world", ee="ee", tf_max_gap_s=0.2)(path)
+    assert not ((sweep.pose_times_s > 0.11) & (sweep.pose_times_s < 0.69)).any()
+    assert synchronise(sweep, 0.2).kept.tolist() == [0]
+
+
+def test_out_of_order_poses_are_refused_or_sorted(bag: Callable[..., Path]) -> None:
+    path = bag(image(0.2), pose(0.0), pose(0.3), pose(0.1), pose(0.4))
+    with pytest.raises(InputError, match=r"/robot/ee_pose: expected poses in the order of their times"):
+        READER(path)
+    sweep = RosbagReader("/us/image", "/robot/ee_pose", out_of_order="sort")(path)
+    np.testing.assert_allclose(sweep.pose_times_s, [0.0, 0.1, 0.3, 0.4])
+    np.testing.assert_allclose(sweep.world_T_ee, world_T_ee(np.array([0.0, 0.1, 0.3, 0.4])), atol=1e-9)
+
+
+def test_out_of_order_images_are_refused_or_sorted(bag: Callable[..., Path]) -> None:
+    path = bag(image(0.3), image(0.2, 255 - PICTURE), pose(0.0), pose(1.0))
+    with pytest.raises(InputError, match=r"images of /us/image in the order .*out_of_order=sort"):
+        READER(path)
+    sweep = RosbagReader("/us/image", "/robot/ee_pose", out_of_order="sort")(path)
+    np.testing.assert_array_equal(sweep.images[0], 255 - PICTURE)
+
+
+def test_missing_poses_drop_frames_and_are_counted(bag: Callable[..., Path]) -> None:
+    times = [0.0, 0.1, 0.2, 0.6, 0.7]
+    sweep = READER(bag(*(image(t + 0.05) for t in (0.0, 0.1, 0.4, 0.6, 0.7)), *(pose(t) for t in times)))
+    posed = synchronise(sweep, max_gap_s=0.15)
+    assert posed.kept.tolist() == [0, 1, 3]
+    assert posed.dropped == {AFTER_LAST_POSE: 1, "in a gap between poses longer than max_gap_s": 1}
+
+
+@pytest.mark.parametrize(
+    ("messages", "message"),
+    [
+        ([pose(0.0), pose(1.0)], r"expected the topic /us/image, found /robot/ee_pose \(geometry_msgs"),
+        ([image(0.0)], "expected the topic /robot/ee_pose, found /us/image"),
+        ([image(0.0), ("/robot/ee_pose", *image(0.1)[1:])], "expected geometry_msgs/msg/PoseStamped or"),
+        (
+            [image(0.0), image(0.1, PICTURE[:4]), pose(0.0)],
+            r"message 1: expected the first image's size \(6, 9\)",
+        ),
+        ([image(0.0, PICTURE, "16UC1"), pose(0.0)], "message 0: expected an encoding of mono8"),
+    ],
+)
+def test_unfitting_bags_are_refused(bag: Callable[..., Path], messages: list[Message], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        READER(bag(*messages))
+
+
+def test_pose_in_another_frame_is_refused(bag: Callable[..., Path]) -> None:
+    path = bag(image(0.0), pose(0.0, "camera"), pose(1.0, "camera"))
+    with pytest.raises(InputError, match="expected world 'world', found frame 'camera'"):
+        RosbagReader("/us/image", "/robot/ee_pose", world="world")(path)
+
+
+def test_quaternion_that_is_none_is_refused(bag: Callable[..., Path]) -> None:
+    broken = pose(0.0)
+    broken[3].pose.orientation.w = 0.0
+    broken[3].pose.orientation.x = 0.0
+    with pytest.raises(InputError, match="message 0: expected a finite position and a unit quaternion"):
+        READER(bag(image(0.0), broken, pose(1.0)))
+
+
+@pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
+def test_truncated_bag_is_refused(tmp_path: Path, storage: str) -> None:
+    write_bag(tmp_path / "bag", known_sweep(), storage)
+    file = next(path for path in (tmp_path / "bag").iterdir() if path.suffix in (".db3", ".mcap"))
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    with pytest.raises(InputError, match=r"bag: expected a readable ROS 2 bag, found a broken one"):
+        READER(tmp_path / "bag")
+
+
+def test_what_is_no_bag_and_what_lacks_calibration_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="expected a ROS 2 bag"):
+        READER(tmp_path)
+    write_bag(tmp_path / "bag", known_sweep())
+    (tmp_path / "bag" / "calibration.yaml").unlink()
+    with pytest.raises(InputError, match=r"calibration\.yaml: expected a readable file"):
+        READER(tmp_path / "bag")
+
+
+@pytest.mark.parametrize(
+    ("settings", "named"),
+    [
+        ({"image_topic": "/i"}, "pose_topic"),
+        ({"image_topic": "/i", "world": "w"}, "pose_topic"),
+        ({"image_topic": "/i", "pose_topic": "/p", "out_of_order": "guess"}, "out_of_order"),
+        ({"image_topic": "/i", "pose_topic": "/p", "tf_max_gap_s": 0.0}, "tf_max_gap_s"),
+    ],
+)
+def test_settings_are_checked(settings: dict[str, Any], named: str) -> None:
+    with pytest.raises(InputError, match=named):
+        RosbagReader(**settings)
+
+
+def test_storage_and_negative_times_are_checked(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="storage: expected sqlite3 or mcap, received 'zip'"):
+        write_bag(tmp_path / "bag", known_sweep(), "zip")
+    sweep = known_sweep()
+    early = type(sweep)(
+        sweep.images, sweep.image_times_s - 9, sweep.world_T_ee, sweep.pose_times_s - 9, sweep.calibration
+    )
+    with pytest.raises(InputError, match="expected times of at least 0 s"):
+        write_bag(tmp_path / "bag", early)
+    assert not (tmp_path / "bag").exists()
