@@ -1,169 +1,172 @@
-"""Training of one fold, from Python, and from a configuration file where torch and lightning are all there is.
+"""Training from files to files, with nothing but torch and lightning installed.
 
-``python -m models.train config.yaml --out DIR`` takes a YAML file with ``frames`` (a file that ``LabelledFrames.save``
-wrote), ``split`` (JSON with the case ids of ``train``, ``validation`` and ``test``), ``fold``, ``seed``, ``dataset``
-(a name), and the settings ``model`` (with its ``name``), ``trainer``, ``augmentation`` and ``loss``. It leaves
-``model.pt``, ``history.json``, ``cases.csv`` (the test cases' scores) and ``metrics.json`` in DIR.
+``python -m models.train config.yaml --out DIR`` trains one fold. The YAML file has ``frames`` (a file that
+``LabelledFrames.save`` wrote), ``split`` (a JSON file with ``fold`` and the case ids of ``train``, ``validation`` and
+``test``), both relative to it, ``dataset`` (a name), ``seed``, and the settings ``model`` (with the network's
+``name``), ``trainer``, and, where not the defaults, ``augmentation`` and ``loss``. In DIR it leaves ``model.pt``,
+``history.json``, ``cases.csv`` (the test cases' scores) and ``metrics.json``.
 """
 
 from __future__ import annotations
 
-import contextlib
-import logging
-import time
-import warnings
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+import argparse
+import csv
+import dataclasses
+import json
+import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 import torch
-from torch import nn
+import yaml
 
 from models.augmentation import Augmentation
-from models.blocks import require_size
-from models.checkpoint import Checkpoint
 from models.errors import InputError
+from models.evaluation import predict, score_cases
 from models.labelled_frames import LabelledFrames
 from models.losses import DiceCrossEntropy
-from models.networks import NetworkRecipe
-from models.preprocessing import Preprocessing
+from models.networks import NetworkRecipe, recipe_of
+from models.predictor import Predictor
+from models.scoring import columns_for, summarise
 from models.trainer_settings import TrainerSettings
+from models.training import TrainedFold, train_fold
 
-# Purposes that random numbers are drawn for: each has a stream of its own under one seed.
-WEIGHTS, TRAINING = 0, 1
-
-
-@dataclass(frozen=True)
-class TrainedFold:
-    """Where the best weights lie, and how the training went: one mapping of measures for each epoch."""
-
-    checkpoint: Path
-    history: tuple[Mapping[str, float], ...]
-    best_epoch: int
-    best_validation_dsc: float
-    runtime_s: float
+SIDES = ("train", "validation", "test")
 
 
-def train_fold(
-    *,
-    model: NetworkRecipe,
-    train: LabelledFrames,
-    validation: LabelledFrames,
-    trainer: TrainerSettings,
-    augmentation: Augmentation,
-    loss: DiceCrossEntropy,
-    seed: int,
-    fold: int,
-    directory: Path,
-    on_epoch: Callable[[Mapping[str, float]], None] | None = None,
-) -> TrainedFold:
-    """Train a network and keep the weights of the epoch with the best validation DSC in ``directory/model.pt``.
+@dataclasses.dataclass(frozen=True)
+class TrainingPlan:
+    """What a training's configuration file says, with the frames of each side of the split."""
 
-    The first weights depend on ``seed`` alone, the same for every fold; shuffling, augmentation and dropout depend on
-    ``seed`` and ``fold``. ``on_epoch`` gets each epoch's measures. Raises InputError if the network doesn't take the
-    image size, or if the training or validation frames show no vessel.
-    """
-    _check(model, train, validation, trainer)
-    # Lightning takes seconds to import: whoever only wants the settings' classes should not wait for it.
-    from models.datamodule import FoldData
-    from models.segmenter import EpochReports, Segmenter
+    model: NetworkRecipe
+    trainer: TrainerSettings
+    augmentation: Augmentation
+    loss: DiceCrossEntropy
+    sides: Mapping[str, LabelledFrames]
+    dataset: str
+    fold: int
+    seed: int
 
-    start_s = time.perf_counter()
-    preprocessing = Preprocessing(trainer.image_size_px)
-    training_seed = seed_of(seed, TRAINING, fold)
-    data = FoldData(train, validation, preprocessing, augmentation, trainer.batch_size, training_seed)
-    module = Segmenter(initial_network(model, seed), loss, trainer, data.steps_per_epoch)
-    path = directory / "model.pt"
-
-    def save(network: nn.Module, epoch: int, dsc: float) -> None:
-        notes = {"seed": seed, "fold": fold, "epoch": epoch, "validation_dsc": dsc}
-        Checkpoint(model, network.state_dict(), preprocessing, notes).save(path)
-
-    reports = EpochReports(save, on_epoch)
-    with _reproducible(training_seed), _quiet():
-        _lightning_trainer(trainer, reports, directory).fit(module, datamodule=data)
-    return TrainedFold(
-        path, tuple(reports.history), reports.best_epoch, reports.best_dsc, time.perf_counter() - start_s
-    )
-
-
-def initial_network(model: NetworkRecipe, seed: int) -> nn.Module:
-    """The network with the weights that every fold starts from; torch's own random stream is left as it was."""
-    with torch.random.fork_rng():
-        torch.manual_seed(seed_of(seed, WEIGHTS))
-        return model()
-
-
-def seed_of(seed: int, *purpose: int) -> int:
-    """A seed for one purpose, unlike those of other purposes or of other seeds, 0 included."""
-    if seed < 0:
-        raise InputError(f"seed: expected a number from 0, received {seed}")
-    return int(np.random.SeedSequence([seed, *purpose]).generate_state(1, np.uint32)[0])
-
-
-def _check(
-    model: NetworkRecipe, train: LabelledFrames, validation: LabelledFrames, trainer: TrainerSettings
-) -> None:
-    require_size(trainer.image_size_px, trainer.image_size_px, model.multiple)
-    for name, frames in (("train", train), ("validation", validation)):
-        if not any(mask.any() for mask in frames.masks):
-            raise InputError(
-                f"{name}: expected frames with a vessel, received {len(frames)} frames without any"
-            )
-
-
-def _lightning_trainer(settings: TrainerSettings, reports, directory: Path):  # type: ignore[no-untyped-def]
-    from lightning.pytorch import Trainer
-    from lightning.pytorch.callbacks import EarlyStopping
-
-    return Trainer(
-        accelerator=settings.accelerator,
-        devices=1,
-        precision=settings.precision,
-        max_epochs=settings.max_epochs,
-        gradient_clip_val=settings.gradient_clip,
-        deterministic=True,
-        callbacks=[EarlyStopping("validation_dsc", mode="max", patience=settings.patience), reports],
-        default_root_dir=directory,
-        logger=False,
-        enable_checkpointing=False,
-        enable_progress_bar=False,
-        enable_model_summary=False,
-        num_sanity_val_steps=0,
-        use_distributed_sampler=False,
-    )
-
-
-@contextlib.contextmanager
-def _reproducible(seed: int) -> Iterator[None]:
-    """Seed what dropout draws from, and put back the seed and the switches that Lightning throws."""
-    deterministic = torch.are_deterministic_algorithms_enabled()
-    benchmark = torch.backends.cudnn.benchmark
-    with torch.random.fork_rng():
-        torch.manual_seed(seed)
+    @staticmethod
+    def read(path: Path) -> TrainingPlan:
+        """Read the file; paths in it are relative to it. InputError names the setting that is not as expected."""
+        config = _mapping(path)
+        folder = path.parent
         try:
-            yield
-        finally:
-            torch.use_deterministic_algorithms(deterministic)
-            torch.backends.cudnn.benchmark = benchmark
+            model = dict(config["model"])
+            split = json.loads((folder / config["split"]).read_text(encoding="utf-8"))
+            return TrainingPlan(
+                model=recipe_of(str(model.pop("name")), model),
+                trainer=TrainerSettings(**config["trainer"]),
+                augmentation=Augmentation(**config.get("augmentation", {})),
+                loss=DiceCrossEntropy(**config.get("loss", {})),
+                sides=_sides(LabelledFrames.load(folder / config["frames"]), split),
+                dataset=str(config["dataset"]),
+                fold=int(split["fold"]),
+                seed=int(config["seed"]),
+            )
+        except KeyError as missing:
+            raise InputError(f"{path}: expected a value for {missing.args[0]}, received none") from missing
+        except InputError:
+            raise
+        except (TypeError, ValueError, OSError) as refusal:
+            raise InputError(
+                f"{path}: expected settings of a training, received others ({refusal})"
+            ) from refusal
 
 
-@contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep Lightning's advice on hardware and workers out of the user's terminal."""
-    logger = logging.getLogger("lightning.pytorch")
-    level = logger.level
-    logger.setLevel(logging.WARNING)
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Train, score and write; 0 if all went well, 2 if the input is at fault."""
+    parser = argparse.ArgumentParser(
+        prog="python -m models.train", description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("config", type=Path, help="YAML file")
+    parser.add_argument("--out", type=Path, required=True, help="folder for the results")
+    given = parser.parse_args(arguments)
     try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", module="lightning.*")
-            yield
-    finally:
-        logger.setLevel(level)
+        _run(TrainingPlan.read(given.config), given.out)
+    except InputError as refusal:
+        print(refusal, file=sys.stderr)
+        return 2
+    return 0
+
+
+def _run(plan: TrainingPlan, out: Path) -> None:
+    epoch = iter(range(1, plan.trainer.max_epochs + 1))
+    trained = train_fold(
+        model=plan.model,
+        train=plan.sides["train"],
+        validation=plan.sides["validation"],
+        trainer=plan.trainer,
+        augmentation=plan.augmentation,
+        loss=plan.loss,
+        seed=plan.seed,
+        fold=plan.fold,
+        directory=out,
+        on_epoch=lambda report: print(
+            f"epoch {next(epoch)} of {plan.trainer.max_epochs}: validation DSC {report['validation_dsc']:.3f}",
+            flush=True,
+        ),
+    )
+    rows = _scored(plan, trained)
+    scores = {name: [row[name] for row in rows] for name in columns_for(plan.sides["test"].spacing_mm)}
+    metrics = summarise(scores) | {
+        "validation_dsc_best": trained.best_validation_dsc,
+        "best_epoch": float(trained.best_epoch),
+        "epochs": float(len(trained.history)),
+        "training_s": trained.runtime_s,
+    }
+    _write_table(out / "cases.csv", rows)
+    _write_json(out / "history.json", [dict(epoch) for epoch in trained.history])
+    _write_json(out / "metrics.json", metrics)
+    print(
+        f"mean DSC {metrics['dsc_mean']:.3f} over {metrics['dsc_n']:.0f} unseen cases with a vessel; files: {out}"
+    )
+
+
+def _scored(plan: TrainingPlan, trained: TrainedFold) -> list[dict[str, Any]]:
+    """One row for each test case, with the columns that the segmentation study has."""
+    device = "cuda" if plan.trainer.accelerator != "cpu" and torch.cuda.is_available() else "cpu"
+    predictor = Predictor.load(trained.checkpoint, plan.trainer.batch_size, device)
+    about = {"fold": plan.fold, "model": plan.model.name, "dataset": plan.dataset, "seed": plan.seed}
+    return score_cases(plan.sides["test"], dict(predict(predictor, plan.sides["test"])), about)
+
+
+def _sides(frames: LabelledFrames, split: Mapping[str, Any]) -> dict[str, LabelledFrames]:
+    place = {case: index for index, case in enumerate(frames.case_ids)}
+    missing = next((case for side in SIDES for case in split[side] if case not in place), None)
+    if missing is not None:
+        raise InputError(f"split: expected cases of the frames file, received {missing!r}, which it has not")
+    return {side: frames.subset(place[case] for case in split[side]) for side in SIDES}
+
+
+def _mapping(path: Path) -> dict[str, Any]:
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise InputError(f"{path}: expected a YAML file with a training's settings, found none") from error
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: expected a YAML mapping, received {type(content).__name__}")
+    return content
+
+
+def _write_table(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    beside = path.with_name(f".{path.name}.part")
+    with beside.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(rows[0]))
+        writer.writeheader()
+        writer.writerows(rows)
+    beside.replace(path)
+
+
+def _write_json(path: Path, content: object) -> None:
+    # A number that is not defined is null in JSON, which has no NaN.
+    text = json.dumps(content).replace("NaN", "null")
+    beside = path.with_name(f".{path.name}.part")
+    beside.write_text(text, encoding="utf-8")
+    beside.replace(path)
 
 
 if __name__ == "__main__":
-    from models.train_command import main
-
     raise SystemExit(main())

@@ -19,7 +19,8 @@ from registration.checks import require_count, require_positive
 from registration.errors import InputError
 from registration.geometry import Mesh, require_cloud
 
-Surface = Mesh | Float64[np.ndarray, "n 3"]
+# A mesh, or the points of a cloud; the axis has no name, because two surfaces differ in size.
+Surface = Mesh | Float64[np.ndarray, "_ 3"]
 
 
 class SurfaceDistance:

@@ -66,6 +66,9 @@ class TrackedSweep:
                 f"pose_times_s: expected one time for each of {len(self.world_T_ee)} poses, "
                 f"received {len(self.pose_times_s)}"
             )
+        for name, times_s in (("image_times_s", self.image_times_s), ("pose_times_s", self.pose_times_s)):
+            if not np.isfinite(times_s).all():
+                raise InputError(f"{name}: expected finite times, received NaN or infinity")
         if (np.diff(self.pose_times_s) <= 0).any():
             raise InputError("pose_times_s: expected strictly increasing times, received poses out of order")
         frames.require_rigid(self.world_T_ee, "world_T_ee")

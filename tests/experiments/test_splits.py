@@ -35,10 +35,19 @@ def test_groups_of_unequal_size_stay_whole_and_folds_stay_alike() -> None:
     groups = [f"g{number}" for number, size in enumerate(sizes) for _ in range(size)]
     frames = with_groups(FRAMES, groups)
     splits = GroupFolds(3)(frames)
-    assert all(12 <= len(split.test) <= 28 for split in splits)
+    assert all(16 <= len(split.test) <= 24 for split in splits)
     for group in set(groups):
         cases = {case for case, other in zip(frames.case_ids, groups, strict=True) if other == group}
         assert sum(cases <= set(split.test) for split in splits) == 1
+
+
+def test_equal_groups_are_divided_equally_however_unlike() -> None:
+    frames = drawn_frames(60, per_group=10)
+    order = np.argsort([mask.sum() for mask in frames.masks])
+    frames = with_groups(frames.subset(order), [f"g{index // 10}" for index in range(60)])
+    for seed in range(5):
+        assert [len(split.test) for split in GroupFolds(3, seed)(frames)] == [20, 20, 20]
+        assert {len(split.validation) for split in GroupFolds(3, seed)(frames)} == {10}
 
 
 def test_vessel_areas_are_alike_in_all_folds() -> None:
@@ -49,7 +58,9 @@ def test_vessel_areas_are_alike_in_all_folds() -> None:
     kind = dict(zip(frames.case_ids, area_classes(frames), strict=True))
     for seed in range(4):
         for wanted in (1, 2, 3, 4):
-            counts = [sum(kind[case] == wanted for case in split.test) for split in GroupFolds(3, seed)(frames)]
+            counts = [
+                sum(kind[case] == wanted for case in split.test) for split in GroupFolds(3, seed)(frames)
+            ]
             assert max(counts) - min(counts) <= 5  # a group is 3 cases; chance would differ by 9 and more
 
 
@@ -77,6 +88,11 @@ def test_no_part_is_empty_however_unlike_the_groups() -> None:
         frames = drawn_frames(40, per_group=10, empty=20, seed=seed)
         for split in GroupFolds(4, seed)(frames):
             assert split.train and split.validation and split.test
+
+
+def test_a_few_cases_in_as_many_groups_are_divided_all_the_same() -> None:
+    for one in GroupFolds(3)(drawn_frames(6, per_group=1)):
+        assert len(one.test) == 2 and len(one.validation) == 1 and len(one.train) == 3
 
 
 def test_area_classes() -> None:

@@ -277,7 +277,7 @@ def test_the_study_imports_at_once() -> None:
 def test_learns_real_vessels_in_a_few_epochs(real_data, tmp_path) -> None:
     from experiments.datasets.usgra import Usgra
 
-    settings = TrainerSettings(max_epochs=4, batch_size=8, image_size_px=64, learning_rate=0.005, patience=4)
+    settings = TrainerSettings(max_epochs=3, batch_size=8, image_size_px=64, learning_rate=0.005, patience=3)
     outcome = run_fold(
         tmp_path, dataset=Usgra(str(real_data / "usgra")), model=UNet(width=4, depth=4), trainer=settings
     )

@@ -1,126 +1,125 @@
+import csv
+import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
-import torch
+import yaml
 from drawn_vessels import drawn_frames
 
-from models.augmentation import Augmentation
-from models.checkpoint import Checkpoint
-from models.errors import InputError
-from models.evaluation import predict, score_cases
-from models.losses import DiceCrossEntropy
 from models.predictor import Predictor
-from models.train import TrainedFold, initial_network, seed_of, train_fold
-from models.trainer_settings import TrainerSettings
-from models.unet import UNet
+from models.train import main
 
-RECIPE = UNet(width=4, depth=3)
-TRAIN, VALIDATION = drawn_frames(16, seed=0), drawn_frames(6, seed=1)
+SOURCE = Path(__file__).resolve().parents[2] / "src"
+CONFIG = {
+    "frames": "frames.npz",
+    "split": "split.json",
+    "dataset": "drawn",
+    "seed": 0,
+    "model": {"name": "unet", "width": 4, "depth": 3},
+    "trainer": {"max_epochs": 2, "batch_size": 4, "image_size_px": 32, "learning_rate": 0.01, "patience": 2},
+    "augmentation": {"flip": 0.5},
+    "loss": {"dice_weight": 2.0},
+}
+# Everything that is installed here but need not be on a machine that only trains.
+# Names of packages, and of distributions where they differ.
+ABSENT = (
+    *("scipy", "pandas", "matplotlib", "jaxtyping", "monai", "mlflow", "hydra", "hydra-core"),
+    *("skimage", "scikit-image", "sklearn", "scikit-learn", "PIL", "pillow"),
+)
+ALONE = f"""
+import sys
+class Without:
+    def __init__(self, finder):
+        self.finder = finder
+    def __getattr__(self, name):
+        return getattr(self.finder, name)
+    def find_spec(self, name, path=None, target=None):
+        return None if name.split(".")[0] in {ABSENT!r} else self.finder.find_spec(name, path, target)
+    def find_distributions(self, context):
+        found = getattr(self.finder, "find_distributions", lambda context: ())(context)
+        return (one for one in found if one.metadata["Name"].lower() not in {ABSENT!r})
+sys.meta_path = [Without(finder) for finder in sys.meta_path]
+import runpy
+sys.argv[0] = "models.train"
+runpy.run_module("models.train", run_name="__main__")
+"""
 
 
-def trained(
-    directory: Path, *, seed: int = 0, fold: int = 0, epochs: int = 2, **changes: object
-) -> TrainedFold:
-    settings = TrainerSettings(
-        max_epochs=epochs, batch_size=4, image_size_px=32, learning_rate=0.01, patience=epochs
+def write_inputs(folder: Path, **changes: object) -> Path:
+    frames = drawn_frames(12, empty=1)
+    frames.save(folder / "frames.npz")
+    ids = frames.case_ids
+    split = {"fold": 1, "train": ids[3:9], "validation": ids[9:], "test": ids[:3]}
+    (folder / "split.json").write_text(json.dumps(split))
+    path = folder / "config.yaml"
+    path.write_text(yaml.safe_dump({**CONFIG, **changes}))
+    return path
+
+
+def test_trains_with_torch_and_lightning_alone(tmp_path) -> None:
+    config = write_inputs(tmp_path)
+    finished = subprocess.run(
+        [sys.executable, "-c", ALONE, str(config), "--out", str(tmp_path / "out")],
+        env={"PYTHONPATH": str(SOURCE), "PATH": "", "OMP_NUM_THREADS": "2"},
+        capture_output=True,
+        text=True,
+        check=False,
     )
-    arguments = {
-        "model": RECIPE,
-        "train": TRAIN,
-        "validation": VALIDATION,
-        "trainer": settings,
-        "augmentation": Augmentation(),
-        "loss": DiceCrossEntropy(),
-        "seed": seed,
-        "fold": fold,
-        "directory": directory,
-    }
-    return train_fold(**{**arguments, **changes})
+    assert finished.returncode == 0, finished.stderr
+    assert "epoch 2 of 2: validation DSC" in finished.stdout
+    out = tmp_path / "out"
+    assert {path.name for path in out.iterdir()} == {"model.pt", "cases.csv", "history.json", "metrics.json"}
+    with (out / "cases.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["case_id"] for row in rows] == ["case00", "case01", "case02"]
+    assert rows[0]["false_alarm"] in ("0.0", "1.0") and rows[0]["dsc"] == "nan"
+    assert all(float(row["hd95_mm"]) >= 0 for row in rows[1:])
+    assert {(row["model"], row["dataset"], row["fold"]) for row in rows} == {("unet", "drawn", "1")}
+    metrics = json.loads((out / "metrics.json").read_text())
+    assert metrics["dsc_n"] == 2 and metrics["epochs"] == 2
+    assert metrics["dsc_mean"] == pytest.approx(sum(float(row["dsc"]) for row in rows[1:]) / 2)
+    assert len(json.loads((out / "history.json").read_text())) == 2
+    assert Predictor.load(out / "model.pt").preprocessing.image_size_px == 32
 
 
-def weights(result: TrainedFold) -> dict[str, torch.Tensor]:
-    return dict(Checkpoint.load(result.checkpoint).weights)
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"model": {"name": "vnet"}}, "network: expected one of"),
+        ({"trainer": {"max_epochs": 2}}, "expected settings of a training, received others"),
+        ({"seed": None}, "expected settings of a training"),
+        ({"frames": "none.npz"}, "expected a file of labelled frames"),
+        ({"loss": {"weight": 1}}, "expected settings of a training, received others"),
+    ],
+)
+def test_refuses_with_one_sentence_and_code_2(
+    tmp_path, capsys, changes: dict[str, object], message: str
+) -> None:
+    config = write_inputs(tmp_path, **changes)
+    assert main([str(config), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert message in said and len(said.strip().splitlines()) == 1
+    assert not (tmp_path / "out").exists()
 
 
-def same(first: dict[str, torch.Tensor], second: dict[str, torch.Tensor]) -> bool:
-    return all(torch.equal(first[name], second[name]) for name in first)
-
-
-def test_a_network_learns_to_find_drawn_vessels(tmp_path) -> None:
-    unseen = drawn_frames(8, seed=2, size=(60, 44))
-    result = trained(tmp_path, epochs=14)
-    rows = score_cases(unseen, dict(predict(Predictor.load(result.checkpoint), unseen)), {})
-    assert sum(row["dsc"] for row in rows) / len(rows) > 0.8
-    assert result.history[-1]["train_loss"] < result.history[0]["train_loss"]
-
-
-def test_the_checkpoint_is_that_of_the_best_epoch(tmp_path) -> None:
-    reports: list[dict[str, float]] = []
-    result = trained(tmp_path, epochs=4, on_epoch=reports.append)
-    by_epoch = [epoch["validation_dsc"] for epoch in result.history]
-    assert list(result.history) == reports and len(reports) == 4
-    assert result.best_validation_dsc == max(by_epoch) == by_epoch[result.best_epoch]
-    checkpoint = Checkpoint.load(result.checkpoint)
-    assert checkpoint.recipe == RECIPE
-    assert checkpoint.notes == {
-        "seed": 0,
-        "fold": 0,
-        "epoch": result.best_epoch,
-        "validation_dsc": result.best_validation_dsc,
-    }
-    assert [path.name for path in tmp_path.iterdir()] == ["model.pt"]
-
-
-def test_the_same_seed_gives_the_same_weights_and_others_do_not(tmp_path) -> None:
-    first = weights(trained(tmp_path / "a"))
-    torch.manual_seed(123)
-    assert same(first, weights(trained(tmp_path / "b")))
-    assert not same(first, weights(trained(tmp_path / "c", seed=1)))
-    assert not same(first, weights(trained(tmp_path / "d", fold=1)))
-
-
-def test_training_leaves_torch_as_it_was(tmp_path) -> None:
-    torch.manual_seed(7)
-    expected = torch.rand(2)
-    torch.manual_seed(7)
-    trained(tmp_path, epochs=1)
-    assert torch.equal(torch.rand(2), expected)
-    assert not torch.are_deterministic_algorithms_enabled()
-
-
-def test_seed_zero_seeds_and_first_weights_depend_on_the_seed_alone() -> None:
-    torch.manual_seed(1)
-    first = initial_network(RECIPE, 0).state_dict()
-    torch.manual_seed(2)
-    assert same(first, initial_network(RECIPE, 0).state_dict())
-    assert not same(first, initial_network(RECIPE, 1).state_dict())
-
-
-def test_seeds_of_purposes_differ() -> None:
-    seeds = {seed_of(seed, purpose, fold) for seed in (0, 1) for purpose in (0, 1) for fold in (0, 1, 2)}
-    assert len(seeds) == 12
-    with pytest.raises(InputError, match="seed: expected a number from 0, received -1"):
-        seed_of(-1)
-
-
-def test_training_stops_when_validation_no_longer_improves(tmp_path) -> None:
-    settings = TrainerSettings(
-        max_epochs=30, batch_size=8, image_size_px=32, learning_rate=1e-9, patience=2, warmup_epochs=0
+def test_names_a_setting_that_is_missing_and_a_case_that_is_not_there(tmp_path, capsys) -> None:
+    config = write_inputs(tmp_path)
+    config.write_text(yaml.safe_dump({key: value for key, value in CONFIG.items() if key != "trainer"}))
+    assert main([str(config), "--out", str(tmp_path / "out")]) == 2
+    assert "expected a value for trainer, received none" in capsys.readouterr().err
+    config = write_inputs(tmp_path)
+    (tmp_path / "split.json").write_text(
+        json.dumps({"fold": 0, "train": ["x"], "validation": [], "test": []})
     )
-    result = trained(tmp_path, trainer=settings)
-    assert len(result.history) < 30
-    assert len(result.history) == result.best_epoch + 1 + 2
+    assert main([str(config), "--out", str(tmp_path / "out")]) == 2
+    assert "split: expected cases of the frames file, received 'x'" in capsys.readouterr().err
 
 
-def test_refuses_a_size_the_network_does_not_take(tmp_path) -> None:
-    settings = TrainerSettings(max_epochs=1, batch_size=4, image_size_px=30, learning_rate=0.01, patience=1)
-    with pytest.raises(InputError, match="multiples of 4, 8 at least, received 30 x 30"):
-        trained(tmp_path, trainer=settings)
-
-
-@pytest.mark.parametrize("side", ["train", "validation"])
-def test_refuses_frames_without_any_vessel(tmp_path, side: str) -> None:
-    with pytest.raises(
-        InputError, match=f"{side}: expected frames with a vessel, received 4 frames without any"
-    ):
-        trained(tmp_path, **{side: drawn_frames(4, empty=4)})
+def test_refuses_a_file_that_is_no_mapping(tmp_path, capsys) -> None:
+    (tmp_path / "config.yaml").write_text("- 1\n")
+    assert main([str(tmp_path / "config.yaml"), "--out", str(tmp_path)]) == 2
+    assert "expected a YAML mapping, received list" in capsys.readouterr().err
+    assert main([str(tmp_path / "none.yaml"), "--out", str(tmp_path)]) == 2
+    assert "none.yaml: expected a YAML file" in capsys.readouterr().err

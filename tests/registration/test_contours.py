@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
+
 from registration import frames
 from registration.contours import ContourExtractor
 from registration.errors import InputError
-from scipy.spatial.transform import Rotation
 
 ROWS, COLUMNS = np.mgrid[:90, :120].astype(float)
 

@@ -18,7 +18,9 @@ def test_a_ply_of_text_needs_its_numbers(tmp_path: Path) -> None:
     path.write_text(PLY.format(more="") + "1 2\r\n3 4\r\n")
     require_complete(path)
     path.write_text(PLY.format(more="") + "1 2\r\n3\r\n")
-    with pytest.raises(InputError, match=r"a\.ply: expected 4 numbers after the header, received 3: cut short"):
+    with pytest.raises(
+        InputError, match=r"a\.ply: expected 4 numbers after the header, received 3: cut short"
+    ):
         require_complete(path)
 
 
@@ -30,7 +32,9 @@ def test_a_binary_ply_needs_its_bytes_faces_included(tmp_path: Path) -> None:
     path.write_bytes(head + body)
     require_complete(path)
     path.write_bytes(head + body[:-1])
-    with pytest.raises(InputError, match=r"b\.ply: expected 37 bytes after the header, received 36: cut short"):
+    with pytest.raises(
+        InputError, match=r"b\.ply: expected 37 bytes after the header, received 36: cut short"
+    ):
         require_complete(path)
 
 
@@ -45,7 +49,9 @@ def test_an_stl_is_as_long_as_its_count_says(tmp_path: Path) -> None:
     path.write_bytes(b"solid in name only".ljust(80) + struct.pack("<I", 2) + bytes(100))
     require_complete(path)
     path.write_bytes(path.read_bytes()[:-1])
-    with pytest.raises(InputError, match=r"m\.stl: expected an STL file of 84 \+ 50 bytes a triangle, received 183"):
+    with pytest.raises(
+        InputError, match=r"m\.stl: expected an STL file of 84 \+ 50 bytes a triangle, received 183"
+    ):
         require_complete(path)
 
 
@@ -67,7 +73,9 @@ def test_a_pcd_of_text_needs_its_numbers(tmp_path: Path) -> None:
 
 
 def test_an_unknown_type_in_a_header_names_the_file(tmp_path: Path) -> None:
-    (tmp_path / "u.ply").write_text("ply\nformat ascii 1.0\nelement vertex 1\nproperty half x\nend_header\n1\n")
+    (tmp_path / "u.ply").write_text(
+        "ply\nformat ascii 1.0\nelement vertex 1\nproperty half x\nend_header\n1\n"
+    )
     with pytest.raises(InputError, match=r"u\.ply: expected a header that can be read"):
         require_complete(tmp_path / "u.ply")
 

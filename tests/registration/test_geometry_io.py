@@ -24,7 +24,9 @@ def as_open3d(mesh: Mesh) -> open3d.geometry.TriangleMesh:
     return body
 
 
-def write_vtp(path: Path, points: np.ndarray, cells: dict[str, list[list[int]]], radius: np.ndarray | None = None) -> None:
+def write_vtp(
+    path: Path, points: np.ndarray, cells: dict[str, list[list[int]]], radius: np.ndarray | None = None
+) -> None:
     from vtkmodules.util.numpy_support import numpy_to_vtk
     from vtkmodules.vtkCommonCore import vtkPoints
     from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
@@ -73,7 +75,8 @@ def test_stl_corners_become_shared_vertices(tmp_path: Path) -> None:
 
 def test_stl_as_text(tmp_path: Path) -> None:
     (tmp_path / "t.stl").write_text(
-        "solid t\nfacet normal 0 0 1\nouter loop\nvertex 0 0 5\nvertex 3 0 5\nvertex 0 4 5\nendloop\nendfacet\nendsolid t\n"
+        "solid t\nfacet normal 0 0 1\nouter loop\nvertex 0 0 5\nvertex 3 0 5\nvertex 0 4 5\n"
+        "endloop\nendfacet\nendsolid t\n"
     )
     found = read_surface(tmp_path / "t.stl")
     assert isinstance(found, Mesh)
@@ -109,7 +112,11 @@ def test_clouds(tmp_path: Path, suffix: str, settings: dict[str, bool]) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["1 2 3\n4 5 6\n7 8 10\n", "# x y z\n1,2,3\n4, 5, 6\n\n7;8;10", "1 2 3 0 0 1\n4 5 6 0 0 1\n7 8 10 0 0 1\n"],
+    [
+        "1 2 3\n4 5 6\n7 8 10\n",
+        "# x y z\n1,2,3\n4, 5, 6\n\n7;8;10",
+        "1 2 3 0 0 1\n4 5 6 0 0 1\n7 8 10 0 0 1\n",
+    ],
 )
 def test_rows_of_text(tmp_path: Path, text: str) -> None:
     (tmp_path / "c.xyz").write_text(text)
@@ -180,7 +187,11 @@ def test_an_obj_cut_within_a_line_is_refused(tmp_path: Path) -> None:
         ("a.xyz", "1 2 3\n1 2 3\n1 2 3\n", "received 3 equal points"),
         ("a.xyz", "1 2 3\n2 4 6\n3 6 9\n", "received points on one line"),
         ("a.ply", "rubbish", "expected a header that ends in end_header"),
-        ("a.ply", "ply\nformat ascii 1.0\nelement vertex many\nend_header\n", "expected a header that can be read"),
+        (
+            "a.ply",
+            "ply\nformat ascii 1.0\nelement vertex many\nend_header\n",
+            "expected a header that can be read",
+        ),
         ("a.stl", "rubbish", "expected an STL file"),
         ("a.pcd", "rubbish", "expected a header that ends in DATA"),
         ("a.obj", "rubbish\n", "expected a readable OBJ file with points, received none"),
@@ -197,7 +208,9 @@ def test_files_that_are_no_surface_are_refused(tmp_path: Path, name: str, conten
 
 def test_a_face_with_a_wrong_index_names_the_file(tmp_path: Path) -> None:
     head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
-    rows = "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n"
+    rows = (
+        "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n"
+    )
     (tmp_path / "w.ply").write_text(head + rows)
     with pytest.raises(InputError, match=r"w\.ply: triangles: expected indices from 0 to 2"):
         read_surface(tmp_path / "w.ply")

@@ -17,7 +17,7 @@ TRIANGLE = Mesh(np.array([[0.0, 0, 0], [4, 0, 0], [0, 4, 0]]), np.array([[0, 1, 
 
 def rectangle(length_mm: float, height_mm: float = 0.0) -> Mesh:
     corners = np.array([[0.0, 0, 0], [length_mm, 0, 0], [length_mm, 10, 0], [0, 10, 0]])
-    return Mesh(corners + [0, 0, height_mm], np.array([[0, 1, 2], [0, 2, 3]]))
+    return Mesh(corners + np.array([0, 0, height_mm]), np.array([[0, 1, 2], [0, 2, 3]]))
 
 
 @pytest.mark.parametrize("away_mm", [0.0, 1e4])
@@ -63,7 +63,9 @@ def test_residuals_of_a_half_covered_rectangle() -> None:
 
 
 def test_residuals_are_from_moving_to_fixed() -> None:
-    found = surface_residuals(rectangle(20), rectangle(10), np.eye(4), inlier_mm=1.0, keep=1.0, samples=40_000)
+    found = surface_residuals(
+        rectangle(20), rectangle(10), np.eye(4), inlier_mm=1.0, keep=1.0, samples=40_000
+    )
     assert found.rmse_mm == pytest.approx(np.sqrt(0.5 * 100 / 3), rel=0.01)
     assert found.inlier_share == pytest.approx(0.55, abs=0.01)
     assert found.coverage == 1
@@ -71,7 +73,9 @@ def test_residuals_are_from_moving_to_fixed() -> None:
 
 def test_residuals_do_not_depend_on_the_density_of_the_mesh() -> None:
     coarse = rectangle(10)
-    fine = np.stack(np.meshgrid(np.linspace(0, 10, 21), np.linspace(0, 10, 21), [0.0]), axis=-1).reshape(-1, 3)
+    fine = np.stack(np.meshgrid(np.linspace(0, 10, 21), np.linspace(0, 10, 21), [0.0]), axis=-1).reshape(
+        -1, 3
+    )
     settings = {"inlier_mm": 1.0, "keep": 1.0}
     to_mesh = surface_residuals(fine, coarse, frames.translation((0, 0, 0.1)), **settings)
     to_points = surface_residuals(coarse, fine, frames.translation((0, 0, 0.1)), **settings)

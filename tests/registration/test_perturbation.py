@@ -20,7 +20,9 @@ TUBE = bent_tube()
 EXACT = Perturbation(180.0, 10.0, 0.0, 0.0, moving_points=400, fixed_points=700)
 
 
-def trial(perturbation: Perturbation = EXACT, piece: Piece = Piece(), seed: int = 3, number: int = 5, surface=TUBE):
+def trial(
+    perturbation: Perturbation = EXACT, piece: Piece = Piece(), seed: int = 3, number: int = 5, surface=TUBE
+):
     return perturbation(surface, surface, np.eye(4), piece, seed=seed, trial=number)
 
 
@@ -77,7 +79,9 @@ def test_poses_do_not_depend_on_overlap_noise_or_points() -> None:
 
 def test_noise_has_its_deviation_on_both_clouds_and_is_independent() -> None:
     noisy = dataclasses.replace(EXACT, noise_mm=0.4, moving_points=3000, fixed_points=3000)
-    plate = Mesh(np.array([[0.0, 0, 0], [90, 0, 0], [90, 60, 0], [0, 60, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))
+    plate = Mesh(
+        np.array([[0.0, 0, 0], [90, 0, 0], [90, 60, 0], [0, 60, 0]]), np.array([[0, 1, 2], [0, 2, 3]])
+    )
     drawn = trial(noisy, surface=plate)
     moving_height = frames.apply(drawn.fixed_T_moving, drawn.moving_mm)[:, 2]
     for height in (moving_height, drawn.fixed_mm[:, 2]):
@@ -105,6 +109,9 @@ def test_a_piece_is_a_share_of_the_extent(place: str, begin: float, end: float) 
     assert share.min() == pytest.approx(begin, abs=0.02)
     assert share.max() == pytest.approx(end, abs=0.02)
     assert len(drawn.moving_mm) == 4000
+    # The fixed cloud stays whole.
+    fixed_along = (drawn.fixed_mm - frame.centre_mm) @ frame.axes[:, 0]
+    assert np.ptp(fixed_along) > 0.97 * np.ptp(whole)
 
 
 def test_start_and_end_do_not_swap_with_the_order_of_vertices() -> None:
@@ -124,9 +131,11 @@ def test_a_cloud_gives_its_own_points_each_once() -> None:
 
 
 def test_a_piece_with_nothing_in_it_is_refused() -> None:
-    dumbbell = np.concatenate([TRIANGLE, TRIANGLE + [100.0, 0, 0]])
+    dumbbell = np.concatenate([TRIANGLE, TRIANGLE + np.array([100.0, 0, 0])])
     mesh = Mesh(dumbbell, np.array([[0, 1, 2], [3, 4, 5]]))
-    with pytest.raises(InputError, match=r"piece: expected a piece with surface to sample, received middle 0\.5"):
+    with pytest.raises(
+        InputError, match=r"piece: expected a piece with surface to sample, received middle 0\.5"
+    ):
         draw(mesh, 10, Piece(0.5, "middle"), np.random.default_rng(0))
 
 

@@ -13,9 +13,7 @@ def bent_tube(along: int = 80, around: int = 32) -> Mesh:
     No rotation, inversion or slide brings it onto itself. It lies away from the origin, obliquely to the axes.
     """
     share = np.linspace(0.0, 1.0, along)
-    middle_mm = np.stack(
-        [12 * np.sin(1.5 * np.pi * share), 6 * np.cos(2.5 * share), 70 * share], axis=1
-    )
+    middle_mm = np.stack([12 * np.sin(1.5 * np.pi * share), 6 * np.cos(2.5 * share), 70 * share], axis=1)
     tangent = np.gradient(middle_mm, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     side = np.cross(tangent, [0.0, 1.0, 0.0])
@@ -41,5 +39,7 @@ def _triangles(along: int, around: int) -> np.ndarray:
     ring = np.arange(around)
     last = (along - 1) * around
     first_cap = np.stack([np.full(around, along * around), (ring + 1) % around, ring], axis=1)
-    last_cap = np.stack([np.full(around, along * around + 1), last + ring, last + (ring + 1) % around], axis=1)
+    last_cap = np.stack(
+        [np.full(around, along * around + 1), last + ring, last + (ring + 1) % around], axis=1
+    )
     return np.concatenate([walls, first_cap, last_cap]).astype(np.int64)

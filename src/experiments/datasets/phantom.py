@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import json
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import resources
@@ -19,6 +20,8 @@ from models.labelled_frames import LabelledFrames
 from registration.phantom.settings import SUBSETS, PhantomSettings
 
 ALL = "all"
+# Starting a process takes about as long as simulating this many frames.
+WORTH_A_PROCESS = 60
 
 
 @dataclass(frozen=True)
@@ -27,8 +30,9 @@ class Phantom:
 
     ``subset`` is artificial, vein, artery, or all three. Sweeps number ``first_sweep`` to ``first_sweep + sweeps - 1``
     are made, of ``frames_per_sweep`` frames each, ``size_px`` high and wide. All else is as in ``settings``, whose own
-    subset and number of frames are not used. ``cache`` is a folder, taken from the project's where it is relative; what
-    lies in it is named by a hash of all settings and of the simulator's source, so that nothing outdated is ever read.
+    subset, seed, size and number of frames are not used. ``workers`` processes share what is to be made. ``cache`` is a
+    folder, taken from the project's where it is relative; what lies in it is named by a hash of all settings and of the
+    simulator's source, so that nothing outdated is ever read.
     """
 
     subset: str = ALL
@@ -37,46 +41,59 @@ class Phantom:
     size_px: int = 256
     seed: int = 0
     first_sweep: int = 0
+    workers: int = 1
     cache: str = ".cache/phantom"
     settings: PhantomSettings = field(default_factory=PhantomSettings)
 
     def __post_init__(self) -> None:
         if self.subset not in (*SUBSETS, ALL):
             raise InputError(f"subset: expected {', '.join(SUBSETS)} or {ALL}, received {self.subset!r}")
-        for name, least in (
-            ("sweeps", 1),
-            ("frames_per_sweep", 2),
-            ("size_px", 16),
-            ("seed", 0),
-            ("first_sweep", 0),
-        ):
-            if getattr(self, name) < least:
-                raise InputError(f"{name}: expected at least {least}, received {getattr(self, name)!r}")
+        least = {"sweeps": 1, "frames_per_sweep": 2, "size_px": 16, "seed": 0, "first_sweep": 0, "workers": 1}
+        for name, smallest in least.items():
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int) or value < smallest:
+                raise InputError(
+                    f"{name}: expected a whole number of at least {smallest}, received {value!r}"
+                )
 
     def __call__(self) -> LabelledFrames:
         """Simulate what is not in the cache and return all frames in order of subset, sweep and time."""
+        sweeps = [
+            (self.settings_of(subset), sweep)
+            for subset in (SUBSETS if self.subset == ALL else (self.subset,))
+            for sweep in range(self.first_sweep, self.first_sweep + self.sweeps)
+        ]
+        self._prepare(sweeps)
         images: list[np.ndarray] = []
         masks: list[np.ndarray] = []
-        names: list[tuple[str, str]] = []
-        spacing: list[tuple[float, float]] = []
-        for subset in SUBSETS if self.subset == ALL else (self.subset,):
-            settings = self.settings_of(subset)
+        cases: list[tuple[str, str, float]] = []
+        for settings, sweep in sweeps:
+            sweep_images, sweep_masks = labelled_sweep(settings, sweep, self._folder)
+            images.extend(sweep_images)
+            masks.extend(sweep_masks)
+            group = f"{settings.subset}-sweep{sweep}"
             side_mm = settings.scanner.pixel_mm
-            for sweep in range(self.first_sweep, self.first_sweep + self.sweeps):
-                sweep_images, sweep_masks = labelled_sweep(settings, sweep, self._folder)
-                images.extend(sweep_images)
-                masks.extend(sweep_masks)
-                group = f"{subset}-sweep{sweep}"
-                names.extend((f"{group}-frame{frame:03d}", group) for frame in range(len(sweep_images)))
-                spacing.extend([(side_mm, side_mm)] * len(sweep_images))
+            cases.extend((f"{group}-frame{frame:03d}", group, side_mm) for frame in range(len(sweep_images)))
         return LabelledFrames(
             images=tuple(images),
             masks=tuple(masks),
-            case_ids=tuple(case for case, _ in names),
-            groups=tuple(group for _, group in names),
-            spacing_mm=tuple(spacing),
+            case_ids=tuple(case for case, _, _ in cases),
+            groups=tuple(group for _, group, _ in cases),
+            spacing_mm=tuple((side_mm, side_mm) for _, _, side_mm in cases),
             simulated=True,
         )
+
+    def _prepare(self, sweeps: list[tuple[PhantomSettings, int]]) -> None:
+        """Fill the cache by several processes, where there are several sweeps to make and it pays."""
+        missing = [one for one in sweeps if not is_cached(*one, self._folder)]
+        if self.workers == 1 or len(missing) < 2 or len(missing) * self.frames_per_sweep < WORTH_A_PROCESS:
+            return
+        # Spawned processes inherit neither locks nor threads of this one, which may hold a network already.
+        context = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(min(self.workers, len(missing)), mp_context=context) as pool:
+            made = [pool.submit(fill_cache, settings, sweep, self._folder) for settings, sweep in missing]
+            for one in made:
+                one.result()
 
     def settings_of(self, subset: str) -> PhantomSettings:
         """The simulator's settings for one of the phantoms."""
@@ -99,23 +116,33 @@ def labelled_sweep(settings: PhantomSettings, sweep: int, cache: Path) -> tuple[
     The arrays are mapped from disk, so that large sets need no memory until they are used. A cache entry that does
     not fit is made again.
     """
-    entry = cache / sweep_hash(settings, sweep)
-    shape = (settings.motion.frames, settings.scanner.height_px, settings.scanner.width_px)
-    if (kept := _read(entry, shape)) is not None:
-        return kept
+    kept = _read(settings, sweep, cache)
+    if kept is None:
+        fill_cache(settings, sweep, cache)
+        kept = _read(settings, sweep, cache)
+    if kept is None:
+        raise InputError(f"cache: expected a folder that keeps what is written to it, {cache} did not")
+    return kept
+
+
+def is_cached(settings: PhantomSettings, sweep: int, cache: Path) -> bool:
+    """Whether a sweep can be read from the cache as it should be."""
+    return _read(settings, sweep, cache) is not None
+
+
+def fill_cache(settings: PhantomSettings, sweep: int, cache: Path) -> None:
+    """Simulate one sweep and put its frames and masks into the cache, both or neither."""
     from registration.phantom.scan import simulate_sweep
 
     simulated = simulate_sweep(settings, sweep)
-    with files.staged(entry) as folder:
+    with files.staged(cache / sweep_hash(settings, sweep)) as folder:
         np.save(folder / "images.npy", simulated.sweep.images)
         np.save(folder / "masks.npy", simulated.masks)
-    return simulated.sweep.images, simulated.masks
 
 
 def sweep_hash(settings: PhantomSettings, sweep: int) -> str:
     """What decides a sweep's content: all settings, its number, and the simulator's source."""
-    text = json.dumps([dataclasses.asdict(settings), sweep, _source_hash()], sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:32]
+    return hashlib.sha256(f"{settings.digest()} {sweep} {_source_hash()}".encode()).hexdigest()[:32]
 
 
 @lru_cache(maxsize=1)
@@ -127,7 +154,9 @@ def _source_hash() -> str:
     return digest.hexdigest()
 
 
-def _read(entry: Path, shape: tuple[int, int, int]) -> tuple[np.ndarray, np.ndarray] | None:
+def _read(settings: PhantomSettings, sweep: int, cache: Path) -> tuple[np.ndarray, np.ndarray] | None:
+    entry = cache / sweep_hash(settings, sweep)
+    shape = (settings.motion.frames, settings.scanner.height_px, settings.scanner.width_px)
     try:
         images = np.load(entry / "images.npy", mmap_mode="r")
         masks = np.load(entry / "masks.npy", mmap_mode="r")

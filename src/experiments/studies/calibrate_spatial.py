@@ -21,16 +21,16 @@ if TYPE_CHECKING:
     from registration.spatial_calibration import NWireCalibration
 
 
-def check(*, results: str, phantom: str) -> None:
+def check(*, results: str, device_set: str) -> None:
     """Raise InputError for files that are not there."""
     require_exists(results, "results")
-    require_exists(phantom, "phantom")
+    require_exists(device_set, "device_set")
 
 
 def run(
     *,
     results: str,
-    phantom: str,
+    device_set: str,
     probe: str,
     reference: str,
     phantom_frame: str,
@@ -49,15 +49,15 @@ def run(
     from registration.sweep import ProbeCalibration
 
     data = read_wire_calibration(require_exists(results, "results"), probe, reference)
-    device_set = read_device_set(require_exists(phantom, "phantom"))
-    if not len(device_set.wires_mm):
-        raise InputError(f"phantom: expected NWire patterns in {phantom}, found none")
-    registered, how = _registration(device_set, data, phantom_frame, reference)
+    defined = read_device_set(require_exists(device_set, "device_set"))
+    if not len(defined.wires_mm):
+        raise InputError(f"device_set: expected NWire patterns in {device_set}, found none")
+    registered, how = _registration(defined, data, phantom_frame, reference)
     poses = data.calibration.probe_T_reference @ registered
     progress.note(f"calibrating from {len(poses)} frames")
-    result = spatial(data.calibration.points_px, device_set.wires_mm, poses)
+    result = spatial(data.calibration.points_px, defined.wires_mm, poses)
     matrix = result.probe_A_pixel
-    cases = _cases(data, device_set, registered, matrix, result.outliers)
+    cases = _cases(data, defined, registered, matrix, result.outliers)
     errors = {
         part: cases.loc[cases["part"] == part, "error_mm"].to_numpy()
         for part in ("calibration", "validation")

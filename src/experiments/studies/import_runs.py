@@ -7,6 +7,7 @@ from pathlib import Path
 from experiments.outcome import Outcome, Progress
 from experiments.run_archive import read_archive
 from experiments.tracking import ORIGIN_TAG, Store
+from experiments.trained_elsewhere import is_training, read_training
 
 TRACKED = False
 
@@ -15,10 +16,11 @@ def run(*, experiments: list[str] | None, archive: str, store: Store, progress: 
     """Restore the runs in the folder ``archive`` that the tracker does not have yet.
 
     A run is known by its first id, which it keeps as a tag through every export and import, so a second import adds
-    nothing.
+    nothing. ``archive`` may also be the folder of a training by ``python -m models.train``.
     """
     known = {run_.data.tags.get(ORIGIN_TAG, run_.info.run_id): run_.info.run_id for run_ in store.runs()}
-    records = list(read_archive(Path(archive).expanduser(), experiments))
+    folder = Path(archive).expanduser()
+    records = [read_training(folder)] if is_training(folder) else list(read_archive(folder, experiments))
     added = 0
     for record in progress.track(records, "Importing runs"):
         if record.run_id not in known:

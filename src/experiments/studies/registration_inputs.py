@@ -59,9 +59,11 @@ def read_pose(path: Path, name: str) -> np.ndarray:
         raise InputError(f"{name}: expected a JSON file with fixed_T_moving, received no file at {path}")
     try:
         matrix = np.array(json.loads(path.read_text(encoding="utf-8"))["fixed_T_moving"], dtype=np.float64)
+        if matrix.shape != (4, 4):
+            raise ValueError(f"an array of shape {matrix.shape}")
     except (ValueError, KeyError, TypeError) as refusal:
         raise InputError(
-            f"{name}: expected fixed_T_moving as 4 rows of 4 numbers in {path}, received {refusal!r}"
+            f"{name}: expected fixed_T_moving as 4 rows of 4 numbers in {path}, received {refusal}"
         ) from refusal
     try:
         return frames.require_rigid(matrix, "fixed_T_moving")

@@ -10,7 +10,7 @@ from experiments.errors import InputError
 from experiments.outcome import CellResult, Outcome, Progress
 from experiments.statistics import summary
 from experiments.studies.registration_inputs import one_method
-from experiments.studies.robustness_problem import Problem, read_problem
+from experiments.studies.robustness_problem import Problem, covered_targets, read_problem
 from experiments.studies.robustness_report import describe, figures, success_metrics, table
 from experiments.studies.robustness_trial import RobustnessTrial
 from registration import errors as registration_errors
@@ -89,20 +89,21 @@ def run(
     _require_count("trials", trials)
     _require_count("workers", workers)
     name, method = one_method(rigid)
-    covered = _piece(overlaps, piece)
+    part = _piece(overlaps, piece)
     problem = read_problem(target, moving, moving_truth, centerline)
     task = RobustnessTrial(
         name=name,
         method=method,
         perturbation=perturbation,
-        piece=covered,
+        piece=part,
         moving=problem.moving,
         fixed=problem.fixed,
         true_fixed_T_moving=problem.fixed_T_moving,
         targets_mm=problem.targets_mm,
+        covered=covered_targets(problem, part),
         seed=seed,
     )
-    rows = progress.track(_solved(task, trials, workers), f"{name}, overlap {covered.share:g}", trials)
+    rows = progress.track(_solved(task, trials, workers), f"{name}, overlap {part.share:g}", trials)
     return _outcome(list(rows), problem)
 
 

@@ -12,14 +12,17 @@ from experiments.errors import InputError
 from experiments.outcome import InputData
 from experiments.studies.registration_inputs import read_mm, read_pose, refuse_metres, require_path
 from registration import errors as registration_errors
-from registration.geometry import Mesh
+from registration import frames
+from registration.geometry import Mesh, surface_frame
 from registration.geometry_io import read_centerline
 from registration.metrics import Surface
+from registration.perturbation import Piece, draw
 
 # At most this many points carry the target registration error.
 MOST_TARGETS = 500
 # Drawn once for every study, so that all runs on a surface share their targets.
 TARGET_SEED = 20250
+COVERING_POINTS = 2000
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,20 @@ def read_problem(
         target_kind=kind,
         inputs=tuple(InputData(path.name, files.digest(path), str(path)) for path in paths),
     )
+
+
+def covered_targets(problem: Problem, piece: Piece) -> np.ndarray:
+    """Which targets lie beside the moving piece in its true place, along the fixed surface's principal axis."""
+    frame = surface_frame(problem.fixed)
+    moving = problem.moving
+    whole_mm = moving.vertices_mm if isinstance(moving, Mesh) else moving
+    # Vertices reach to the very ends, samples are there where a coarse mesh has no vertex.
+    inside_mm = whole_mm[piece.contains(whole_mm, moving)]
+    drawn_mm = draw(moving, COVERING_POINTS, piece, np.random.default_rng(TARGET_SEED))
+    placed_mm = frames.apply(problem.fixed_T_moving, np.concatenate([inside_mm, drawn_mm]))
+    along_mm = (placed_mm - frame.centre_mm) @ frame.axes[:, 0]
+    at_mm = (problem.targets_mm - frame.centre_mm) @ frame.axes[:, 0]
+    return (at_mm >= along_mm.min()) & (at_mm <= along_mm.max())
 
 
 def _moving(moving: str | None, moving_truth: str | None, fixed: Surface) -> tuple[Surface, np.ndarray]:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from registration import frames
-from registration.geometry import surface_frame
 from registration.metrics import Surface, SurfaceDistance, pose_error, rms
 from registration.perturbation import Perturbation, Piece, Trial
 
@@ -36,7 +35,8 @@ ERRORS = (
 class RobustnessTrial:
     """A method, the surfaces and how they are perturbed; called with a trial's number it gives that trial's row.
 
-    ``true_fixed_T_moving`` is the pose before the perturbation, ``targets_mm`` (t, 3) lie in the fixed frame.
+    ``true_fixed_T_moving`` is the pose before the perturbation, ``targets_mm`` (t, 3) lie in the fixed frame,
+    and ``covered`` (t,) says which of them lie beside what moves.
     """
 
     name: str
@@ -47,6 +47,7 @@ class RobustnessTrial:
     fixed: Surface
     true_fixed_T_moving: np.ndarray
     targets_mm: np.ndarray
+    covered: np.ndarray
     seed: int
 
     def __call__(self, number: int) -> dict[str, Any]:
@@ -82,14 +83,13 @@ class RobustnessTrial:
     def _measured(self, trial: Trial, result: RigidResult) -> dict[str, Any]:
         pose = result.fixed_T_moving
         error = pose_error(pose, trial.fixed_T_moving, self.targets_mm)
-        covered = self._covered(trial)
         genuine_mm = trial.moving_mm[~trial.outlier]
         return {
             "rmse_mm": rms(SurfaceDistance(self.fixed)(frames.apply(pose, genuine_mm))),
             "tre_mm": error.tre_mm,
             "tre_max_mm": error.tre_max_mm,
-            "tre_covered_mm": self._part(pose, trial, covered),
-            "tre_uncovered_mm": self._part(pose, trial, ~covered),
+            "tre_covered_mm": self._part(pose, trial, self.covered),
+            "tre_uncovered_mm": self._part(pose, trial, ~self.covered),
             "rotation_error_deg": error.rotation_error_deg,
             "translation_error_mm": error.translation_error_mm,
             "converged": result.converged,
@@ -98,14 +98,6 @@ class RobustnessTrial:
             "runtime_s": result.runtime_s,
             "error": "",
         }
-
-    def _covered(self, trial: Trial) -> np.ndarray:
-        """Which targets lie beside the moving cloud in its true place, along the fixed surface's principal axis."""
-        frame = surface_frame(self.fixed)
-        true_mm = frames.apply(trial.fixed_T_moving, trial.moving_mm[~trial.outlier])
-        along_mm = (true_mm - frame.centre_mm) @ frame.axes[:, 0]
-        at_mm = (self.targets_mm - frame.centre_mm) @ frame.axes[:, 0]
-        return (at_mm >= along_mm.min()) & (at_mm <= along_mm.max())
 
     def _part(self, pose: np.ndarray, trial: Trial, chosen: np.ndarray) -> float:
         """The error over some of the targets; NaN where there are none."""

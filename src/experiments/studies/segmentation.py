@@ -60,7 +60,7 @@ def run(
 
     from models.evaluation import predict, score_cases
     from models.predictor import Predictor
-    from models.train import train_fold
+    from models.training import train_fold
 
     frames = dataset()
     name = dataset_name(dataset)

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 # So many outlines of image planes still let the path be seen.
 _MOST_PLANES = 40
 _JPEG_QUALITY = 80
+_BAR = {"title": "time_s", "len": 0.7, "y": 0.4, "thickness": 14}
 _KEPT, _DROPPED, _CHOSEN = "#2a6f97", "#d1495b", "#f2a541"
 
 
@@ -117,7 +118,7 @@ def _space(sweep: TrackedSweep, corners_mm: np.ndarray) -> Any:
         **_xyz(path),
         mode="lines+markers",
         name="end effector",
-        marker={"size": 2, "color": elapsed_s, "colorscale": "Viridis", "colorbar": {"title": "time_s"}},
+        marker={"size": 2, "color": elapsed_s, "colorscale": "Viridis", "colorbar": _BAR},
         line={"color": "#888888", "width": 2},
     )
     figure.add_scatter3d(**_xyz(planes), mode="lines", name="image planes", line={"color": _KEPT, "width": 1})
@@ -129,7 +130,9 @@ def _space(sweep: TrackedSweep, corners_mm: np.ndarray) -> Any:
     )
     axes = {f"{axis}axis": {"title": f"{axis}_mm"} for axis in "xyz"}
     figure.update_layout(
-        scene={"aspectmode": "data", **axes}, margin={"l": 0, "r": 0, "t": 0, "b": 0}, legend={"x": 0, "y": 1}
+        scene={"aspectmode": "data", "camera": {"eye": {"x": 1.6, "y": 1.6, "z": 1.1}}, **axes},
+        margin={"l": 0, "r": 0, "t": 0, "b": 0},
+        legend={"x": 0, "y": 1},
     )
     return figure
 
@@ -144,14 +147,14 @@ def _intervals(sweep: TrackedSweep) -> Any:
             x=(np.diff(times_s) * 1e3).tolist(), nbinsx=60, marker_color=_KEPT, row=1, col=column
         )
         figure.update_xaxes(title="interval_ms", row=1, col=column)
-    figure.update_yaxes(title="count", type="log", row=1, col=1)
+        figure.update_yaxes(title="count", type="log", row=1, col=column)
     figure.update_layout(showlegend=False, margin={"l": 50, "r": 10, "t": 30, "b": 40})
     return figure
 
 
 def _timeline(sweep: TrackedSweep, reasons: np.ndarray) -> Any:
     """When each frame was taken and what became of it, with the poses below."""
-    import plotly.graph_objects as go  # type: ignore[import-untyped]
+    import plotly.graph_objects as go
 
     figure = go.Figure()
     start_s = min([*sweep.image_times_s[:1], *sweep.pose_times_s[:1]])
@@ -212,7 +215,7 @@ th, td { padding: .15rem .8rem .15rem 0; vertical-align: top; }
 const frames = @@frames@@;
 const plots = @@plots@@;
 for (const [name, plot] of Object.entries(plots)) {
-  Plotly.newPlot(name, plot.data, plot.layout, {responsive: true});
+  Plotly.newPlot(name, plot.data, plot.layout, {responsive: true, displaylogo: false});
 }
 const scrub = document.getElementById("scrub");
 function show() {

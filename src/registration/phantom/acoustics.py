@@ -94,7 +94,7 @@ class Tissue:
 
     scatterers_per_mm3: float = 24.0
     texture_db: float = 4.0
-    mottle_db: float = 4.0
+    mottle_db: float = 2.5
     lumen_db: float = -30.0
     wall_mm: float = 0.7
     wall_echo_db: float = 17.0

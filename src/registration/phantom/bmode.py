@@ -110,7 +110,7 @@ class BMode:
         kept = (rows >= 0) & (rows < samples) & (columns >= 0) & (columns < lines)
         rows, columns, range_mm = rows[kept], columns[kept], range_mm[kept]
         sigma_mm = self._elevation_sigma_mm(range_mm)
-        profile = np.exp(-0.5 * (local_mm[kept, 2] / sigma_mm) ** 2) / np.sqrt(np.sqrt(np.pi) * sigma_mm)
+        profile = np.exp(-0.5 * (local_mm[kept, 2] / sigma_mm) ** 2) / np.sqrt(np.float32(np.sqrt(np.pi)) * sigma_mm)
         carrier = np.float32(4.0 * np.pi / self.scanner.wavelength_mm) * range_mm
         phase = np.where(echoes.smooth[kept], np.float32(0.0), carrier)
         value = echoes.amplitude[kept] * profile

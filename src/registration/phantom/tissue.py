@@ -14,7 +14,9 @@ from registration.phantom.layers import Layers, dither
 
 LN_PER_DB = np.float32(np.log(10.0) / 20.0)
 GEL_DB = -60.0
-MEDIA_DB = -10.0
+# Against the tissue around: walls are seldom darker or brighter all the way round.
+MEDIA_DB = -8.0
+ADVENTITIA_DB = 3.5
 ADVENTITIA_MM = 0.9
 # Blood attenuates 0.15 dB/cm/MHz against 0.5 of average tissue.
 BLOOD_ATTENUATION = np.float32(0.3)
@@ -118,9 +120,9 @@ class TissueModel:
         """The lumen, the dark media and the bright adventitia around it."""
         wall_mm = self.settings.wall_mm
         level_db[distance_mm < 0] = self.settings.lumen_db
-        level_db[(distance_mm >= 0) & (distance_mm < wall_mm)] = MEDIA_DB
+        level_db[(distance_mm >= 0) & (distance_mm < wall_mm)] += MEDIA_DB
         outer = (distance_mm >= wall_mm) & (distance_mm < wall_mm + ADVENTITIA_MM)
-        level_db[outer] = 0.4 * self.settings.wall_echo_db
+        level_db[outer] += ADVENTITIA_DB
         smooth[distance_mm < wall_mm + ADVENTITIA_MM] = False
 
     def _line_intima(

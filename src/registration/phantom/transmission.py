@@ -25,8 +25,8 @@ def along_beams_db(
 ) -> Float32[np.ndarray, "s b"]:
     """Two-way loss in dB at each sample of each beam, less what the depth gain compensates.
 
-    ``places`` are sample and beam of each scatterer, ``attenuation`` its tissue's, against average, ``weight`` its share
-    in the slice. Behind a vessel more gets through than is compensated: its posterior enhancement.
+    ``places`` are sample and beam of each scatterer, ``attenuation`` its tissue's, against average, ``weight`` its
+    share in the slice. Behind a vessel more gets through than is compensated: its posterior enhancement.
     """
     samples, lines = beams.shape
     rows, columns = -(-samples // COARSE[0]), -(-lines // COARSE[1])
@@ -37,7 +37,9 @@ def along_beams_db(
     rate = 2.0 * beams.scanner.frequency_mhz * COARSE[0] * beams.sample_mm / 10.0
     excess_db = rate * (tissue.attenuation_db_cm_mhz * relative - tissue.compensation_db_cm_mhz)
     excess_db[: int(beams.margin_mm / beams.sample_mm) // COARSE[0]] = 0.0
-    summed = gaussian_filter1d(np.cumsum(excess_db, axis=0), 0.7, axis=1)
+    # What lies in front of a cell, not in it: a hard spot is bright itself and dark behind.
+    in_front_db = np.cumsum(excess_db, axis=0) - excess_db
+    summed = gaussian_filter1d(in_front_db, 0.7, axis=1)
     fine = zoom(summed, COARSE, order=1, mode="nearest", grid_mode=True)
     return np.asarray(fine[:samples, :lines], dtype=np.float32)
 

@@ -88,7 +88,10 @@ def _read_parts(path: Path) -> tuple[dict[str, str], bytes]:
         content = path.read_bytes()
         if not content.startswith(b"NRRD"):
             raise InputError(f"{path}: expected an NRRD file, found one that does not begin with NRRD")
-        head, _, data = content.replace(b"\r\n", b"\n", 1).partition(b"\n\n")
+        # Pixels may hold anything, line ends too: only the first empty line counts.
+        ends = [(content.find(mark), mark) for mark in (b"\n\n", b"\r\n\r\n") if mark in content]
+        end, mark = min(ends, default=(len(content), b""))
+        head, data = content[:end], content[end + len(mark) :]
         fields: dict[str, str] = {}
         for line in head.decode("latin-1").splitlines()[1:]:
             if line.startswith("#") or ":" not in line:

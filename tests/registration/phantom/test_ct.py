@@ -6,17 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from registration.errors import InputError
 from registration.phantom.anatomy import Anatomy, from_lines
+from registration.phantom.conditions import CtScan
 from registration.phantom.ct import fixed_model, scan_volume
-from registration.phantom.settings import CtScan
 from registration.phantom.shapes import signed_volume_mm3, spline_line
 
 
 @pytest.fixture(scope="module")
 def tube() -> Anatomy:
     line = spline_line(np.array([[20.0, 5, -30], [20, 5, 30]]), np.full(2, 4.0))
-    return from_lines("tube", (line,), -20.0)
+    return from_lines((line,), -20.0)
 
 
 def test_model_is_the_anatomy_within_a_fraction_of_a_voxel(tube: Anatomy) -> None:
@@ -37,7 +38,7 @@ def test_crop_shortens_both_ends(tube: Anatomy) -> None:
 
 def test_blur_shrinks_nothing_flat_but_thins_small_vessels() -> None:
     line = spline_line(np.array([[0.0, 0, -15], [0, 0, 15]]), np.full(2, 1.7))
-    thin = from_lines("thin", (line,), -20.0)
+    thin = from_lines((line,), -20.0)
     sharp, blurred = (
         fixed_model(thin, replace(CtScan(noise_hu=0.0, crop_mm=0.0), blur_mm=blur), np.random.default_rng(0))
         for blur in (0.1, 1.0)

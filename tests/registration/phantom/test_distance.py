@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from registration.phantom.distance import DistanceGrid, distance_grid
 from registration.phantom.shapes import spline_line, surround
 

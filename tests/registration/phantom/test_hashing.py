@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from registration.phantom.hashing import hash_cells, mix, smooth_noise
 
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
+
 from registration import frames
 from registration.phantom.scatterers import Slab, cells_in, place
-from scipy.spatial.transform import Rotation
 
 PITCH_MM = 0.5
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from registration.errors import InputError
 from registration.geometry import Mesh
 from registration.phantom.designs import DESIGNS, SKIN_Y_MM

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
+
 from registration import frames
 from registration.geometry import Mesh
-from registration.phantom.slicing import cut, mask_of_plane, rasterise
-from scipy.spatial.transform import Rotation
+from registration.phantom.slicing import cut, mask_of_plane, rasterise, section
 
 SPACING_MM = 0.05
 SIZE_PX = 400
@@ -118,3 +119,11 @@ def test_loops_that_leave_the_picture_are_clipped() -> None:
     np.testing.assert_array_equal(mask, expected)
     assert rasterise(square(-10.0, 20.0), 5, 6).all()
     assert not rasterise(np.empty((0, 2, 2)), 5, 6).any()
+
+
+def test_section_of_a_tube_has_its_area_and_middle() -> None:
+    vertices = tube(6.0, 3.0).vertices_mm + np.array([2.0, -1.5, 0.0])
+    area_mm2, centre_mm = section(cut(vertices, tube(6.0, 3.0).triangles))
+    assert area_mm2 == pytest.approx(np.pi * 18, rel=1e-3)
+    assert centre_mm == pytest.approx((2.0, -1.5), abs=1e-6)
+    assert section(np.empty((0, 2, 2))) == (0.0, (0.0, 0.0))

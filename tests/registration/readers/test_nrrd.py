@@ -32,8 +32,13 @@ def test_hand_written_header(tmp_path: Path) -> None:
 
 
 def test_pixel_data_may_hold_empty_lines(tmp_path: Path) -> None:
-    data = np.full(24, ord("\n"), np.uint8)
-    assert (read_nrrd(written(tmp_path, data=data.tobytes())).pixels == ord("\n")).all()
+    data = b"\r\n\n\n\r\n\r\n" * 3
+    assert read_nrrd(written(tmp_path, data=data), "MF").pixels.tobytes() == data
+
+
+def test_header_with_carriage_returns(tmp_path: Path) -> None:
+    sequence = read_nrrd(written(tmp_path, HEADER.replace("\n", "\r\n")))
+    np.testing.assert_array_equal(sequence.pixels, PIXELS[:, ::-1])
 
 
 def test_big_endian_gzip(tmp_path: Path) -> None:

@@ -1,0 +1,77 @@
+"""A training done by ``python -m models.train`` on a machine without the tracker, read as a run."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import yaml
+
+from experiments.errors import InputError
+from experiments.files import digest
+from experiments.identity import flatten
+from experiments.tracking import RunRecord
+
+EXPERIMENT = "segmentation"
+_FILES = ("model.pt", "metrics.json", "history.json", "cases.csv", "config.yaml")
+
+
+def is_training(folder: Path) -> bool:
+    """Whether ``folder`` looks like what a training leaves."""
+    return (folder / "history.json").is_file()
+
+
+def read_training(folder: Path) -> RunRecord:
+    """The run of a training. Its id is made from the weights, so that the same training is never two runs.
+
+    Raises InputError that names a file that is missing or can't be read.
+    """
+    for name in _FILES:
+        if not (folder / name).is_file():
+            raise InputError(
+                f"{folder}: expected the files of a training ({', '.join(_FILES)}), found no {name}"
+            )
+    weights = digest(folder / "model.pt")
+    text = (folder / "config.yaml").read_text(encoding="utf-8")
+    cases = pd.read_csv(folder / "cases.csv")
+    ended_ms = int((folder / "metrics.json").stat().st_mtime * 1000)
+    metrics = _read_json(folder / "metrics.json")
+    settings = flatten(yaml.safe_load(text))
+    fold = cases["fold"].iloc[0]
+    return RunRecord(
+        run_id=weights[:32],
+        experiment=EXPERIMENT,
+        name=f"trained elsewhere, fold={fold}",
+        status="FINISHED",
+        start_ms=ended_ms - int(1000 * (metrics.get("training_s") or 0.0)),
+        end_ms=ended_ms,
+        parent_id=None,
+        tags={
+            "ctus.kind": "job",
+            "model": str(cases["model"].iloc[0]),
+            "dataset": str(cases["dataset"].iloc[0]),
+        },
+        params={key: str(value) for key, value in {**settings, "fold": fold}.items()},
+        config=text,
+        history=_history(_read_json(folder / "history.json"), metrics, ended_ms),
+        cases=cases,
+    )
+
+
+def _read_json(path: Path) -> Any:
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise InputError(f"{path}: expected JSON, found {error}") from error
+
+
+def _history(
+    epochs: list[dict[str, float | None]], metrics: dict[str, float | None], at_ms: int
+) -> pd.DataFrame:
+    """A row a metric and step; what is not defined (null) has no row."""
+    rows = [(name, step, value) for step, epoch in enumerate(epochs) for name, value in epoch.items()]
+    rows += [(name, 0, value) for name, value in metrics.items()]
+    known = [(name, step, float(value), at_ms) for name, step, value in rows if value is not None]
+    return pd.DataFrame(known, columns=["metric", "step", "value", "timestamp_ms"])

@@ -1,0 +1,45 @@
+"""Contact sheets: many pictures beside each other, for the critical eye."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, UInt8
+
+from registration.errors import InputError
+
+GAP_PX = 4
+
+
+def contact_sheet(
+    rows: Sequence[Sequence[UInt8[np.ndarray, "h w"]]], tile_px: int
+) -> UInt8[np.ndarray, "height width"]:
+    """Lay pictures out in rows, each scaled to fit a square tile without changing its shape."""
+    if not rows or not all(rows):
+        raise InputError("rows: expected at least one picture in each row, received none")
+    most = max(len(row) for row in rows)
+    sheet = np.zeros((len(rows) * (tile_px + GAP_PX), most * (tile_px + GAP_PX)), dtype=np.uint8)
+    for across, row in enumerate(rows):
+        for along, picture in enumerate(row):
+            tile = _fitted(picture, tile_px)
+            top, left = across * (tile_px + GAP_PX), along * (tile_px + GAP_PX)
+            sheet[top : top + tile.shape[0], left : left + tile.shape[1]] = tile
+    return sheet
+
+
+def outlined(picture: UInt8[np.ndarray, "h w"], mask: Bool[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:
+    """The picture with the border of a mask drawn in white."""
+    edge = np.zeros_like(mask)
+    for axis in (0, 1):
+        steps = np.diff(mask.astype(np.int8), axis=axis) != 0
+        edge |= np.pad(steps, [(0, 1) if one == axis else (0, 0) for one in (0, 1)])
+    return np.where(edge, np.uint8(255), picture)
+
+
+def _fitted(picture: UInt8[np.ndarray, "h w"], tile_px: int) -> UInt8[np.ndarray, "a b"]:
+    from PIL import Image
+
+    scale = tile_px / max(picture.shape)
+    size = max(1, round(picture.shape[1] * scale)), max(1, round(picture.shape[0] * scale))
+    return np.asarray(Image.fromarray(picture).resize(size, Image.Resampling.LANCZOS))

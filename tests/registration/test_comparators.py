@@ -1,0 +1,108 @@
+"""Single-start ICP against Open3D's, and what it refuses."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import open3d
+import pytest
+from scipy.spatial.transform import Rotation
+from vessels import bent_tube
+
+from registration import frames
+from registration.comparators import SingleStartICP
+from registration.errors import InputError
+from registration.geometry import principal_frame
+
+TUBE = bent_tube()
+FIXED = TUBE.sample(2500, np.random.default_rng(0))
+MOVING = TUBE.sample(900, np.random.default_rng(1))
+
+
+def displaced(angle: float, shift_mm: float, seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    axis, direction = rng.normal(size=(2, 3))
+    turn = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis))
+    about = frames.rotate_about(turn, MOVING.mean(axis=0))
+    shift = frames.translation(shift_mm * direction / np.linalg.norm(direction))
+    return frames.apply(frames.compose(shift, about), MOVING)
+
+
+@pytest.mark.parametrize(
+    "angle, shift_mm, seed", [(0.2, 3.0, 0), (0.6, 8.0, 1), (2.0, 5.0, 2), (3.0, 10.0, 3)]
+)
+def test_it_ends_where_open3d_does(angle: float, shift_mm: float, seed: int) -> None:
+    """From good starts and from bad ones: in the same optimum or in the same wrong place."""
+    moving = displaced(angle, shift_mm, seed)
+    found = SingleStartICP(max_iterations=200, tolerance=1e-9)(moving, FIXED)
+    source, target = (open3d.geometry.PointCloud(open3d.utility.Vector3dVector(p)) for p in (moving, FIXED))
+    reference = open3d.pipelines.registration.registration_icp(
+        source,
+        target,
+        1e6,
+        np.eye(4),
+        open3d.pipelines.registration.TransformationEstimationPointToPoint(),
+        open3d.pipelines.registration.ICPConvergenceCriteria(1e-12, 1e-12, found.iterations),
+    )
+    apart = frames.apply(found.fixed_T_moving, moving) - frames.apply(
+        np.array(reference.transformation), moving
+    )
+    assert np.linalg.norm(apart, axis=1).max() < 1e-3
+    assert found.rmse_mm == pytest.approx(reference.inlier_rmse, abs=1e-4)
+
+
+def test_a_near_start_succeeds_and_one_upside_down_does_not() -> None:
+    method = SingleStartICP(max_iterations=200)
+    assert method(displaced(0.2, 3.0, 0), FIXED).rmse_mm < 1
+    frame = principal_frame(MOVING)
+    over = frames.rotate_about(Rotation.from_rotvec(np.pi * frame.axes[:, 1]), frame.centre_mm)
+    moving = frames.apply(over, MOVING)
+    assert method(moving, FIXED).rmse_mm > 1.5
+    # From a pose near the truth the same clouds meet.
+    known = frames.compose(frames.translation((1.0, 2.0, -1.0)), over)
+    assert method(moving, FIXED, frames.invert_rigid(known)).rmse_mm < 1
+
+
+def test_centroids_are_brought_together_only_when_asked() -> None:
+    moving = MOVING + np.array([400.0, 0, 0])
+    once = {"max_iterations": 1}
+    far = SingleStartICP(**once)(moving, FIXED)
+    near = SingleStartICP(**once, align_centroids=True)(moving, FIXED)
+    assert near.rmse_mm < 1.5 < far.rmse_mm
+    assert not far.converged
+
+
+def test_centroids_meet_after_a_known_pose_is_applied() -> None:
+    turn = frames.rotate_about(Rotation.from_rotvec([0.3, 2.5, 0.4]), MOVING.mean(axis=0))
+    moving = frames.apply(turn, MOVING) + np.array([0.0, 300.0, 0])
+    method = SingleStartICP(align_centroids=True, max_iterations=1)
+    assert method(moving, FIXED, frames.invert_rigid(turn)).rmse_mm < 1.5
+
+
+def test_the_result_says_what_was_done() -> None:
+    found = SingleStartICP(max_iterations=7, tolerance=1e-12)(displaced(0.6, 8.0, 1), FIXED)
+    assert (found.iterations, found.converged) == (7, False)
+    assert len(found.candidates) == 1
+    np.testing.assert_array_equal(found.candidates[0].fixed_T_moving, found.fixed_T_moving)
+    assert found.rmse_trimmed_mm == found.rmse_mm
+    assert 0 < found.inlier_share <= 1
+    assert found.runtime_s > 0
+
+
+@pytest.mark.parametrize(
+    "settings", [{"keep": 0.0}, {"max_iterations": 0}, {"tolerance": -1.0}, {"inlier_spacings": 0.0}]
+)
+def test_settings_out_of_range_are_refused(settings: dict[str, object]) -> None:
+    with pytest.raises(InputError, match=f"{next(iter(settings))}: expected"):
+        dataclasses.replace(SingleStartICP(), **settings)
+
+
+def test_clouds_and_poses_that_are_none_are_refused() -> None:
+    method = SingleStartICP()
+    with pytest.raises(InputError, match="moving_mm: expected at least 3 points"):
+        method(np.empty((0, 3)), FIXED)
+    with pytest.raises(InputError, match="fixed_mm: expected points that span a surface"):
+        method(MOVING, np.zeros((9, 3)))
+    with pytest.raises(InputError, match="initial: expected a right-handed"):
+        method(MOVING, FIXED, np.diag([1.0, 1, -1, 1]))

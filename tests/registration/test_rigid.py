@@ -1,0 +1,192 @@
+"""Multi-start registration: poses found again from anywhere, on synthetic vessels and on a real aorta."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from vessels import bent_tube
+
+from registration import frames
+from registration.errors import InputError
+from registration.geometry import Mesh
+from registration.geometry_io import read_centerline, read_surface
+from registration.metrics import pose_error
+from registration.perturbation import Perturbation, Piece, Trial
+from registration.rigid import MultiStartICP
+
+TUBE = bent_tube()
+METHOD = MultiStartICP()
+
+
+def problem(surface: Mesh = TUBE, piece: Piece = Piece(), number: int = 0, **change: object) -> Trial:
+    settings = {"noise_mm": 0.0, "outlier_share": 0.0, "moving_points": 1200, "fixed_points": 2500} | change
+    perturbation = Perturbation(180.0, 10.0, **settings)
+    return perturbation(surface, surface, np.eye(4), piece, seed=11, trial=number)
+
+
+def error_mm(found: np.ndarray, trial: Trial, targets_mm: np.ndarray = TUBE.vertices_mm) -> float:
+    return pose_error(found, trial.fixed_T_moving, targets_mm).tre_mm
+
+
+@pytest.mark.parametrize("number", range(6))
+def test_a_whole_vessel_is_found_from_any_pose(number: int) -> None:
+    trial = problem(number=number)
+    assert error_mm(METHOD(trial.moving_mm, trial.fixed_mm).fixed_T_moving, trial) < 0.2
+
+
+@pytest.mark.parametrize("share, place", [(0.6, "middle"), (0.6, "start"), (0.6, "end"), (0.45, "end")])
+def test_a_piece_is_found_in_its_place(share: float, place: str) -> None:
+    trial = problem(piece=Piece(share, place), number=7)
+    assert error_mm(METHOD(trial.moving_mm, trial.fixed_mm).fixed_T_moving, trial) < 0.5
+
+
+def test_noise_and_outliers_cost_accuracy_and_not_the_pose() -> None:
+    trial = problem(number=3, noise_mm=0.4, outlier_share=0.08)
+    assert error_mm(METHOD(trial.moving_mm, trial.fixed_mm).fixed_T_moving, trial) < 1
+
+
+def test_the_pose_maps_moving_to_fixed_and_swapping_inverts_it() -> None:
+    trial = problem(number=2)
+    there = METHOD(trial.moving_mm, trial.fixed_mm).fixed_T_moving
+    back = METHOD(trial.fixed_mm, trial.moving_mm).fixed_T_moving
+    np.testing.assert_allclose(frames.compose(back, there), np.eye(4), atol=0.3)
+    assert error_mm(there, trial) < 0.2 < error_mm(frames.invert_rigid(there), trial)
+
+
+def test_clouds_far_apart_and_far_from_the_origin() -> None:
+    trial = problem(number=4)
+    away = frames.from_rotation(Rotation.from_rotvec([1.0, 2.0, -0.5]), np.array([5e3, -2e4, 1e4]))
+    found = METHOD(frames.apply(away, trial.moving_mm), trial.fixed_mm).fixed_T_moving
+    assert error_mm(frames.compose(found, away), trial) < 0.2
+
+
+def test_it_is_deterministic() -> None:
+    trial = problem(number=1)
+    one, two = (METHOD(trial.moving_mm, trial.fixed_mm) for _ in range(2))
+    np.testing.assert_array_equal(one.fixed_T_moving, two.fixed_T_moving)
+    assert one.iterations == two.iterations
+
+
+def test_the_result_carries_all_candidates_best_first() -> None:
+    trial = problem(number=5)
+    result = METHOD(trial.moving_mm, trial.fixed_mm)
+    np.testing.assert_array_equal(result.candidates[0].fixed_T_moving, result.fixed_T_moving)
+    assert [candidate.basin for candidate in result.candidates] == list(range(len(result.candidates)))
+    # Every start is in exactly one basin.
+    assert sum(candidate.starts for candidate in result.candidates) == 24
+    stages = [candidate.stage for candidate in result.candidates]
+    assert stages == sorted(stages, key=["fine", "middle", "coarse"].index)
+    for stage in set(stages):
+        residuals = [candidate.rmse_mm for candidate in result.candidates if candidate.stage == stage]
+        assert residuals == sorted(residuals)
+    # The tube upside down is another basin, and worse.
+    assert any(
+        error_mm(candidate.fixed_T_moving, trial) > 20
+        for candidate in result.candidates
+        if candidate.stage != "fine"
+    )
+    assert result.converged
+    assert result.rmse_trimmed_mm < result.rmse_mm < 1.5
+    assert result.inlier_share > 0.95
+
+
+def test_two_candidates_of_a_stage_are_different_poses() -> None:
+    trial = problem(number=5)
+    result = METHOD(trial.moving_mm, trial.fixed_mm)
+    radius_mm = np.sqrt(trial.moving_mm.var(axis=0).sum())
+    coarse = [candidate for candidate in result.candidates if candidate.stage == "coarse"]
+    placed = np.stack([frames.apply(candidate.fixed_T_moving, trial.moving_mm) for candidate in coarse])
+    for index in range(1, len(placed)):
+        apart = np.sqrt(((placed[:index] - placed[index]) ** 2).sum(axis=2).mean(axis=1))
+        assert apart.min() > 0.5 * METHOD.basin_share * radius_mm
+
+
+def test_a_known_pose_keeps_the_search_near_it() -> None:
+    """Turned over by 180 degrees, the search stays in that half; near the truth, it ends there."""
+    trial = problem(number=6)
+    axis = np.cross(trial.moving_mm[0] - trial.moving_mm.mean(axis=0), [0.3, 1.0, 0.2])
+    over = frames.rotate_about(
+        Rotation.from_rotvec(np.pi * axis / np.linalg.norm(axis)), trial.moving_mm.mean(axis=0)
+    )
+    wrong = frames.compose(trial.fixed_T_moving, over)
+    narrow = dataclasses.replace(METHOD, cone_deg=20.0)
+    assert error_mm(narrow(trial.moving_mm, trial.fixed_mm, wrong).fixed_T_moving, trial) > 10
+    near = frames.compose(frames.translation((2.0, -2.0, 1.0)), trial.fixed_T_moving)
+    assert error_mm(narrow(trial.moving_mm, trial.fixed_mm, near).fixed_T_moving, trial) < 0.2
+
+
+def test_clouds_that_are_no_surface_go_point_to_point() -> None:
+    """A curved line in space: normals mean nothing there."""
+    share = np.linspace(0, 1, 300)
+    line = np.stack([20 * np.sin(2 * share), 9 * np.cos(3 * share), 60 * share**1.3], axis=1)
+    pose = frames.from_rotation(Rotation.from_rotvec([2.0, 1.0, -1.0]), np.array([7.0, 80, -3]))
+    method = dataclasses.replace(METHOD, refine_by="point", keep=1.0)
+    found = method(frames.apply(pose, line), line).fixed_T_moving
+    np.testing.assert_allclose(frames.apply(frames.compose(found, pose), line), line, atol=0.1)
+
+
+def test_few_points_are_enough_to_run() -> None:
+    rng = np.random.default_rng(0)
+    corners = rng.normal(size=(12, 3)) * [9, 4, 2]
+    result = dataclasses.replace(METHOD, refine_by="point", keep=1.0)(corners[:8] + 3.0, corners)
+    assert np.isfinite(result.fixed_T_moving).all()
+    assert result.rmse_mm < 1e-6
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"rolls": 0},
+        {"slide_share": 0.0},
+        {"axis_share": 1.5},
+        {"coarse_points": 2},
+        {"coarse_cells": 4},
+        {"coarse_iterations": 0},
+        {"survivors": 0},
+        {"middle_points": 1},
+        {"finalists": 0},
+        {"fine_points": 2},
+        {"max_iterations": 0},
+        {"tolerance": 0.0},
+        {"keep": 1.1},
+        {"refine_by": "line"},
+        {"neighbours": 2},
+        {"basin_share": -0.1},
+        {"cone_deg": 181.0},
+        {"inlier_spacings": 0.0},
+        {"seed": -1},
+    ],
+)
+def test_settings_out_of_range_are_refused(settings: dict[str, object]) -> None:
+    with pytest.raises(InputError, match=f"{next(iter(settings))}: expected"):
+        dataclasses.replace(METHOD, **settings)
+
+
+def test_clouds_and_poses_that_are_none_are_refused() -> None:
+    cloud = problem().moving_mm
+    with pytest.raises(InputError, match="moving_mm: expected at least 3 points, received 0"):
+        METHOD(np.empty((0, 3)), cloud)
+    broken = cloud.copy()
+    broken[3, 1] = np.nan
+    with pytest.raises(InputError, match="fixed_mm: expected finite coordinates, received 1 points"):
+        METHOD(cloud, broken)
+    with pytest.raises(InputError, match=r"moving_mm: .*on one line"):
+        METHOD(np.outer(np.arange(50.0), [1, 2, 3]), cloud)
+    with pytest.raises(InputError, match="initial: expected orthonormal"):
+        METHOD(cloud, cloud, np.diag([1.0, 1, 1.2, 1]))
+
+
+@pytest.mark.parametrize("share, place", [(1.0, "middle"), (0.6, "middle"), (0.4, "start"), (0.4, "end")])
+def test_the_real_aorta_is_found_in_every_trial(real_data: Path, share: float, place: str) -> None:
+    aorta = read_surface(real_data / "vmtk" / "aorta-surface.stl")
+    targets = read_centerline(real_data / "vmtk" / "aorta-centerline.vtp").even_points(500)
+    for number in range(5):
+        trial = problem(
+            aorta, Piece(share, place), number, noise_mm=0.5, moving_points=3000, fixed_points=5000
+        )
+        found = METHOD(trial.moving_mm, trial.fixed_mm).fixed_T_moving
+        assert error_mm(found, trial, targets) < 2
