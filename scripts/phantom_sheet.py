@@ -16,9 +16,9 @@ from PIL import Image
 
 from registration.phantom.acoustics import Scanner
 from registration.phantom.realism import dark_dsc, grain_px, vessel_gcnr
-from registration.phantom.scan import SweepSimulator
 from registration.phantom.settings import SUBSETS, PhantomSettings
 from registration.phantom.sheet import contact_sheet, outlined
+from registration.phantom.simulator import SweepSimulator
 
 COLUMNS = 4
 SIZE_PX = 512

@@ -78,15 +78,7 @@ class TemporalCalibration:
         Raises InputError for too few frames within the tracker's times, signals that do not move, a correlation
         that is too low, and a peak at the end of the search.
         """
-        used = np.isfinite(image_signal)
-        used &= (image_times_s >= pose_times_s[0] + self.max_lag_s) & (
-            image_times_s <= pose_times_s[-1] - self.max_lag_s
-        )
-        if used.sum() < self.min_frames:
-            raise InputError(
-                f"image_signal: expected at least {self.min_frames} frames with a signal whose times lie "
-                f"{self.max_lag_s:g} s inside the poses', received {used.sum()}"
-            )
+        used = self._usable(image_times_s, image_signal, pose_times_s)
         steps = int(np.ceil(self.max_lag_s / self.step_s))
         lags_s = np.arange(-steps, steps + 1) * self.step_s
         sampled = np.interp(image_times_s[used][None] + lags_s[:, None], pose_times_s, pose_signal)
@@ -109,6 +101,22 @@ class TemporalCalibration:
             correlations=correlations,
             frames_used=used,
         )
+
+    def _usable(
+        self,
+        image_times_s: Float[np.ndarray, "n"],
+        image_signal: Float[np.ndarray, "n"],
+        pose_times_s: Float[np.ndarray, "m"],
+    ) -> np.ndarray:
+        """The frames that have a signal and, at every lag of the search, poses on both sides."""
+        first_s, last_s = pose_times_s[0] + self.max_lag_s, pose_times_s[-1] - self.max_lag_s
+        usable = np.isfinite(image_signal) & (image_times_s >= first_s) & (image_times_s <= last_s)
+        if usable.sum() < self.min_frames:
+            raise InputError(
+                f"image_signal: expected at least {self.min_frames} frames with a signal whose times lie "
+                f"{self.max_lag_s:g} s inside the poses', received {usable.sum()}"
+            )
+        return usable
 
     def _require_a_peak(self, heights: Float64[np.ndarray, "k"], peaks: np.ndarray) -> None:
         """Refuse a correlation that is too low, the same everywhere, or highest where the search stopped."""

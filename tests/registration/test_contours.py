@@ -50,13 +50,20 @@ def test_normals_point_out_whichever_way_the_axes_run(pixel: np.ndarray) -> None
     assert (np.einsum("ni,ni->n", cloud.points_mm - centre_mm, cloud.normals) > 0).all()
 
 
-def test_sheared_axes_keep_normals_at_right_angles_to_the_contour() -> None:
+def test_sheared_axes_keep_normals_at_right_angles_to_the_border() -> None:
     pixel = np.eye(4)
-    pixel[0, 1] = 0.3
-    cloud = ContourExtractor()(disc(60, 45, 30)[None], pixel[None])
-    along = np.roll(cloud.points_mm, -1, axis=0) - np.roll(cloud.points_mm, 1, axis=0)
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
-    assert np.abs(np.einsum("ni,ni->n", along, cloud.normals)).max() < 1e-6
+    pixel[0, 1] = 0.5
+    cloud = ContourExtractor()(disc(50.3, 45.4, 30.2)[None], pixel[None])
+    centre_mm = frames.apply(pixel, np.array([50.3, 45.4, 0.0]))
+    # In pixels the border is a circle; gradients map by the inverse transpose.
+    gradient = (cloud.points_mm - centre_mm) @ np.linalg.inv(pixel[:3, :3]).T @ np.linalg.inv(pixel[:3, :3])
+    gradient /= np.linalg.norm(gradient, axis=1, keepdims=True)
+    cosine = np.einsum("ni,ni->n", gradient, cloud.normals)
+    assert cosine.min() > 0.98
+    # Turning the tangent in pixels instead would be off by up to some 14 degrees.
+    radial = cloud.points_mm - centre_mm
+    radial /= np.linalg.norm(radial, axis=1, keepdims=True)
+    assert np.einsum("ni,ni->n", radial, cloud.normals).min() < 0.95
 
 
 def test_concave_shape_and_hole_have_normals_away_from_the_vessel() -> None:

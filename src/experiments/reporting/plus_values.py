@@ -233,23 +233,17 @@ def _volume_values(
     placement = VolumePlacement(spacing_mm, interpolation, compounding, **clip)
     own = placement.grid(posed.world_A_pixel, *sweep.images.shape[1:])
     shift_mm = float(np.linalg.norm(own.origin_mm - origin_mm))
-    depth, height, width = reference.pixels.shape
+    theirs = VolumeGrid(origin_mm, spacing_mm, reference.pixels.shape[::-1])
     yield Value(f"{volume}.mha", "distance of the origins, mm", 0.01, shift_mm, "below")
     # Versions of PLUS differ in whether they count the last voxel.
-    misfit = int(np.abs(np.array(own.size) - (width, height, depth)).max())
+    misfit = int(np.abs(np.array(own.size) - theirs.size).max())
     yield Value(f"{volume}.mha", "largest difference in size, voxels", 0, misfit, tolerance=1)
-    placed = placement(
-        sweep.images, posed.world_A_pixel, VolumeGrid(origin_mm, spacing_mm, (width, height, depth))
-    )
-    agreement = compare(placed, reference.pixels)
-    nowhere = float("nan")
-    yield Value(
-        f"{volume}.mha", "share of PLUS's voxels also filled", nowhere, agreement.reference_covered, "report"
-    )
-    yield Value(
-        f"{volume}.mha", "correlation of the grey values in both", nowhere, agreement.correlation, "report"
-    )
-    yield Value(
-        f"{volume}.mha", "mean absolute difference, grey levels", nowhere, agreement.difference_mean, "report"
-    )
-    yield Value(f"{volume}.mha", "share equal within one grey level", nowhere, agreement.same_share, "report")
+    agreement = compare(placement(sweep.images, posed.world_A_pixel, theirs), reference.pixels)
+    told = {
+        "share of PLUS's voxels also filled": agreement.reference_covered,
+        "correlation of the grey values in both": agreement.correlation,
+        "mean absolute difference, grey levels": agreement.difference_mean,
+        "share equal within one grey level": agreement.same_share,
+    }
+    for quantity, ours in told.items():
+        yield Value(f"{volume}.mha", quantity, float("nan"), ours, "report")

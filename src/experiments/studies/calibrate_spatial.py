@@ -40,12 +40,10 @@ def run(
     progress: Progress,
 ) -> Outcome:
     """Calibrate, and leave ``probe.yaml`` and a device set ``probe.xml`` in ``workspace``."""
-    from registration.probe_calibration import corner_displacement_mm, pixel_geometry
     from registration.readers.calibration_file import calibration_yaml
     from registration.readers.plus_config import device_set_xml, read_device_set
     from registration.readers.plus_results import read_wire_calibration
     from registration.readers.transform_graph import TransformGraph
-    from registration.spatial_calibration import mean_of_best_mm
     from registration.sweep import ProbeCalibration
 
     data = read_wire_calibration(require_exists(results, "results"), probe, reference)
@@ -58,36 +56,50 @@ def run(
     result = spatial(data.calibration.points_px, defined.wires_mm, poses)
     matrix = result.probe_A_pixel
     cases = _cases(data, defined, registered, matrix, result.outliers)
-    errors = {
-        part: cases.loc[cases["part"] == part, "error_mm"].to_numpy()
-        for part in ("calibration", "validation")
-    }
-    geometry = pixel_geometry(matrix)
-    displaced = corner_displacement_mm(matrix, data.probe_A_pixel, data.height_px, data.width_px)
-    means = {part: mean_of_best_mm(values, best_share) for part, values in errors.items()}
     files.write_text(workspace / "probe.yaml", calibration_yaml(ProbeCalibration(np.eye(4), matrix)))
     files.write_text(workspace / "probe.xml", device_set_xml(TransformGraph({("Image", probe): matrix})))
-    metrics = {
-        "error_calibration_mm": means["calibration"],
-        "error_validation_mm": means["validation"],
-        "column_mm": geometry.column_mm,
-        "row_mm": geometry.row_mm,
-        "shear_deg": geometry.shear_deg,
-        "outliers": float(result.outliers.sum()),
-        "corner_displacement_max_mm": float(displaced.max()),
-    }
+    metrics = _metrics(data, cases, matrix, best_share)
     return Outcome(
         metrics=metrics,
         cases=cases,
         figures={"residuals": _figure(cases)},
-        findings=(
-            f"Mean 3-D error over the best {best_share:.0%} of the points: {means['calibration']:.3f} mm on "
-            f"{len(poses)} calibration frames, {means['validation']:.3f} mm on {len(data.validation.points_px)} "
-            f"validation frames; phantom registered {how}.",
-            f"Pixels of {geometry.column_mm:.4f} by {geometry.row_mm:.4f} mm, sheared by {geometry.shear_deg:.2f} "
-            f"degrees; image corners at most {displaced.max():.4f} mm from the calibration in the file.",
-        ),
+        findings=_findings(metrics, data, best_share, how),
     )
+
+
+def _findings(
+    metrics: dict[str, float], data: WireCalibrationFile, best_share: float, how: str
+) -> tuple[str, ...]:
+    """The errors in one sentence, the image's geometry in another."""
+    return (
+        f"Mean 3-D error over the best {best_share:.0%} of the points: {metrics['error_calibration_mm']:.3f} mm "
+        f"on {len(data.calibration.points_px)} calibration frames, {metrics['error_validation_mm']:.3f} mm on "
+        f"{len(data.validation.points_px)} validation frames; phantom registered {how}.",
+        f"Pixels of {metrics['column_mm']:.4f} by {metrics['row_mm']:.4f} mm, sheared by "
+        f"{metrics['shear_deg']:.2f} degrees; image corners at most "
+        f"{metrics['corner_displacement_max_mm']:.4f} mm from the calibration in the file.",
+    )
+
+
+def _metrics(
+    data: WireCalibrationFile, cases: pd.DataFrame, matrix: np.ndarray, best_share: float
+) -> dict[str, float]:
+    """Errors of both parts, the pixels' geometry, and how far the image's corners lie from the file's calibration."""
+    from registration.probe_calibration import corner_displacement_mm, pixel_geometry
+    from registration.spatial_calibration import mean_of_best_mm
+
+    errors = {part: group["error_mm"].to_numpy() for part, group in cases.groupby("part")}
+    geometry = pixel_geometry(matrix)
+    displaced_mm = corner_displacement_mm(matrix, data.probe_A_pixel, data.height_px, data.width_px)
+    return {
+        "error_calibration_mm": mean_of_best_mm(errors["calibration"], best_share),
+        "error_validation_mm": mean_of_best_mm(errors["validation"], best_share),
+        "column_mm": geometry.column_mm,
+        "row_mm": geometry.row_mm,
+        "shear_deg": geometry.shear_deg,
+        "outliers": float(cases["outlier"].sum()),
+        "corner_displacement_max_mm": float(displaced_mm.max()),
+    }
 
 
 def _registration(

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from experiments import files
+from experiments.errors import InputError
 from experiments.outcome import Outcome, Progress
 from experiments.studies.sweep_input import SweepReader, require_exists
 
@@ -38,32 +39,22 @@ def run(
     from registration.temporal_calibration import principal_motion_mm
 
     recorded = acquisition(require_exists(sweep, "sweep"))
+    if not len(recorded.images):
+        raise InputError(f"sweep: expected frames in {sweep}, received a recording of poses only")
     progress.note(f"looking for the line in {len(recorded.images)} frames")
     rows_px = line(recorded.images)
     # The principal axis is that of the motion during the images, not of what the tracker saw before and after.
-    first_s, last_s = recorded.image_times_s.min(initial=np.inf), recorded.image_times_s.max(initial=-np.inf)
-    near = (recorded.pose_times_s >= first_s - 2 * temporal.max_lag_s) & (
-        recorded.pose_times_s <= last_s + 2 * temporal.max_lag_s
+    beyond_s = 2 * temporal.max_lag_s
+    near = (recorded.pose_times_s >= recorded.image_times_s.min() - beyond_s) & (
+        recorded.pose_times_s <= recorded.image_times_s.max() + beyond_s
     )
-    pose_times_s, positions_mm = recorded.pose_times_s[near], recorded.world_T_ee[near, :3, 3]
-    motion_mm = principal_motion_mm(positions_mm)
+    pose_times_s = recorded.pose_times_s[near]
+    motion_mm = principal_motion_mm(recorded.world_T_ee[near, :3, 3])
     result = temporal(recorded.image_times_s, rows_px, pose_times_s, motion_mm)
     cases = _cases(recorded.image_times_s, rows_px, pose_times_s, motion_mm, result)
-    residual_px = float(np.sqrt(np.nanmean(cases["residual_px"] ** 2)))
-    metrics = {
-        "tracker_lag_s": result.tracker_lag_s,
-        "offset_s": result.offset_s,
-        "correlation": result.correlation,
-        "residual_rms_px": residual_px,
-        "frames_with_line": float(np.isfinite(rows_px).sum()),
-        "frames_used": float(result.frames_used.sum()),
-    }
-    record = metrics | {
-        "runner_up_lag_s": result.runner_up_lag_s,
-        "runner_up_correlation": result.runner_up_correlation,
-    }
-    known = {key: value if np.isfinite(value) else None for key, value in record.items()}
-    files.write_text(workspace / "temporal_calibration.json", json.dumps(known, indent=2) + "\n")
+    # A single peak has no runner-up: its values are left out, not reported as a failure.
+    metrics = {key: value for key, value in _metrics(cases, result).items() if np.isfinite(value)}
+    files.write_text(workspace / "temporal_calibration.json", json.dumps(metrics, indent=2) + "\n")
     return Outcome(
         metrics=metrics,
         cases=cases,
@@ -73,6 +64,19 @@ def run(
             f"{abs(result.correlation):.3f}): synchronise with offset_s={result.offset_s:.4f}.",
         ),
     )
+
+
+def _metrics(cases: pd.DataFrame, result: TemporalResult) -> dict[str, float]:
+    return {
+        "tracker_lag_s": result.tracker_lag_s,
+        "offset_s": result.offset_s,
+        "correlation": result.correlation,
+        "runner_up_lag_s": result.runner_up_lag_s,
+        "runner_up_correlation": result.runner_up_correlation,
+        "residual_rms_px": float(np.sqrt(np.nanmean(cases["residual_px"] ** 2))),
+        "frames_with_line": float(cases["row_px"].notna().sum()),
+        "frames_used": float(result.frames_used.sum()),
+    }
 
 
 def _cases(

@@ -41,18 +41,10 @@ def page(
     """The whole page as text; ``reasons`` (n,) says why each frame has no pose, empty where it has one."""
     from plotly.offline import get_plotlyjs  # type: ignore[import-untyped]
 
-    shown = np.unique(
-        np.linspace(0, len(sweep.images) - 1, min(shown_frames, len(sweep.images))).round().astype(int)
-    )
     corners_mm = _corners_mm(sweep, posed)
-    at_kept = {int(frame): index for index, frame in enumerate(posed.kept)}
+    shown = _evenly(len(sweep.images), shown_frames)
     viewer = [
-        {
-            "picture": _picture(sweep.images[frame], shown_px),
-            "label": f"frame {frame}, {sweep.image_times_s[frame]:.4f} s"
-            + (f", dropped: {reasons[frame]}" if reasons[frame] else ""),
-            "outline": corners_mm[at_kept[int(frame)]].T.tolist() if int(frame) in at_kept else None,
-        }
+        _viewed(sweep, posed, reasons, corners_mm, frame, shown_px)
         for frame in progress.track(shown.tolist(), "frames", total=len(shown))
     ]
     plots = {
@@ -74,6 +66,29 @@ def page(
     for key, text in content.items():
         filled = filled.replace(f"@@{key}@@", text)
     return filled
+
+
+def _evenly(count: int, most: int) -> np.ndarray:
+    """At most ``most`` indices of ``count`` things, evenly chosen, first and last among them."""
+    return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(int))
+
+
+def _viewed(
+    sweep: TrackedSweep,
+    posed: PosedFrames,
+    reasons: np.ndarray,
+    corners_mm: np.ndarray,
+    frame: int,
+    shown_px: int,
+) -> dict[str, Any]:
+    """What the viewer shows of a frame: its picture, what is said of it, and its outline where it has a pose."""
+    at = np.flatnonzero(posed.kept == frame)
+    dropped = f", dropped: {reasons[frame]}" if reasons[frame] else ""
+    return {
+        "picture": _picture(sweep.images[frame], shown_px),
+        "label": f"frame {frame}, {sweep.image_times_s[frame]:.4f} s{dropped}",
+        "outline": corners_mm[at[0]].T.tolist() if len(at) else None,
+    }
 
 
 def _script_json(value: Any) -> str:
@@ -107,9 +122,7 @@ def _space(sweep: TrackedSweep, corners_mm: np.ndarray) -> Any:
     import plotly.graph_objects as go  # type: ignore[import-untyped]
 
     path = sweep.world_T_ee[:, :3, 3]
-    some = np.unique(
-        np.linspace(0, len(corners_mm) - 1, min(_MOST_PLANES, len(corners_mm))).round().astype(int)
-    )
+    some = _evenly(len(corners_mm), _MOST_PLANES)
     gaps = np.full((len(some), 1, 3), np.nan)
     planes = np.concatenate([corners_mm[some], gaps], axis=1).reshape(-1, 3)
     figure = go.Figure()

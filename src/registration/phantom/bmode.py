@@ -25,6 +25,8 @@ from registration.phantom.transmission import along_beams_db, ring_down
 # Where on the grey scale, before gamma, average tissue lies: scanners leave room for interfaces.
 TISSUE_LEVEL = 0.38
 HIDDEN_DB = 12.0
+# Stray paths blur across this many times the beam: haze fills a vessel to its middle.
+STRAY_WIDTH = 15.0
 # Distance between looks in deviations of the beam's own spectrum: their speckle correlates by about a quarter.
 LOOK_STEP = 1.6
 
@@ -110,7 +112,9 @@ class BMode:
         kept = (rows >= 0) & (rows < samples) & (columns >= 0) & (columns < lines)
         rows, columns, range_mm = rows[kept], columns[kept], range_mm[kept]
         sigma_mm = self._elevation_sigma_mm(range_mm)
-        profile = np.exp(-0.5 * (local_mm[kept, 2] / sigma_mm) ** 2) / np.sqrt(np.float32(np.sqrt(np.pi)) * sigma_mm)
+        profile = np.exp(-0.5 * (local_mm[kept, 2] / sigma_mm) ** 2) / np.sqrt(
+            np.float32(np.sqrt(np.pi)) * sigma_mm
+        )
         carrier = np.float32(4.0 * np.pi / self.scanner.wavelength_mm) * range_mm
         phase = np.where(echoes.smooth[kept], np.float32(0.0), carrier)
         value = echoes.amplitude[kept] * profile
@@ -150,7 +154,7 @@ class BMode:
         strayed = fft.ifft(spectrum * stray[:, None], axis=0)
         width = beams.lateral_sigma_mm(beams.sample_depth_mm) / beams.beam_mm
         clutter = np.float32(10.0 ** (artefacts.clutter_db / 20.0))
-        haze = clutter * (fft.fft(strayed, axis=1) * self._gaussian(7.0 * width, lines))
+        haze = clutter * (fft.fft(strayed, axis=1) * self._gaussian(STRAY_WIDTH * width, lines))
         spectrum = fft.fft(along, axis=1)
         steps = np.arange(scanner.looks) - 0.5 * (scanner.looks - 1)
         looks = [spectrum * self._gaussian(width, lines, LOOK_STEP * step) + haze for step in steps]

@@ -64,10 +64,10 @@ def grain_px(image: UInt8[np.ndarray, "h w"], seen: Bool[np.ndarray, "h w"]) -> 
 
 
 def dark_dsc(image: UInt8[np.ndarray, "h w"], mask: Bool[np.ndarray, "h w"]) -> float:
-    """DSC of all that is darker than Otsu's threshold against the vessel: how far brightness alone gets."""
+    """DSC of all that is no brighter than Otsu's threshold against the vessel: how far brightness alone gets."""
     from skimage.filters import threshold_otsu
 
-    dark = image < threshold_otsu(image)
+    dark = image <= threshold_otsu(image)
     total = int(dark.sum() + mask.sum())
     return 2.0 * float((dark & mask).sum()) / total if total else float("nan")
 

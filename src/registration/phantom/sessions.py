@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float64
 
 from registration.checks import require_count, require_positive
+from registration.phantom.acoustics import Artefacts, Scanner, Tissue
 from registration.phantom.settings import RANDOM, PhantomSettings
 
 
@@ -38,6 +40,15 @@ class SessionVariation:
         draws = self.strength * rng.uniform(-1.0, 1.0, 16)
         looks = int(rng.choice([1, 3, 5]))
         scanner, tissue, artefacts = settings.scanner, settings.tissue, settings.artefacts
+        scanner = self._machine(scanner, draws, looks)
+        tissue, artefacts = self._echoes(tissue, artefacts, draws)
+        if self.shape:
+            settings = replace(settings, subset=RANDOM, mesh="", anatomy_seed=int(rng.integers(0, 1000)))
+        # Another session is another piece of tissue.
+        seed = int(rng.integers(0, 2**31))
+        return replace(settings, seed=seed, scanner=scanner, tissue=tissue, artefacts=artefacts)
+
+    def _machine(self, scanner: Scanner, draws: Float64[np.ndarray, "16"], looks: int) -> Scanner:
         if self.scanner:
             scanner = replace(
                 scanner,
@@ -51,14 +62,20 @@ class SessionVariation:
             scanner = replace(scanner, depth_mm=scanner.depth_mm * (1.1 + 0.25 * draws[4]))
         if self.gain:
             scanner = replace(scanner, gain_db=scanner.gain_db + 7.0 * draws[5])
-            gain = tissue.compensation_db_cm_mhz + 0.08 * draws[6]
-            tissue = replace(tissue, compensation_db_cm_mhz=gain)
         if self.speckle:
             scanner = replace(
                 scanner,
                 pulse_cycles=scanner.pulse_cycles * (1.0 + 0.3 * draws[7]),
                 f_number=scanner.f_number * (1.0 + 0.25 * draws[8]),
             )
+        return scanner
+
+    def _echoes(
+        self, tissue: Tissue, artefacts: Artefacts, draws: Float64[np.ndarray, "16"]
+    ) -> tuple[Tissue, Artefacts]:
+        if self.gain:
+            compensation = max(0.0, tissue.compensation_db_cm_mhz + 0.08 * draws[6])
+            tissue = replace(tissue, compensation_db_cm_mhz=compensation)
         if self.contrast:
             tissue = replace(
                 tissue,
@@ -67,8 +84,4 @@ class SessionVariation:
                 mottle_db=max(0.0, tissue.mottle_db + 2.0 * draws[11]),
             )
             artefacts = replace(artefacts, clutter_db=artefacts.clutter_db + 5.0 * draws[12])
-        if self.shape:
-            settings = replace(settings, subset=RANDOM, mesh="", anatomy_seed=int(rng.integers(0, 1000)))
-        # Another session is another piece of tissue.
-        seed = int(rng.integers(0, 2**31))
-        return replace(settings, seed=seed, scanner=scanner, tissue=tissue, artefacts=artefacts)
+        return tissue, artefacts

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, UInt8
+from scipy.ndimage import binary_erosion
 
 from registration.errors import InputError
 
@@ -13,7 +14,7 @@ GAP_PX = 4
 
 
 def contact_sheet(
-    rows: Sequence[Sequence[UInt8[np.ndarray, "h w"]]], tile_px: int
+    rows: Sequence[Sequence[UInt8[np.ndarray, "_h _w"]]], tile_px: int
 ) -> UInt8[np.ndarray, "height width"]:
     """Lay pictures out in rows, each scaled to fit a square tile without changing its shape."""
     if not rows or not all(rows):
@@ -30,11 +31,8 @@ def contact_sheet(
 
 def outlined(picture: UInt8[np.ndarray, "h w"], mask: Bool[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:
     """The picture with the border of a mask drawn in white."""
-    edge = np.zeros_like(mask)
-    for axis in (0, 1):
-        steps = np.diff(mask.astype(np.int8), axis=axis) != 0
-        edge |= np.pad(steps, [(0, 1) if one == axis else (0, 0) for one in (0, 1)])
-    return np.where(edge, np.uint8(255), picture)
+    inner = binary_erosion(mask, border_value=1)
+    return np.where(mask & ~inner, np.uint8(255), picture)
 
 
 def _fitted(picture: UInt8[np.ndarray, "h w"], tile_px: int) -> UInt8[np.ndarray, "a b"]:

@@ -33,39 +33,39 @@ def write_bag(
     for a time before 0, which ROS cannot say.
     """
     from rosbags.rosbag2 import StoragePlugin, Writer
-    from rosbags.typesys import Stores, get_typestore
 
     if storage not in STORAGES:
         raise InputError(f"storage: expected {' or '.join(STORAGES)}, received {storage!r}")
     if min(sweep.image_times_s.min(initial=0), sweep.pose_times_s.min(initial=0)) < 0:
         raise InputError("sweep: expected times of at least 0 s for a ROS bag, received negative ones")
-    store = get_typestore(Stores.ROS2_HUMBLE)
     plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
     with whole_folder(path) as stage:
         # The writer wants to make the bag's folder itself, and names the files in it after the folder.
         bag = stage / path.name
         with Writer(bag, version=9, storage_plugin=plugin) as writer:
-            image_connection = writer.add_connection(image_topic, IMAGE_TYPES[0], typestore=store)
-            pose_connection = writer.add_connection(pose_topic, POSE_TYPES[0], typestore=store)
-            images = (
-                (_nanoseconds(time_s), 0, image_connection, index)
-                for index, time_s in enumerate(sweep.image_times_s)
-            )
-            poses = (
-                (_nanoseconds(time_s), 1, pose_connection, index)
-                for index, time_s in enumerate(sweep.pose_times_s)
-            )
-            # Streams as iterators: one image at a time is turned into a message.
-            for time_ns, kind, connection, index in heapq.merge(images, poses, key=lambda entry: entry[:2]):
-                if kind == 0:
-                    message = _image_message(store.types, sweep.images[index], time_ns)
-                else:
-                    message = _pose_message(store.types, sweep.world_T_ee[index], time_ns, world)
-                writer.write(connection, time_ns, store.serialize_cdr(message, connection.msgtype))
+            _write_streams(writer, sweep, image_topic, pose_topic, world)
         for file in bag.iterdir():
             file.rename(stage / file.name)
         bag.rmdir()
         (stage / CALIBRATION_FILE).write_text(calibration_yaml(sweep.calibration), encoding="utf-8")
+
+
+def _write_streams(writer: Any, sweep: TrackedSweep, image_topic: str, pose_topic: str, world: str) -> None:
+    """Write both streams merged in the order of time, one message at a time."""
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    image_connection = writer.add_connection(image_topic, IMAGE_TYPES[0], typestore=store)
+    pose_connection = writer.add_connection(pose_topic, POSE_TYPES[0], typestore=store)
+    images = ((_nanoseconds(time_s), 0, index) for index, time_s in enumerate(sweep.image_times_s))
+    poses = ((_nanoseconds(time_s), 1, index) for index, time_s in enumerate(sweep.pose_times_s))
+    for time_ns, kind, index in heapq.merge(sorted(images), poses):
+        if kind == 0:
+            connection, message = image_connection, _image_message(store.types, sweep.images[index], time_ns)
+        else:
+            connection = pose_connection
+            message = _pose_message(store.types, sweep.world_T_ee[index], time_ns, world)
+        writer.write(connection, time_ns, store.serialize_cdr(message, connection.msgtype))
 
 
 def _nanoseconds(time_s: float) -> int:

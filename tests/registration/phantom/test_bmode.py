@@ -14,8 +14,8 @@ from registration.phantom.acoustics import Artefacts, Scanner, Tissue
 from registration.phantom.anatomy import Anatomy, from_lines
 from registration.phantom.bmode import BMode
 from registration.phantom.deformation import View
-from registration.phantom.scan import PROBE_T_IMAGE
 from registration.phantom.shapes import spline_line
+from registration.phantom.simulator import PROBE_T_IMAGE
 from registration.phantom.tissue import TissueModel
 
 PLAIN = Tissue(
@@ -153,15 +153,16 @@ def test_reverberation_repeats_an_interface_at_its_distance(tube: Anatomy) -> No
 
 
 def test_clutter_fills_the_lumen(tube: Anatomy) -> None:
-    hazy = camera(tube, artefacts=replace(OFF, clutter_db=-12.0))
+    hazy = camera(tube, artefacts=replace(OFF, clutter_db=-8.0))
     rows = (hazy.beams.sample_depth_mm > 18) & (hazy.beams.sample_depth_mm < 22)
     middle = hazy.beams.shape[1] // 2
-    levels = [
-        np.mean(np.abs(one.echo(above()).signal[0])[rows, middle - 4 : middle + 5] ** 2)
+    clouded, clear = (
+        10 * np.log10(np.mean(np.abs(one.echo(above()).signal[0])[rows, middle - 4 : middle + 5] ** 2))
         for one in (hazy, camera(tube))
-    ]
-    assert 10 * np.log10(levels[0]) == pytest.approx(-12, abs=4)
-    assert levels[0] > 10 * levels[1]
+    )
+    # What comes from 8 mm of lumen is missing in the haze, which is 3 to 9 mm wide.
+    assert clear == pytest.approx(-30, abs=2)
+    assert -20 < clouded < -9
 
 
 def test_beams_without_contact_show_rings_and_no_tissue(tube: Anatomy) -> None:

@@ -11,8 +11,8 @@ from scipy.ndimage import gaussian_filter
 from registration.errors import InputError
 from registration.phantom.acoustics import Scanner
 from registration.phantom.realism import dark_dsc, gcnr, grain_px, vessel_gcnr
-from registration.phantom.scan import SweepSimulator
 from registration.phantom.settings import SUBSETS, PhantomSettings
+from registration.phantom.simulator import SweepSimulator
 
 Case = tuple[np.ndarray, np.ndarray]
 
@@ -62,7 +62,7 @@ def simulated() -> list[Case]:
         maker = SweepSimulator(
             PhantomSettings(subset=subset, scanner=Scanner(height_px=512, width_px=512)), 0
         )
-        cases += [maker.frame(frame, maker.view(frame))[:2] for frame in (10, 30, 50)]
+        cases += [maker.frame(frame, maker.view(frame))[:2] for frame in (12, 48)]
     return cases
 
 
