@@ -154,7 +154,10 @@ def test_everything_shown_of_simulated_frames_says_so(sweep) -> None:
     for _, outcome in sweep:
         assert all("(simulated)" in finding for finding in outcome.findings)
         assert set(outcome.tables["segmentation"]["dataset"]) == {"drawn (simulated)"}
-        assert all("(simulated)" in figure.get_suptitle() for figure in outcome.figures.values())
+        assert all(
+            "(simulated)" in figure.get_suptitle() + figure.get_supxlabel()
+            for figure in outcome.figures.values()
+        )
 
 
 def test_summary_pools_the_cases_of_all_folds(sweep) -> None:

@@ -102,7 +102,7 @@ def overlays(
         axes.set_title(f"{rank}: {row['case_id']}\ndsc {row['dsc']:.3f}, {distance} {row[distance]:.2f}")
         axes.axis("off")
     simulated = " (simulated)" if frames.simulated else ""
-    figure.suptitle(f"reference green, prediction red dashed{simulated}", fontsize="small")
+    figure.supxlabel(f"reference green, prediction red dashed{simulated}", fontsize="small")
     return {"overlays": figure}
 
 

@@ -17,6 +17,7 @@ from registration.readers.whole import whole_folder
 from registration.sweep import TrackedSweep
 
 STORAGES = ("sqlite3", "mcap")
+_MOST_SECONDS = 2**31
 
 
 def write_bag(
@@ -30,14 +31,15 @@ def write_bag(
     """Write a sweep as a bag; both streams keep their own times, to the nanosecond.
 
     ``storage`` is ``mcap`` or ``sqlite3``. ``world`` becomes the frame of the poses' headers. Raises InputError
-    for a time before 0, which ROS cannot say.
+    for times that the 32 bits of ROS cannot say.
     """
     from rosbags.rosbag2 import StoragePlugin, Writer
 
     if storage not in STORAGES:
         raise InputError(f"storage: expected {' or '.join(STORAGES)}, received {storage!r}")
-    if min(sweep.image_times_s.min(initial=0), sweep.pose_times_s.min(initial=0)) < 0:
-        raise InputError("sweep: expected times of at least 0 s for a ROS bag, received negative ones")
+    times_s = np.concatenate([sweep.image_times_s, sweep.pose_times_s])
+    if np.abs(times_s).max(initial=0) >= _MOST_SECONDS:
+        raise InputError(f"sweep: expected times below {_MOST_SECONDS} s for a ROS bag, received larger ones")
     plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
     with whole_folder(path) as stage:
         # The writer wants to make the bag's folder itself, and names the files in it after the folder.
@@ -65,7 +67,8 @@ def _write_streams(writer: Any, sweep: TrackedSweep, image_topic: str, pose_topi
         else:
             connection = pose_connection
             message = _pose_message(store.types, sweep.world_T_ee[index], time_ns, world)
-        writer.write(connection, time_ns, store.serialize_cdr(message, connection.msgtype))
+        # Headers may speak of times before 0, the time of recording may not.
+        writer.write(connection, max(0, time_ns), store.serialize_cdr(message, connection.msgtype))
 
 
 def _nanoseconds(time_s: float) -> int:
