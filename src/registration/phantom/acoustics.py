@@ -126,7 +126,7 @@ class Artefacts:
     behind. ``edge_shadow`` [1]: how much more the flanks of the vessel attenuate, by refraction.
     """
 
-    clutter_db: float = -18.0
+    clutter_db: float = -21.0
     reverberation_db: float = -33.0
     reverberation_mm: float = 3.4
     contact_loss_mm: float = 4.0
