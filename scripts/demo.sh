@@ -14,7 +14,7 @@ step() {
 }
 
 echo "1/3  Training a U-Net on simulated frames, fold by fold"
-step segmentation.txt study=segmentation dataset=phantom trainer=demo out=$out/segmentation
+step segmentation.txt study=segmentation dataset=phantom dataset.sweeps=3 dataset.frames_per_sweep=20 trainer=demo out=$out/segmentation
 
 echo "2/3  Segmenting a sweep that no network has seen, and placing its contours in the world"
 step pipeline.txt study=pipeline phantom=artery model_path="$out/segmentation/fold-0/model.pt" out=$out/pipeline
@@ -22,7 +22,7 @@ step pipeline.txt study=pipeline phantom=artery model_path="$out/segmentation/fo
 echo "3/3  Registering that cloud to the phantom's model, single start against multi-start"
 step robustness.txt -m study=robustness target=$out/pipeline/model.ply moving=$out/pipeline/cloud.ply \
   moving_truth=$out/pipeline/truth.json "overlaps=[1.0]" trials=10 \
-  perturbation.angle_max_deg=45,90,180 perturbation.translation_max_mm=10,30 out=$out/robustness
+  perturbation.angle_max_deg=45,90,180 out=$out/robustness
 
 echo
 cat "$out/pipeline.txt" "$out/segmentation.txt" "$out/robustness.txt" | grep -v -e '^Files:' -e '^Dashboard:'

@@ -8,6 +8,9 @@ import numpy as np
 
 from models.shapes import Bool, Float64
 
+# Up to so many pairs of points a table of all distances is made sooner than two search trees.
+TABLE_ENTRIES = 40_000
+
 
 @dataclass(frozen=True)
 class Boundary:
@@ -77,23 +80,32 @@ def _places(chosen: Bool[np.ndarray, "a b"], spacing: tuple[float, float]) -> Fl
     return points
 
 
-def nearest_distances(start: Boundary, end: Boundary) -> Float64[np.ndarray, "n"]:
-    """The distance from each point of ``start`` to the nearest of ``end``; infinite where ``end`` has none."""
-    if not len(start) or not len(end):
-        return np.full(len(start), np.inf)
+def distances_between(
+    first: Boundary, second: Boundary
+) -> tuple[Float64[np.ndarray, "n"], Float64[np.ndarray, "m"]]:
+    """The distance from each point of one boundary to the nearest of the other, both ways; infinite to an empty one."""
+    if not len(first) or not len(second):
+        return np.full(len(first), np.inf), np.full(len(second), np.inf)
+    if len(first) * len(second) <= TABLE_ENTRIES:
+        squared = _squared(first.points, second.points)
+        return np.sqrt(squared.min(axis=1)), np.sqrt(squared.min(axis=0))
+    return _nearest(first.points, second.points), _nearest(second.points, first.points)
+
+
+def _nearest(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     try:
-        from scipy.spatial import KDTree
+        from scipy.spatial import cKDTree
     except ModuleNotFoundError:  # a training machine may have torch and lightning alone
-        return _nearest_by_comparing_all(start.points, end.points)
-    tree = KDTree(end.points, leafsize=16, compact_nodes=False, balanced_tree=False)
-    return np.asarray(tree.query(start.points)[0])
+        rows = max(1, 50 * TABLE_ENTRIES // len(end))
+        blocks = (start[row : row + rows] for row in range(0, len(start), rows))
+        return np.concatenate([np.sqrt(_squared(block, end).min(axis=1)) for block in blocks])
+    return np.asarray(cKDTree(end, compact_nodes=False, balanced_tree=False).query(start)[0])
 
 
-def _nearest_by_comparing_all(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    nearest = np.empty(len(start))
-    block = max(1, 4_000_000 // len(end))  # 32 MB of squared distances at a time
-    for first in range(0, len(start), block):
-        rows = start[first : first + block]
-        squared = (rows[:, None, 0] - end[None, :, 0]) ** 2 + (rows[:, None, 1] - end[None, :, 1]) ** 2
-        nearest[first : first + block] = np.sqrt(squared.min(axis=1))
-    return nearest
+def _squared(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Squared distances of all pairs."""
+    along, across = (np.subtract.outer(start[:, axis], end[:, axis]) for axis in (0, 1))
+    along *= along
+    across *= across
+    along += across
+    return along

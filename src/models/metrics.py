@@ -15,7 +15,7 @@ from models.boundaries import (
     boundary_elements,
     boundary_pixels,
     crop_to_union,
-    nearest_distances,
+    distances_between,
 )
 from models.errors import InputError
 from models.shapes import Bool, Float64, Shaped
@@ -98,10 +98,8 @@ def _directed(
     """Distances and contour lengths from the prediction's boundary to the reference's, and back."""
     cropped = crop_to_union(*_masks(prediction, reference))
     first, second = (boundary_of(mask, spacing) for mask in cropped)
-    return (
-        (nearest_distances(first, second), first.lengths),
-        (nearest_distances(second, first), second.lengths),
-    )
+    there, back = distances_between(first, second)
+    return (there, first.lengths), (back, second.lengths)
 
 
 def _any(first: Directed, second: Directed) -> bool:

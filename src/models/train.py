@@ -4,7 +4,7 @@
 ``LabelledFrames.save`` wrote), ``split`` (a JSON file with ``fold`` and the case ids of ``train``, ``validation`` and
 ``test``), both relative to it, ``dataset`` (a name), ``seed``, and the settings ``model`` (with the network's
 ``name``), ``trainer``, and, where not the defaults, ``augmentation`` and ``loss``. In DIR it leaves ``model.pt``,
-``history.json``, ``cases.csv`` (the test cases' scores) and ``metrics.json``.
+``history.json``, ``cases.csv`` (the test cases' scores), ``metrics.json`` and a copy of the configuration.
 """
 
 from __future__ import annotations
@@ -85,7 +85,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, required=True, help="folder for the results")
     given = parser.parse_args(arguments)
     try:
-        _run(TrainingPlan.read(given.config), given.out)
+        plan = TrainingPlan.read(given.config)
+        _run(plan, given.out)
+        _write_text(given.out / "config.yaml", given.config.read_text(encoding="utf-8"))
     except InputError as refusal:
         print(refusal, file=sys.stderr)
         return 2
@@ -162,7 +164,10 @@ def _write_table(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
 
 def _write_json(path: Path, content: object) -> None:
     # A number that is not defined is null in JSON, which has no NaN.
-    text = json.dumps(content).replace("NaN", "null")
+    _write_text(path, json.dumps(content).replace("NaN", "null"))
+
+
+def _write_text(path: Path, text: str) -> None:
     beside = path.with_name(f".{path.name}.part")
     beside.write_text(text, encoding="utf-8")
     beside.replace(path)

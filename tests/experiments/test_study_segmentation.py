@@ -97,6 +97,14 @@ def test_refuses_folds_that_are_none(config: dict[str, object], message: str) ->
         segmentation.cells(config)
 
 
+def test_a_missing_folder_is_refused_once_before_any_fold(tmp_path) -> None:
+    node = {"_target_": "experiments.datasets.usgra.Usgra", "root": str(tmp_path / "none")}
+    with pytest.raises(InputError, match=r"expected the folder of data set usgra .* pass dataset\.root="):
+        segmentation.cells({"folds": 3, "fold": None, "dataset": node})
+    (tmp_path / "none").mkdir()
+    assert len(segmentation.cells({"folds": 3, "fold": None, "dataset": node})) == 3
+
+
 def test_every_case_is_scored_once_by_a_network_that_has_not_seen_it(sweep) -> None:
     frames = Drawn()()
     cases = pd.concat([outcome.cases for _, outcome in sweep])

@@ -3,12 +3,13 @@ import sys
 import numpy as np
 import pytest
 
+from models import boundaries
 from models.boundaries import (
     Boundary,
     boundary_elements,
     boundary_pixels,
     crop_to_union,
-    nearest_distances,
+    distances_between,
 )
 
 RING = np.array(
@@ -70,20 +71,27 @@ def points(*rows: tuple[float, float]) -> Boundary:
     return Boundary(np.array(rows, dtype=np.float64).reshape(-1, 2), np.ones(len(rows)))
 
 
-def test_nearest_distances_are_those_to_the_nearest() -> None:
-    start, end = points((0, 0), (0, 10)), points((3, 4), (0, 11))
-    assert nearest_distances(start, end).tolist() == [5.0, 1.0]
-    assert nearest_distances(end, start).tolist() == [5.0, 1.0]
+def test_distances_are_those_to_the_nearest_both_ways() -> None:
+    there, back = distances_between(points((0, 0), (0, 10), (0, 20)), points((3, 4), (0, 11)))
+    assert there.tolist() == [5.0, 1.0, 9.0] and back.tolist() == [5.0, 1.0]
 
 
 def test_nothing_is_infinitely_far_away() -> None:
-    assert nearest_distances(points((1, 1)), points()).tolist() == [np.inf]
-    assert nearest_distances(points(), points((1, 1))).tolist() == []
+    there, back = distances_between(points((1, 1)), points())
+    assert there.tolist() == [np.inf] and back.tolist() == []
+    there, back = distances_between(points(), points((1, 1)))
+    assert there.tolist() == [] and back.tolist() == [np.inf]
 
 
-def test_distances_without_scipy_are_the_same(monkeypatch) -> None:
+def test_all_ways_of_finding_the_nearest_agree(monkeypatch) -> None:
     rng = np.random.default_rng(0)
     start, end = (Boundary(rng.normal(size=(n, 2)), np.ones(n)) for n in (3000, 2500))
-    expected = nearest_distances(start, end)
+    assert len(start) * len(end) > boundaries.TABLE_ENTRIES
+    by_tree = distances_between(start, end)
     monkeypatch.setitem(sys.modules, "scipy.spatial", None)
-    np.testing.assert_allclose(nearest_distances(start, end), expected, rtol=1e-12)
+    in_blocks = distances_between(start, end)
+    monkeypatch.setattr(boundaries, "TABLE_ENTRIES", 10**8)
+    by_table = distances_between(start, end)
+    for expected, *others in zip(by_tree, in_blocks, by_table, strict=True):
+        for other in others:
+            np.testing.assert_allclose(other, expected, rtol=1e-12)

@@ -70,7 +70,9 @@ def test_trains_with_torch_and_lightning_alone(tmp_path) -> None:
     assert finished.returncode == 0, finished.stderr
     assert "epoch 2 of 2: validation DSC" in finished.stdout
     out = tmp_path / "out"
-    assert {path.name for path in out.iterdir()} == {"model.pt", "cases.csv", "history.json", "metrics.json"}
+    written = {"model.pt", "cases.csv", "history.json", "metrics.json", "config.yaml"}
+    assert {path.name for path in out.iterdir()} == written
+    assert (out / "config.yaml").read_text() == config.read_text()
     with (out / "cases.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["case_id"] for row in rows] == ["case00", "case01", "case02"]

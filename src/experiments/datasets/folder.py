@@ -44,6 +44,12 @@ class Folder:
         if self.spacing_mm is not None:
             object.__setattr__(self, "spacing_mm", _spacing(self.spacing_mm, "spacing_mm"))
 
+    def require_root(self) -> Path:
+        """The folder; InputError says what it must hold if it is not there."""
+        return reading.require_root(
+            self.name, self.root, "images of your own", "images/, masks/ of the same names, groups.csv"
+        )
+
     def __call__(self) -> LabelledFrames:
         """Read the images and masks; InputError names the folder or file that is not as expected."""
         return _read(self)
@@ -51,9 +57,7 @@ class Folder:
 
 @lru_cache(maxsize=1)
 def _read(dataset: Folder) -> LabelledFrames:
-    root = reading.require_root(
-        dataset.name, dataset.root, "images of your own", "images/, masks/ of the same names, groups.csv"
-    )
+    root = dataset.require_root()
     files, mask_files = reading.image_files(root / "images"), reading.image_files(root / "masks")
     reading.paired(files, mask_files)
     rows = _read_table(root / "groups.csv", set(files))

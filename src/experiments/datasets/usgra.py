@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import ClassVar
 
 from experiments.datasets import reading
@@ -34,6 +35,15 @@ class Usgra:
         if not 0 < self.twin_correlation <= 1:
             raise InputError(f"twin_correlation: expected above 0 to 1, received {self.twin_correlation}")
 
+    def require_root(self) -> Path:
+        """The folder; InputError says where the data comes from if it is not there."""
+        return reading.require_root(
+            self.name,
+            self.root,
+            "tmkand/usgra-seg, licence CC BY 4.0",
+            "images/*.png with masks/*.png of the same names, 0 background, 1 nerve, 2 vessel",
+        )
+
     def __call__(self) -> LabelledFrames:
         """Read the images and masks; InputError names the folder or file that is not as expected."""
         return _read(self)
@@ -41,12 +51,7 @@ class Usgra:
 
 @lru_cache(maxsize=1)
 def _read(dataset: Usgra) -> LabelledFrames:
-    root = reading.require_root(
-        dataset.name,
-        dataset.root,
-        "tmkand/usgra-seg, licence CC BY 4.0",
-        "images/*.png with masks/*.png of the same names, 0 background, 1 nerve, 2 vessel",
-    )
+    root = dataset.require_root()
     files, mask_files = reading.image_files(root / "images"), reading.image_files(root / "masks")
     reading.paired(files, mask_files)
     vessel = {LABELS[dataset.target]}

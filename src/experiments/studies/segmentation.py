@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from experiments import registry
 from experiments.errors import InputError
 from experiments.outcome import CellResult, InputData, Outcome, Progress
 from experiments.splits import GroupFolds
@@ -27,10 +28,16 @@ if TYPE_CHECKING:
 
 
 def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """One cell for each fold, or for the one that ``fold`` names."""
+    """One cell for each fold, or for the one that ``fold`` names.
+
+    A data set whose folder is not there is refused here, once, before any fold starts.
+    """
     folds, fold = config.get("folds"), config.get("fold")
     if isinstance(folds, bool) or not isinstance(folds, int) or folds < 2:
         raise InputError(f"folds: expected a whole number of at least 2, received {folds!r}")
+    require_root = getattr(registry.build(config.get("dataset"), "dataset"), "require_root", None)
+    if require_root is not None:
+        require_root()
     if fold is None:
         return [{"fold": number} for number in range(folds)]
     if isinstance(fold, bool) or not isinstance(fold, int) or not 0 <= fold < folds:
