@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
     from experiments.shell import Points
 
 HYDRA_VERSION_BASE = "1.3"
+# Threads of torch that wait by spinning steal the core that the others work on: beside any other process a training
+# step takes several times as long. This must be said before torch is imported.
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -24,7 +24,8 @@ class PhantomSettings:
     """One simulated phantom; ``seed`` decides all that is random about it and its sweeps.
 
     ``subset`` is artificial, vein or artery; or ``random``, an anatomy drawn by ``anatomy_seed`` (below 1000 for
-    development, from 1000 for tests); or ``mesh``, the closed surface in the file ``mesh`` (mm).
+    development, from 1000 for tests). A file ``mesh`` (a closed surface in mm) takes the place of all of them, and
+    ``subset`` is then ``mesh``.
     """
 
     subset: str = "artery"
@@ -39,16 +40,15 @@ class PhantomSettings:
     ct: CtScan = field(default_factory=CtScan)
 
     def __post_init__(self) -> None:
+        if self.mesh:
+            object.__setattr__(self, "subset", MESH)
         known = (*SUBSETS, RANDOM, MESH)
         if self.subset not in known:
             raise InputError(f"subset: expected one of {', '.join(known)}, received {self.subset!r}")
         require_count("seed", self.seed, 0)
         require_count("anatomy_seed", self.anatomy_seed, 0)
-        if (self.subset == MESH) != bool(self.mesh):
-            raise InputError(
-                f"mesh: expected a file with subset={MESH} and none otherwise, "
-                f"received {self.mesh!r} with subset={self.subset}"
-            )
+        if self.subset == MESH and not self.mesh:
+            raise InputError("mesh: expected the file of a closed surface with subset=mesh, received none")
         for name, kind in PARTS.items():
             if not isinstance(getattr(self, name), kind):
                 found = type(getattr(self, name)).__name__

@@ -44,7 +44,7 @@ def test_defaults_are_frozen() -> None:
         (CtScan, {"blur_mm": -1.0}),
         (PhantomSettings, {"subset": "liver"}),
         (PhantomSettings, {"seed": -1}),
-        (PhantomSettings, {"mesh": "some.stl"}),
+        (PhantomSettings, {"anatomy_seed": -1}),
     ],
 )
 def test_bad_settings_are_named(kind: type, setting: dict) -> None:
@@ -52,9 +52,10 @@ def test_bad_settings_are_named(kind: type, setting: dict) -> None:
         kind(**setting)
 
 
-def test_a_mesh_needs_its_file() -> None:
-    with pytest.raises(InputError, match=r"^mesh: expected a file"):
+def test_a_mesh_needs_its_file_and_takes_the_place_of_the_subset() -> None:
+    with pytest.raises(InputError, match=r"^mesh: expected the file of a closed surface"):
         PhantomSettings(subset="mesh")
+    assert PhantomSettings(subset="vein", mesh="some.stl").subset == "mesh"
 
 
 def test_wavelength_and_pixel_size() -> None:

@@ -1,0 +1,61 @@
+"""Study ``simulate``: a sweep of the built-in simulator as files, as if a laboratory had recorded it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from experiments import files
+from experiments.errors import InputError
+from experiments.outcome import Outcome, Progress
+from registration.geometry_io import write_surface
+from registration.phantom.scan import simulate_sweep
+from registration.phantom.settings import PhantomSettings
+from registration.readers.folder import write_folder
+
+# It makes data and measures nothing.
+TRACKED = False
+
+
+def check(*, sweep_index: int) -> None:
+    """Raise InputError unless ``sweep_index`` is a whole number from 0."""
+    if isinstance(sweep_index, bool) or not isinstance(sweep_index, int) or sweep_index < 0:
+        raise InputError(f"sweep_index: expected a whole number from 0, received {sweep_index!r}")
+
+
+def run(*, phantom: PhantomSettings, sweep_index: int, workspace: Path, progress: Progress) -> Outcome:
+    """Leave ``sweep/`` (plain folder), ``masks/*.png``, ``model.ply`` (ct), ``truth.json`` and ``truth.npz``.
+
+    ``truth.json`` has ``ct_T_world`` (also under the name of a registration's answer, ``fixed_T_moving``) and the
+    phantom's settings by their digest; ``truth.npz`` has the true ``world_A_pixel`` (n, 4, 4) of every frame and, where
+    the anatomy has one, the centerline's points and radii (ct, mm).
+    """
+    from PIL import Image
+
+    check(sweep_index=sweep_index)
+    progress.note(f"simulating {phantom.motion.frames} frames")
+    truth = simulate_sweep(phantom, sweep_index)
+    write_folder(workspace / "sweep", truth.sweep)
+    (workspace / "masks").mkdir()
+    for index, mask in enumerate(progress.track(truth.masks, "Writing masks", len(truth.masks))):
+        Image.fromarray(mask.astype(np.uint8) * 255).save(workspace / "masks" / f"{index:06d}.png")
+    write_surface(workspace / "model.ply", truth.model)
+    pose = truth.ct_T_world.tolist()
+    record = {
+        "ct_T_world": pose,
+        "fixed_T_moving": pose,
+        "phantom": phantom.digest(),
+        "sweep_index": sweep_index,
+    }
+    files.write_text(workspace / "truth.json", json.dumps(record))
+    arrays = {"world_A_pixel": truth.world_A_pixel}
+    if truth.centerline is not None:
+        arrays["centerline_mm"] = np.concatenate([line.points_mm for line in truth.centerline.lines])
+        arrays["radius_mm"] = np.concatenate([line.radius_mm for line in truth.centerline.lines])
+    np.savez_compressed(workspace / "truth.npz", allow_pickle=False, **arrays)
+    return Outcome(
+        metrics={"frames": float(len(truth.masks))},
+        findings=(f"Simulated sweep {sweep_index} of phantom {phantom.subset}: {len(truth.masks)} frames.",),
+    )
