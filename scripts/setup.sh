@@ -49,5 +49,5 @@ fi
 echo "Installing the project into .venv (a few minutes the first time)"
 [ -x .venv/bin/python ] || "$python" -m venv .venv
 # The pins name torch without a build: an index of CPU builds given in PIP_EXTRA_INDEX_URL wins over the default one.
-.venv/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev,joblib]'
+.venv/bin/python -m pip install --quiet --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev,joblib]'
 echo "$stamp" >.venv/.setup-stamp
