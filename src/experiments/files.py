@@ -3,27 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-
-@contextmanager
-def written_beside(path: Path) -> Iterator[Path]:
-    """Give a temporary name in the folder of ``path`` to write to; rename it to ``path`` when all went well.
-
-    The temporary file keeps the suffix, because many writers choose the format by it.
-    """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.parent / f".{path.stem}.partial-{os.getpid()}{path.suffix}"
-    try:
-        yield beside
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)
+from registration.whole import written_beside
 
 
 def write_text(path: Path, text: str) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 import pandas as pd
 
 from experiments.errors import InputError
-from experiments.tracking import RunRecord
+from experiments.run_record import RunRecord
 
 _JSON_COLUMNS = ("tags", "params")
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import tempfile
 import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping
@@ -37,24 +36,6 @@ HASH_TAG = "ctus.config_hash"
 ORIGIN_TAG = "ctus.run_id"
 # What one request may carry at most (MLflow's REST limits, which its SQL store keeps as well).
 _METRICS_A_BATCH, _PARAMS_A_BATCH, _TAGS_A_BATCH, _PARAM_LENGTH, _TAG_LENGTH = 1000, 100, 100, 6000, 8000
-
-
-@dataclass(frozen=True)
-class RunRecord:
-    """A run apart from any store: what is exported and restored. ``history`` has metric, step, value, timestamp_ms."""
-
-    run_id: str
-    experiment: str
-    name: str
-    status: str
-    start_ms: int
-    end_ms: int | None
-    parent_id: str | None
-    tags: dict[str, str]
-    params: dict[str, str]
-    config: str
-    history: pd.DataFrame
-    cases: pd.DataFrame | None
 
 
 @dataclass(frozen=True)
@@ -166,61 +147,12 @@ class Store:
             return None
         return pd.read_parquet(client.download_artifacts(run_id, "cases.parquet"))
 
-    def read(self, run: MlflowRun, experiment: str) -> RunRecord:
-        """Everything of a run that is worth keeping apart from the store."""
-        import pandas as pd
-
-        client, run_id, tags = self.client(), run.info.run_id, dict(run.data.tags)
-        points = [
-            (metric.key, metric.step, metric.value, metric.timestamp)
-            for key in run.data.metrics
-            for metric in client.get_metric_history(run_id, key)
-        ]
-        files = {file.path for file in client.list_artifacts(run_id)}
-        config = (
-            Path(client.download_artifacts(run_id, "config.yaml")).read_text()
-            if "config.yaml" in files
-            else ""
+    def begin_copy(self, experiment: str, name: str, tags: Mapping[str, str], start_ms: int) -> RunWriter:
+        """Make a run that was run before, elsewhere: with its own start and tags, and no heartbeat."""
+        run = self.client().create_run(
+            self.experiment_id(experiment), start_ms, _short(tags, _TAG_LENGTH), name
         )
-        return RunRecord(
-            tags.pop(ORIGIN_TAG, run_id),
-            experiment,
-            run.info.run_name,
-            run.info.status,
-            run.info.start_time,
-            run.info.end_time,
-            tags.pop(PARENT_TAG, None),
-            tags,
-            dict(run.data.params),
-            config,
-            pd.DataFrame(points, columns=["metric", "step", "value", "timestamp_ms"]),
-            self.cases(run_id),
-        )
-
-    def write(self, record: RunRecord, parent_id: str | None) -> str:
-        """Restore a run under a new id (the tracker gives it); the tag ``ctus.run_id`` keeps the first one."""
-        from mlflow.entities import Metric
-
-        client = self.client()
-        tags = {**record.tags, ORIGIN_TAG: record.run_id, **({PARENT_TAG: parent_id} if parent_id else {})}
-        new_id = client.create_run(
-            self.experiment_id(record.experiment), record.start_ms, _short(tags, _TAG_LENGTH), record.name
-        ).info.run_id
-        writer = RunWriter(client, new_id, beating=False)
-        writer.params(record.params)
-        rows = record.history.itertuples(index=False)
-        for batch in _batches(
-            [Metric(r.metric, r.value, r.timestamp_ms, r.step) for r in rows], _METRICS_A_BATCH
-        ):
-            client.log_batch(new_id, metrics=batch)
-        if record.config:
-            writer.text(record.config, "config.yaml")
-        if record.cases is not None:
-            with tempfile.TemporaryDirectory() as folder:
-                record.cases.to_parquet(Path(folder) / "cases.parquet", index=False)
-                writer.folder(Path(folder))
-        client.set_terminated(new_id, record.status, record.end_ms)
-        return str(new_id)
+        return RunWriter(self.client(), run.info.run_id, beating=False)
 
     def reap(self, experiment: str) -> list[str]:
         """End as FAILED every RUNNING run of ``experiment`` whose process is gone; return their ids.
@@ -286,16 +218,18 @@ class RunWriter:
         The tracker can't tell NaN from a missing value and stores infinity as 1.8e308, so a value that is not finite
         is logged as ``<metric>_failed = 1`` instead.
         """
+        now_ms = int(time.time() * 1000)
+        self.points(
+            (key, value, now_ms, step) if math.isfinite(value) else (f"{key}_failed", 1.0, now_ms, step)
+            for step, metrics in enumerate(steps, first_step)
+            for key, value in metrics.items()
+        )
+
+    def points(self, points: Iterable[tuple[str, float, int, int]]) -> None:
+        """Log metric points (name, finite value, time in ms, step) in batches."""
         from mlflow.entities import Metric
 
-        now_ms = int(time.time() * 1000)
-        entries = []
-        for step, metrics in enumerate(steps, first_step):
-            for key, value in metrics.items():
-                finite = math.isfinite(value)
-                entries.append(
-                    Metric(key if finite else f"{key}_failed", value if finite else 1.0, now_ms, step)
-                )
+        entries = [Metric(*point) for point in points]
         for batch in _batches(entries, _METRICS_A_BATCH):
             self._client.log_batch(self.run_id, metrics=batch)
 
@@ -328,10 +262,10 @@ class RunWriter:
         """Store every file under ``folder`` as an artifact."""
         self._client.log_artifacts(self.run_id, str(folder))
 
-    def end(self, status: str) -> None:
-        """Set how the run ended: FINISHED, FAILED or KILLED."""
+    def end(self, status: str, end_ms: int | None = None) -> None:
+        """Set how the run ended, FINISHED, FAILED or KILLED, and when (now if it is not said)."""
         self._ended.set()
-        self._client.set_terminated(self.run_id, status)
+        self._client.set_terminated(self.run_id, status, end_ms)
 
     def _beat(self) -> None:
         while not self._ended.wait(HEARTBEAT_S):

@@ -12,7 +12,7 @@ import yaml
 from experiments.errors import InputError
 from experiments.files import digest
 from experiments.identity import flatten
-from experiments.tracking import RunRecord
+from experiments.run_record import RunRecord
 
 EXPERIMENT = "segmentation"
 _FILES = ("model.pt", "metrics.json", "history.json", "cases.csv", "config.yaml")

@@ -19,6 +19,7 @@ from torch import Tensor, nn
 from models.errors import InputError
 from models.networks import NetworkRecipe, recipe_of, settings_of
 from models.preprocessing import Preprocessing
+from models.whole import written_beside
 
 FORMAT = "ctus-checkpoint"
 VERSION = 1
@@ -54,13 +55,8 @@ class Checkpoint:
             "weights": {name: tensor.detach().cpu().contiguous() for name, tensor in self.weights.items()},
             "notes": dict(self.notes),
         }
-        path.parent.mkdir(parents=True, exist_ok=True)
-        beside = path.with_name(f".{path.name}.part")
-        try:
+        with written_beside(path) as beside:
             torch.save(content, beside)
-            beside.replace(path)
-        finally:
-            beside.unlink(missing_ok=True)
 
     @staticmethod
     def load(path: str | Path) -> Checkpoint:

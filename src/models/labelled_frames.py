@@ -13,6 +13,7 @@ import numpy as np
 
 from models.errors import InputError
 from models.shapes import Bool, UInt8
+from models.whole import written_beside
 
 
 @dataclass(frozen=True)
@@ -84,12 +85,8 @@ class LabelledFrames:
             "spacing_mm": np.array([spacing or unknown for spacing in self.spacing_mm]).reshape(-1, 2),
             "simulated": np.array(self.simulated),
         }
-        beside = path.with_name(f".{path.stem}.part.npz")
-        try:
+        with written_beside(path) as beside:
             np.savez_compressed(beside, **arrays)  # type: ignore[arg-type]
-            beside.replace(path)
-        finally:
-            beside.unlink(missing_ok=True)
 
     @staticmethod
     def load(path: str | Path) -> LabelledFrames:

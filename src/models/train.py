@@ -31,6 +31,7 @@ from models.predictor import Predictor
 from models.scoring import columns_for, summarise
 from models.trainer_settings import TrainerSettings
 from models.training import TrainedFold, train_fold
+from models.whole import written_beside
 
 SIDES = ("train", "validation", "test")
 
@@ -154,12 +155,10 @@ def _mapping(path: Path) -> dict[str, Any]:
 
 
 def _write_table(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    beside = path.with_name(f".{path.name}.part")
-    with beside.open("w", newline="", encoding="utf-8") as file:
+    with written_beside(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()
         writer.writerows(rows)
-    beside.replace(path)
 
 
 def _write_json(path: Path, content: object) -> None:
@@ -168,9 +167,8 @@ def _write_json(path: Path, content: object) -> None:
 
 
 def _write_text(path: Path, text: str) -> None:
-    beside = path.with_name(f".{path.name}.part")
-    beside.write_text(text, encoding="utf-8")
-    beside.replace(path)
+    with written_beside(path) as beside:
+        beside.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ file. Files are written beside their final name and renamed, so that nothing hal
 from __future__ import annotations
 
 import itertools
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +18,7 @@ from registration.errors import InputError
 from registration.file_checks import require_complete
 from registration.geometry import Centerline, Mesh, Polyline, require_cloud
 from registration.metrics import Surface
+from registration.whole import written_beside
 
 READABLE = (".ply", ".pcd", ".stl", ".obj", ".vtp", ".xyz", ".txt")
 WRITABLE = (".ply", ".xyz")
@@ -118,17 +118,6 @@ def read_centerline(path: Path) -> Centerline:
         )
     except InputError as refusal:
         raise InputError(f"{path}: {refusal}") from refusal
-
-
-@contextmanager
-def written_beside(path: Path) -> Iterator[Path]:
-    """Give a name in the same folder to write to, and rename it to ``path`` once the block ends without an error."""
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
-    try:
-        yield temporary
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def _require_file(path: Path) -> Path:

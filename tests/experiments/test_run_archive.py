@@ -11,7 +11,8 @@ import pytest
 from experiments.cli import main
 from experiments.errors import InputError
 from experiments.run_archive import read_archive, write_archive
-from experiments.tracking import ORIGIN_TAG, PARENT_TAG, RunRecord, Store
+from experiments.run_record import RunRecord
+from experiments.tracking import ORIGIN_TAG, PARENT_TAG, Store
 
 
 def record(run_id: str, parent_id: str | None = None, value: float = 1.0) -> RunRecord:

@@ -11,7 +11,8 @@ from vessels import bent_tube
 
 from registration.errors import InputError
 from registration.geometry import Mesh
-from registration.geometry_io import read_centerline, read_surface, write_surface, written_beside
+from registration.geometry_io import read_centerline, read_surface, write_surface
+from registration.whole import written_beside
 
 TUBE = bent_tube(along=20, around=8)
 

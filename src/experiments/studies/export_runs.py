@@ -7,7 +7,8 @@ from pathlib import Path
 
 from experiments.outcome import Outcome, Progress
 from experiments.run_archive import write_archive
-from experiments.tracking import RunRecord, Store
+from experiments.run_record import RunRecord, read_run
+from experiments.tracking import Store
 
 TRACKED = False
 
@@ -23,7 +24,7 @@ def run(*, experiments: list[str] | None, archive: str, store: Store, progress: 
         for run_ in progress.track(
             store.runs(experiments, "attributes.status != 'RUNNING'"), "Exporting runs"
         ):
-            yield store.read(run_, names[run_.info.experiment_id])
+            yield read_run(store, run_.info.run_id, names[run_.info.experiment_id])
 
     count = write_archive(ended(), Path(archive).expanduser())
     return Outcome(metrics={"runs": count}, findings=(f"Exported {count} runs to {archive}.",))

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from experiments.outcome import Outcome, Progress
 from experiments.run_archive import read_archive
+from experiments.run_record import restore_run
 from experiments.tracking import ORIGIN_TAG, Store
 from experiments.trained_elsewhere import is_training, read_training
 
@@ -24,7 +25,7 @@ def run(*, experiments: list[str] | None, archive: str, store: Store, progress: 
     added = 0
     for record in progress.track(records, "Importing runs"):
         if record.run_id not in known:
-            known[record.run_id] = store.write(record, known.get(record.parent_id or ""))
+            known[record.run_id] = restore_run(store, record, known.get(record.parent_id or ""))
             added += 1
     skipped = len(records) - added
     return Outcome(

@@ -26,8 +26,8 @@ from registration.errors import InputError
 from registration.readers.calibration_file import calibration_from, calibration_yaml, read_yaml
 from registration.readers.sequence import to_mf
 from registration.readers.streams import as_grey, distinct_times
-from registration.readers.whole import whole_folder
 from registration.sweep import TrackedSweep
+from registration.whole import whole_folder
 
 POSE_COLUMNS = ("timestamp_s", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
 FRAME_COLUMNS = ("file", "timestamp_s")

@@ -13,7 +13,7 @@ from registration.readers.metaimage import metaimage_bytes, read_metaimage
 from registration.readers.nrrd import nrrd_bytes, read_nrrd
 from registration.readers.sequence import PlusSequence
 from registration.readers.transform_graph import TransformGraph
-from registration.readers.whole import write_whole
+from registration.whole import write_whole
 
 TRANSFORM = "Transform"
 CLOCKS = {"filtered": "Timestamp", "unfiltered": "UnfilteredTimestamp"}

@@ -13,8 +13,8 @@ from registration.errors import InputError
 from registration.readers.calibration_file import calibration_yaml
 from registration.readers.ros_messages import MM_PER_METRE
 from registration.readers.rosbag import CALIBRATION_FILE, IMAGE_TYPES, POSE_TYPES
-from registration.readers.whole import whole_folder
 from registration.sweep import TrackedSweep
+from registration.whole import whole_folder
 
 STORAGES = ("sqlite3", "mcap")
 _MOST_SECONDS = 2**31

@@ -1,4 +1,4 @@
-"""Writing so that a file or a folder of a sweep stands under its final name only when it is complete."""
+"""Writing so that a file or a folder stands under its final name only when it is complete."""
 
 from __future__ import annotations
 
@@ -12,15 +12,26 @@ from pathlib import Path
 from registration.errors import InputError
 
 
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file beside its final name and rename it; what was there before stays when writing fails."""
+@contextmanager
+def written_beside(path: Path) -> Iterator[Path]:
+    """Give a temporary name in the folder of ``path`` to write to; rename it to ``path`` when all went well.
+
+    The temporary name keeps the suffix, because many writers choose the format by it. What was at ``path`` before stays
+    when writing fails.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.parent / f".{path.name}.partial-{os.getpid()}"
+    beside = path.parent / f".{path.stem}.partial-{os.getpid()}{path.suffix}"
     try:
-        beside.write_bytes(content)
+        yield beside
         beside.replace(path)
     finally:
         beside.unlink(missing_ok=True)
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file as a whole or not at all."""
+    with written_beside(path) as beside:
+        beside.write_bytes(content)
 
 
 @contextmanager

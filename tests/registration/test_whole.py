@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from registration.readers.whole import whole_folder, write_whole
+from registration.whole import whole_folder, write_whole
 
 
 def test_file_is_replaced_as_a_whole(tmp_path: Path) -> None:

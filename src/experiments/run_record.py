@@ -1,0 +1,76 @@
+"""A run apart from any store: what is exported, and how it is read from a store and restored to one."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from experiments.tracking import ORIGIN_TAG, PARENT_TAG, Store
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """Everything of a run that is worth keeping. ``history`` has the columns metric, step, value, timestamp_ms."""
+
+    run_id: str
+    experiment: str
+    name: str
+    status: str
+    start_ms: int
+    end_ms: int | None
+    parent_id: str | None
+    tags: dict[str, str]
+    params: dict[str, str]
+    config: str
+    history: pd.DataFrame
+    cases: pd.DataFrame | None
+
+
+def read_run(store: Store, run_id: str, experiment: str) -> RunRecord:
+    """Read a run of the store with every step of its metrics and its per-case table."""
+    client = store.client()
+    run = client.get_run(run_id)
+    tags = dict(run.data.tags)
+    points = [
+        (metric.key, metric.step, metric.value, metric.timestamp)
+        for key in run.data.metrics
+        for metric in client.get_metric_history(run_id, key)
+    ]
+    names = {file.path for file in client.list_artifacts(run_id)}
+    config = (
+        Path(client.download_artifacts(run_id, "config.yaml")).read_text() if "config.yaml" in names else ""
+    )
+    return RunRecord(
+        run_id=tags.pop(ORIGIN_TAG, run_id),
+        experiment=experiment,
+        name=run.info.run_name,
+        status=run.info.status,
+        start_ms=run.info.start_time,
+        end_ms=run.info.end_time,
+        parent_id=tags.pop(PARENT_TAG, None),
+        tags=tags,
+        params=dict(run.data.params),
+        config=config,
+        history=pd.DataFrame(points, columns=["metric", "step", "value", "timestamp_ms"]),
+        cases=store.cases(run_id),
+    )
+
+
+def restore_run(store: Store, record: RunRecord, parent_id: str | None) -> str:
+    """Write a run into the store and return its new id there; the tag ``ctus.run_id`` keeps the first one."""
+    tags = {**record.tags, ORIGIN_TAG: record.run_id, **({PARENT_TAG: parent_id} if parent_id else {})}
+    writer = store.begin_copy(record.experiment, record.name, tags, record.start_ms)
+    writer.params(record.params)
+    columns = ("metric", "value", "timestamp_ms", "step")
+    writer.points(zip(*(record.history[column].tolist() for column in columns), strict=True))
+    if record.config:
+        writer.text(record.config, "config.yaml")
+    if record.cases is not None:
+        with tempfile.TemporaryDirectory() as folder:
+            record.cases.to_parquet(Path(folder) / "cases.parquet", index=False)
+            writer.folder(Path(folder))
+    writer.end(record.status, record.end_ms)
+    return writer.run_id
