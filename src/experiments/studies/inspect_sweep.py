@@ -78,7 +78,8 @@ def _table(sweep: TrackedSweep, posed: PosedFrames) -> pd.DataFrame:
 
     geometry = pixel_geometry(sweep.calibration.probe_A_pixel)
     image_ms, pose_ms = interval_ms(sweep.image_times_s), interval_ms(sweep.pose_times_s)
-    path_mm = float(np.linalg.norm(np.diff(sweep.world_T_ee[:, :3, 3], axis=0), axis=1).sum())
+    # The length of the path would add up the poses' noise; the span does not.
+    span_mm = np.ptp(sweep.world_T_ee[:, :3, 3], axis=0)
     duration_s = float(np.ptp(sweep.image_times_s)) if len(sweep.image_times_s) else float("nan")
     height, width = sweep.images.shape[1:]
     lines = [
@@ -88,7 +89,7 @@ def _table(sweep: TrackedSweep, posed: PosedFrames) -> pd.DataFrame:
         ("interval between frames", f"median {image_ms[0]:.1f} ms, largest {image_ms[1]:.1f} ms"),
         ("poses", str(len(sweep.world_T_ee))),
         ("interval between poses", f"median {pose_ms[0]:.1f} ms, largest {pose_ms[1]:.1f} ms"),
-        ("path of the end effector", f"{path_mm:.1f} mm"),
+        ("span of the end effector", " x ".join(f"{side:.1f}" for side in span_mm) + " mm"),
         ("pixel size", f"{geometry.column_mm:.4f} mm across, {geometry.row_mm:.4f} mm down"),
         ("shear of the image", f"{geometry.shear_deg:.2f} degrees"),
     ]

@@ -156,9 +156,19 @@ def _intervals(sweep: TrackedSweep) -> Any:
 
     figure = make_subplots(rows=1, cols=2, subplot_titles=("between frames", "between poses"))
     for column, times_s in enumerate((sweep.image_times_s, sweep.pose_times_s), start=1):
-        figure.add_histogram(
-            x=(np.diff(times_s) * 1e3).tolist(), nbinsx=60, marker_color=_KEPT, row=1, col=column
+        # Clocks are read to a microsecond at best: finer differences are rounding.
+        intervals_ms = np.diff(times_s).round(6) * 1e3
+        low_ms, high_ms = (intervals_ms.min(), intervals_ms.max()) if len(intervals_ms) else (0.0, 1.0)
+        # A steady clock gives one bar, which needs room on both sides to be seen.
+        margin_ms = max(0.05 * (high_ms - low_ms), 0.05 * high_ms)
+        counts, edges_ms = np.histogram(
+            intervals_ms, bins=60, range=(low_ms - margin_ms, high_ms + margin_ms)
         )
+        centres_ms = (edges_ms[:-1] + edges_ms[1:]) / 2
+        figure.add_bar(
+            x=centres_ms.tolist(), y=counts.tolist(), width=float(edges_ms[1] - edges_ms[0]),
+            marker_color=_KEPT, row=1, col=column,
+        )  # fmt: skip
         figure.update_xaxes(title="interval_ms", row=1, col=column)
         figure.update_yaxes(title="count", type="log", row=1, col=column)
     figure.update_layout(showlegend=False, margin={"l": 50, "r": 10, "t": 30, "b": 40})

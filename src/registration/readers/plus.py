@@ -125,7 +125,9 @@ class PlusReader:
         try:
             ee_A_pixel = defined.joined(TransformGraph(constant)).chain(self.image, self.ee)
         except InputError as failure:
-            raise InputError(f"{path}: no calibration (set device_set): {failure}") from failure
+            raise InputError(
+                f"{path}: no calibration (set device_set, or uncalibrated=true where none is needed): {failure}"
+            ) from failure
         return ProbeCalibration(ee_T_probe=np.eye(4), probe_A_pixel=ee_A_pixel)
 
 

@@ -24,7 +24,7 @@ from models.predictor import Predictor
 from models.trainer_settings import TrainerSettings
 from models.unet import UNet
 
-SOURCE = Path(__file__).resolve().parents[2] / "src"
+SOURCE = Path(__file__).resolve().parents[3] / "src"
 
 
 @dataclasses.dataclass(frozen=True)
