@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import pandas as pd
+from PIL import Image
 
 from experiments.cli import main
 from experiments.tracking import Store
@@ -106,3 +107,30 @@ def test_an_empty_cloud_is_one_sentence(home: Path, capsys) -> None:
     )
     assert "empty.xyz" in capsys.readouterr().err
     assert not (home / "o").exists()
+
+
+def test_a_simulated_sweep_is_looked_at_and_converted(home: Path, capsys) -> None:
+    made = home / "made"
+    assert main(["study=simulate", *SMALL_PHANTOM, "phantom.motion.frames=6", f"out={made}"]) == 0
+    assert main(["study=inspect_sweep", f"sweep={made / 'sweep'}", f"out={home / 'page'}"]) == 0
+    (run,) = search(home, "inspect_sweep").to_dict("records")
+    assert run["metrics.frames"] == 6
+    assert (home / "page" / "sweep.html").is_file()
+    words = ["study=convert", f"input={made / 'sweep'}", "format=plus_mha", f"out={home / 'plus'}"]
+    assert main(words) == 0
+    assert (home / "plus" / "sweep.igs.mha").is_file()
+    capsys.readouterr()
+    assert main(["study=inspect_sweep", f"sweep={home / 'nowhere'}"]) == 2
+    assert "nowhere" in capsys.readouterr().err
+
+
+def test_image_and_mask_of_different_size_are_named(home: Path, capsys) -> None:
+    root = home / "data"
+    for folder, size in (("images", (40, 30)), ("masks", (40, 31))):
+        (root / folder).mkdir(parents=True)
+        Image.new("L", size, 255).save(root / folder / "frame7.png")
+    (root / "groups.csv").write_text("case,group\nframe7,a\n")
+    assert main(["study=segmentation", "dataset=folder", f"dataset.root={root}", "fold=0"]) == 2
+    said = capsys.readouterr().err
+    assert "frame7" in said
+    assert "Traceback" not in said

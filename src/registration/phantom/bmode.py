@@ -79,9 +79,11 @@ class BMode:
         pitch_mm = self.tissue.pitch_mm
         positions_mm, strength, bits = place(cells_in(slab, pitch_mm), pitch_mm, self.tissue.seed)
         local_mm = view.to_image(positions_mm)
-        inside = ((local_mm > low_mm.astype(np.float32)) & (local_mm < high_mm.astype(np.float32))).all(
-            axis=1
-        )
+        # Axis by axis: a comparison of rows of three and their conjunction take several times as long.
+        inside = np.ones(len(local_mm), dtype=bool)
+        for axis in range(3):
+            inside &= local_mm[:, axis] > np.float32(low_mm[axis])
+            inside &= local_mm[:, axis] < np.float32(high_mm[axis])
         local_mm = local_mm[inside]
         beam = self.beams.directions(local_mm) @ view.tissue_T_image[:3, :3].T.astype(np.float32)
         echoes = self.tissue.scatter(positions_mm[inside], strength[inside], bits[inside], beam)

@@ -50,7 +50,10 @@ class DistanceGrid:
     ) -> tuple[Int64[np.ndarray, "m"], Int64[np.ndarray, "m 3"], Float32[np.ndarray, "m 3"]]:
         last = np.array(self.values_mm.shape) - 1
         high_mm = self.origin_mm + self.pitch_mm * last
-        within = ((points_mm >= self.origin_mm) & (points_mm < high_mm)).all(axis=1)
+        within = np.ones(len(points_mm), dtype=bool)
+        for axis in range(3):
+            within &= points_mm[:, axis] >= self.origin_mm[axis]
+            within &= points_mm[:, axis] < high_mm[axis]
         inside = np.flatnonzero(within)
         steps = (points_mm[inside] - self.origin_mm) / self.pitch_mm
         cell = np.minimum(steps.astype(np.int64), last - 1)
