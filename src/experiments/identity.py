@@ -12,8 +12,8 @@ from experiments import files
 
 # How a job is run, where its results go and how it is tracked do not change what it computes.
 NOT_PART_OF_THE_JOB = frozenset({"tracking", "resume", "out", "workers"})
-# The same, wherever it stands: a folder that only saves work.
-_NEVER_PART = frozenset({"cache"})
+# The same, wherever they stand: a folder that only saves work, and how many processes share it.
+_NEVER_PART = frozenset({"cache", "workers"})
 
 
 def job_config(config: Mapping[str, Any]) -> dict[str, Any]:
