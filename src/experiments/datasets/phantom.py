@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import multiprocessing
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import resources
@@ -16,6 +14,7 @@ import numpy as np
 from experiments import files
 from experiments.errors import InputError
 from experiments.paths import project_root
+from experiments.processes import process_pool
 from models.labelled_frames import LabelledFrames
 from registration.phantom.settings import SUBSETS, PhantomSettings
 
@@ -88,9 +87,7 @@ class Phantom:
         missing = [one for one in sweeps if not is_cached(*one, self._folder)]
         if self.workers == 1 or len(missing) < 2 or len(missing) * self.frames_per_sweep < WORTH_A_PROCESS:
             return
-        # Spawned processes inherit neither locks nor threads of this one, which may hold a network already.
-        context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(min(self.workers, len(missing)), mp_context=context) as pool:
+        with process_pool(min(self.workers, len(missing))) as pool:
             made = [pool.submit(fill_cache, settings, sweep, self._folder) for settings, sweep in missing]
             for one in made:
                 one.result()

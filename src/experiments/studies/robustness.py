@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.errors import InputError
 from experiments.outcome import CellResult, Outcome, Progress
+from experiments.processes import process_pool
 from experiments.statistics import summary
 from experiments.studies.registration_inputs import one_method
 from experiments.studies.robustness_problem import Problem, covered_targets, read_problem
@@ -139,11 +140,7 @@ def _solved(task: RobustnessTrial, trials: int, workers: int) -> Iterator[dict[s
     if workers == 1:
         yield from map(task, range(trials))
         return
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
-
-    # A fresh interpreter for each: forking after Open3D has started its threads can hang.
-    with ProcessPoolExecutor(min(workers, trials), mp_context=get_context("spawn")) as pool:
+    with process_pool(min(workers, trials)) as pool:
         yield from pool.map(task, range(trials), chunksize=max(trials // (8 * workers), 1))
 
 
