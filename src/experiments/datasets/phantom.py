@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -128,13 +129,31 @@ def is_cached(settings: PhantomSettings, sweep: int, cache: Path) -> bool:
 
 
 def fill_cache(settings: PhantomSettings, sweep: int, cache: Path) -> None:
-    """Simulate one sweep and put its frames and masks into the cache, both or neither."""
-    from registration.phantom.scan import simulate_sweep
+    """Simulate one sweep and put its frames and masks into the cache, both or neither.
 
-    simulated = simulate_sweep(settings, sweep)
-    with files.staged(cache / sweep_hash(settings, sweep)) as folder:
-        np.save(folder / "images.npy", simulated.sweep.images)
-        np.save(folder / "masks.npy", simulated.masks)
+    Each frame is written as it is made: a long sweep needs no more memory than a short one.
+    """
+    from registration.phantom.simulator import SweepSimulator
+
+    maker = SweepSimulator(settings, sweep)
+    count = settings.motion.frames
+    shape = (count, settings.scanner.height_px, settings.scanner.width_px)
+    with (
+        files.staged(cache / sweep_hash(settings, sweep)) as folder,
+        (folder / "images.npy").open("wb") as images,
+        (folder / "masks.npy").open("wb") as masks,
+    ):
+        _write_header(images, np.dtype(np.uint8), shape)
+        _write_header(masks, np.dtype(np.bool_), shape)
+        for frame in range(count):
+            picture, mask, _ = maker.frame(frame, maker.view(frame))
+            images.write(picture.tobytes())
+            masks.write(mask.tobytes())
+
+
+def _write_header(stream: BinaryIO, kind: np.dtype, shape: tuple[int, ...]) -> None:
+    about = {"descr": np.lib.format.dtype_to_descr(kind), "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(stream, about)
 
 
 def sweep_hash(settings: PhantomSettings, sweep: int) -> str:

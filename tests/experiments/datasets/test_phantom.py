@@ -10,6 +10,7 @@ import pytest
 from experiments import registry
 from experiments.datasets.phantom import Phantom, sweep_hash
 from experiments.errors import InputError
+from registration.phantom.scan import simulate_sweep
 
 
 def small(tmp_path: Path, **changes: object) -> Phantom:
@@ -94,3 +95,11 @@ def test_the_shipped_configuration_builds(tmp_path: Path) -> None:
 def test_bad_settings_are_named(setting: dict) -> None:
     with pytest.raises(InputError, match=next(iter(setting))):
         Phantom(**setting)
+
+
+def test_the_cache_holds_the_frames_of_the_whole_sweep(tmp_path: Path) -> None:
+    dataset = small(tmp_path, sweeps=1)
+    frames = dataset()
+    whole = simulate_sweep(dataset.settings_of("vein"), 0)
+    np.testing.assert_array_equal(np.stack(frames.images), whole.sweep.images)
+    np.testing.assert_array_equal(np.stack(frames.masks), whole.masks)
