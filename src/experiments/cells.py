@@ -23,12 +23,11 @@ INJECTED = frozenset({"workspace", "progress", "store"})
 
 @dataclass(frozen=True)
 class Cell:
-    """One job: its whole configuration, its hash, a short label that tells it from its neighbours, its folder."""
+    """One job: its whole configuration, its hash, and a short label that tells it from its neighbours."""
 
     config: dict[str, Any]
     hash: str
     label: str
-    folder: Path
 
 
 @dataclass(frozen=True)
@@ -39,6 +38,11 @@ class Plan:
     labels: dict[str, str]
     out: str
     parent_id: str | None = None
+
+    def folder_of(self, key: str) -> Path:
+        """Where the job of that hash leaves its files: in ``out`` itself if it is alone, else in a folder there."""
+        out = Path(self.out)
+        return out if len(self.labels) == 1 else out / folder_name(self.labels[key], key)
 
     def write(self, path: Path) -> None:
         """Write as JSON, for the processes that a launcher starts."""
@@ -103,18 +107,13 @@ def _arguments(function: Callable[..., object], config: Mapping[str, Any]) -> di
     return {name: registry.build(config[name], name) for name in wanted if name in config}
 
 
-def cells_of(points: list[tuple[Mapping[str, Any], str]], out: Path) -> list[Cell]:
-    """Every cell of every point (its configuration and label), each once, each with a folder under ``out``."""
-    found = [
-        (cell, ",".join(filter(None, (label, change))))
-        for config, label in points
-        for cell, change in cell_configs(config)
-    ]
-    alone = len(found) == 1
+def cells_of(points: list[tuple[Mapping[str, Any], str]]) -> list[Cell]:
+    """Every cell of every point (its configuration and label), each once."""
     cells: dict[str, Cell] = {}
-    for config, label in found:
-        key = config_hash(config)
-        cells.setdefault(key, Cell(config, key, label, out if alone else out / folder_name(label, key)))
+    for config, label in points:
+        for cell, change in cell_configs(config):
+            key = config_hash(cell)
+            cells.setdefault(key, Cell(cell, key, ",".join(filter(None, (label, change)))))
     return list(cells.values())
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import math
 import traceback
@@ -20,7 +21,7 @@ from experiments.outcome import CellResult, Outcome
 from experiments.tracking import HASH_TAG, RunWriter, Store, ending
 
 if TYPE_CHECKING:
-    import pandas as pd
+    pass
 
 
 @dataclass(frozen=True)
@@ -55,31 +56,36 @@ def user_errors() -> tuple[type[Exception], ...]:
     return InputError, models.errors.InputError, registration.errors.InputError
 
 
+def is_tracked(study: str, store: Store) -> bool:
+    """Whether the jobs of a study become runs: not if tracking is off, nor for studies that measure nothing."""
+    return store.enabled and getattr(cells.study_module(study), "TRACKED", True)
+
+
 def run_cell(
     cell: Cell, plan: Plan, store: Store, progress: terminal.TerminalProgress
 ) -> tuple[Report, Outcome | None]:
     """Run one cell to its end, whatever that is; only a stop by signal or keyboard passes through."""
-    tracked = store.enabled and getattr(cells.study_module(plan.study), "TRACKED", True)
+    tracked = is_tracked(plan.study, store)
     if tracked and cell.config.get("resume") and (done := store.finished(plan.study, cell.hash)) is not None:
-        _restore_files(cell, done, store)
-        return _report(cell, "resumed", run_id=done), None
+        _restore_files(cell, plan, done, store)
+        return _report(cell, plan, "resumed", run_id=done), None
     run_id = None
     try:
         arguments = cells.arguments(cell.config)
         if not tracked:
-            return _report(cell, "finished"), _compute(cell, plan, store, progress, arguments, None)
+            return _report(cell, plan, "finished"), _compute(cell, plan, store, progress, arguments, None)
         run = store.start(
             plan.study, cell.label or plan.study, {HASH_TAG: cell.hash, "ctus.kind": "job"}, plan.parent_id
         )
         run_id = run.run_id
         with ending(run):
             outcome = _compute(cell, plan, store, progress, arguments, run)
-        return _report(cell, "finished", run_id=run_id, findings=outcome.findings), outcome
+        return _report(cell, plan, "finished", run_id=run_id, findings=outcome.findings), outcome
     except user_errors() as refusal:
-        return _report(cell, "refused", run_id=run_id, message=str(refusal)), None
+        return _report(cell, plan, "refused", run_id=run_id, message=str(refusal)), None
     except Exception as failure:
         message = f"{type(failure).__name__}: {failure}\n{traceback.format_exc()}"
-        return _report(cell, "failed", run_id=run_id, message=message), None
+        return _report(cell, plan, "failed", run_id=run_id, message=message), None
 
 
 def load_result(report: Report, cell: Cell, store: Store) -> CellResult:
@@ -136,7 +142,7 @@ def _compute(
     module = cells.study_module(plan.study)
     if run is not None:
         log_config(run, cell.config)
-    with files.staged(cell.folder) as workspace:
+    with files.staged(plan.folder_of(cell.hash)) as workspace:
         arguments = {**arguments, **_injected(module.run, workspace, progress, store)}
         outcome: Outcome = module.run(**arguments)
         write_outcome(outcome, workspace)
@@ -150,17 +156,16 @@ def _compute(
 def _injected(
     function: Any, workspace: Path, progress: terminal.TerminalProgress, store: Store
 ) -> dict[str, Any]:
-    import inspect
-
     offered = {"workspace": workspace, "progress": progress, "store": store}
     return {name: offered[name] for name in inspect.signature(function).parameters if name in offered}
 
 
-def _restore_files(cell: Cell, run_id: str, store: Store) -> None:
+def _restore_files(cell: Cell, plan: Plan, run_id: str, store: Store) -> None:
     """Bring a finished run's files back where they are missing, so that what reads them finds them."""
-    if _holds(cell.folder, cell):
+    folder = plan.folder_of(cell.hash)
+    if _holds(folder, cell):
         return
-    with files.staged(cell.folder) as stage:
+    with files.staged(folder) as stage:
         store.restore_files(run_id, stage)
 
 
@@ -171,9 +176,15 @@ def _holds(folder: Path, cell: Cell) -> bool:
 
 
 def _report(
-    cell: Cell, status: str, *, run_id: str | None = None, message: str = "", findings: tuple[str, ...] = ()
+    cell: Cell,
+    plan: Plan,
+    status: str,
+    *,
+    run_id: str | None = None,
+    message: str = "",
+    findings: tuple[str, ...] = (),
 ) -> Report:
-    return Report(cell.hash, cell.label, status, str(cell.folder), run_id, message, findings)
+    return Report(cell.hash, cell.label, status, str(plan.folder_of(cell.hash)), run_id, message, findings)
 
 
 def _json_number(value: float) -> float | str:
@@ -183,9 +194,3 @@ def _json_number(value: float) -> float | str:
 
 def _read_metrics(path: Path) -> dict[str, float]:
     return {key: float(value) for key, value in json.loads(path.read_text(encoding="utf-8")).items()}
-
-
-def finite_mean_and_std(values: pd.Series) -> tuple[float, float]:
-    """Mean and sample standard deviation over the finite values; NaN where there are too few."""
-    finite = values[values.map(math.isfinite)]
-    return float(finite.mean()), float(finite.std(ddof=1))

@@ -5,7 +5,6 @@ A configuration is data from a file: only what stands in ``ALLOWED`` is ever imp
 
 from __future__ import annotations
 
-import dataclasses
 import importlib
 import inspect
 from collections.abc import Mapping
@@ -95,8 +94,3 @@ def _construct(target: str, settings: dict[str, Any], where: str) -> Any:
         return cls(**settings)
     except (TypeError, ValueError) as refusal:
         raise InputError(f"{where}: {cls.__name__} refused its settings: {refusal}") from refusal
-
-
-def settings_of(method: Any) -> dict[str, Any]:
-    """The fields of a method built from the configuration, as plain data."""
-    return dataclasses.asdict(method)

@@ -31,14 +31,13 @@ def run(points: Points, launch: Callable[[], object] | None) -> int:
     one after the other. 0: all is well; 1: a job failed; 2: the user's input is at fault.
     """
     study = str(points[0][0]["study"])
-    for config, _ in points:
-        for cell, _ in cells.cell_configs(config):
-            cells.check(cell)
-    sweep_hash = _sweep_hash(points)
+    planned = cells.cells_of(points)
+    for cell in planned:
+        cells.check(cell.config)
+    sweep_hash = hashlib.sha256("\n".join(sorted(cell.hash for cell in planned)).encode()).hexdigest()
     out = cells.out_folder(points[0][0], sweep_hash)
-    planned = cells.cells_of(points, out)
     store = store_of(points[0][0])
-    tracked = store.enabled and getattr(cells.study_module(study), "TRACKED", True)
+    tracked = job.is_tracked(study, store)
     if tracked:
         for run_id in store.reap(study):
             print(
@@ -67,15 +66,13 @@ def run_point(config: Mapping[str, Any]) -> Outcome | None:
     plan = Plan.read(folder / "plan.json")
     store, progress = store_of(config), terminal.TerminalProgress()
     outcome = None
-    own = [cell for cell in cells.cells_of([(config, "")], Path(plan.out)) if cell.hash in plan.labels]
-    for cell in own:
+    alone = len(plan.labels) == 1
+    for cell in cells.cells_of([(config, "")]):
         label = plan.labels[cell.hash]
-        alone = len(plan.labels) == 1
-        place = Path(plan.out) if alone else Path(plan.out) / cells.folder_name(label, cell.hash)
         if not alone:
             number = list(plan.labels).index(cell.hash) + 1
             progress.note(f"{plan.study}: {label} ({number} of {len(plan.labels)})")
-        report, outcome = job.run_cell(Cell(cell.config, cell.hash, label, place), plan, store, progress)
+        report, outcome = job.run_cell(Cell(cell.config, cell.hash, label), plan, store, progress)
         report.write(folder / f"{cell.hash}.json")
         if report.message:
             print(
@@ -129,8 +126,8 @@ def _close(
         parent.end("FAILED" if bad else "FINISHED")
     if results:
         terminal.print_tables(dict(outcome.tables))
-        tracked = store.enabled and getattr(cells.study_module(plan.study), "TRACKED", True)
-        terminal.print_closing(outcome.findings, out, store.dashboard if tracked else None)
+        dashboard = store.dashboard if job.is_tracked(plan.study, store) else None
+        terminal.print_closing(outcome.findings, out, dashboard)
     if bad and len(planned) > 1:
         names = "; ".join(cell.label for cell, _ in bad)
         print(
@@ -149,12 +146,14 @@ def _summary(study: str, results: list[CellResult]) -> Outcome:
 
 def _over_jobs(results: list[CellResult], known: Mapping[str, float]) -> dict[str, float]:
     """Mean and standard deviation over the jobs of every metric that the summary does not give itself."""
+    import numpy as np
     import pandas as pd
 
     table = pd.DataFrame([dict(result.metrics) for result in results]).astype(float)
     over: dict[str, float] = {}
     for name in table.columns:
-        mean, std = job.finite_mean_and_std(table[name])
+        finite = table[name][np.isfinite(table[name])]
+        mean, std = float(finite.mean()), float(finite.std(ddof=1))
         if name not in known and mean == mean:
             over[name] = mean
         if std == std:
@@ -176,17 +175,6 @@ def _parent(store: Store, points: Points, planned: list[Cell], sweep_hash: str) 
     }
     job.log_config(run_, shared)
     return run_
-
-
-def _sweep_hash(points: Points) -> str:
-    hashes = sorted(job_hash for config, _ in points for job_hash in _hashes(config))
-    return hashlib.sha256("\n".join(hashes).encode()).hexdigest()
-
-
-def _hashes(config: Mapping[str, Any]) -> list[str]:
-    from experiments.identity import config_hash
-
-    return [config_hash(cell) for cell, _ in cells.cell_configs(config)]
 
 
 def _reports(folder: Path, planned: list[Cell]) -> dict[str, Report]:

@@ -211,3 +211,13 @@ def test_sigterm_ends_the_run_as_failed(home: Path, repository: Path) -> None:
         slow.send_signal(signal.SIGTERM)
         assert slow.wait(timeout=30) == 128 + signal.SIGTERM
     assert Store().client().get_run(run_id).info.status == "FAILED"
+
+
+def test_points_that_are_the_same_job_are_one_job_in_one_place(
+    counting_study: ModuleType, home: Path
+) -> None:
+    out = home / "once"
+    assert main(["-m", "study=counting", "parts=[1]", "resume=false,true", f"out={out}"]) == 0
+    assert counting_study.calls == [1]
+    assert (out / "half.txt").is_file()
+    assert not [path for path in out.iterdir() if path.is_dir()]

@@ -16,6 +16,7 @@ from experiments import files
 from experiments.errors import InputError
 from experiments.outcome import Outcome, Progress
 from experiments.studies.registration_inputs import one_method
+from experiments.studies.robustness_problem import MOST_TARGETS
 from registration import frames
 from registration.contours import ContourExtractor
 from registration.geometry_io import write_surface
@@ -30,8 +31,6 @@ if TYPE_CHECKING:
     from registration.metrics import PoseError, SurfaceResiduals
     from registration.phantom.scan import SimulatedSweep
     from registration.results import RigidResult
-
-MOST_TARGETS = 500
 
 
 @dataclass(frozen=True)
