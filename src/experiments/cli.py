@@ -58,7 +58,11 @@ def _run(words: list[str], overrides: list[str], config_dir: str | None, *, mult
 
     try:
         points = compose_points(overrides, config_dir, multirun=multirun)
-        return shell.run(points, (lambda: _call_hydra(words, _point)) if multirun else None)
+        beside = shell.jobs_at_once(points[0][0]) > 1
+        if beside and any(word.startswith("hydra/launcher=") for word in overrides):
+            raise InputError("jobs: expected 1 where a launcher starts the jobs, received more")
+        launched = multirun and not beside
+        return shell.run(points, (lambda: _call_hydra(words, _point)) if launched else None)
     except user_errors() as refusal:
         print(refusal, file=sys.stderr)
         return 2

@@ -11,7 +11,7 @@ from typing import Any
 from experiments import files
 
 # How a job is run, where its results go and how it is tracked do not change what it computes.
-NOT_PART_OF_THE_JOB = frozenset({"tracking", "resume", "out", "workers"})
+NOT_PART_OF_THE_JOB = frozenset({"tracking", "resume", "out", "workers", "jobs"})
 # The same, wherever they stand: a folder that only saves work, and how many processes share it.
 _NEVER_PART = frozenset({"cache", "workers"})
 

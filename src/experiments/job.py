@@ -48,6 +48,11 @@ class Report:
         return Report(**{**content, "findings": tuple(content["findings"])})
 
 
+def report_file(folder: Path, key: str) -> Path:
+    """Where the report of the job of that hash lies while a sweep is under way."""
+    return folder / f"{key}.json"
+
+
 def user_errors() -> tuple[type[Exception], ...]:
     """The exceptions that mean the user's input is at fault, of every package."""
     import models.errors

@@ -13,8 +13,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from experiments import cells, files, job, terminal
+from experiments import cells, files, job, job_processes, terminal
 from experiments.cells import Cell, Plan
+from experiments.errors import InputError
 from experiments.job import Report
 from experiments.outcome import CellResult, Outcome
 from experiments.tracking import HASH_TAG, RunWriter, Store
@@ -28,9 +29,11 @@ def run(points: Points, launch: Callable[[], object] | None) -> int:
     """Run every job of ``points`` (configuration and label of each) and return the process's exit code.
 
     ``launch`` starts the jobs through a launcher that calls ``run_point`` for each point; without it they run here,
-    one after the other. 0: all is well; 1: a job failed; 2: the user's input is at fault.
+    one after the other, or with ``jobs`` above 1 in as many processes at a time. 0: all is well; 1: a job failed; 2:
+    the user's input is at fault.
     """
     study = str(points[0][0]["study"])
+    at_once = jobs_at_once(points[0][0])
     planned = cells.cells_of(points)
     for cell in planned:
         cells.check(cell.config)
@@ -44,14 +47,20 @@ def run(points: Points, launch: Callable[[], object] | None) -> int:
                 f"Run {run_id} was still marked as running, but its process is gone: set to FAILED.",
                 file=sys.stderr,
             )
-    with _stoppable(), _plan_folder() as folder:
+    with stoppable(), _plan_folder() as folder:
         parent = _parent(store, points, planned, sweep_hash) if tracked and len(planned) > 1 else None
         plan = Plan(
             study, {cell.hash: cell.label for cell in planned}, str(out), parent.run_id if parent else None
         )
         plan.write(folder / "plan.json")
         try:
-            outcome = _run_all(points, launch)
+            if launch is None and min(at_once, len(planned)) > 1:
+                outcome = None
+                job_processes.run_beside(planned, plan, folder, at_once)
+                if tracked:
+                    store.reap(study)  # the runs of processes that were killed
+            else:
+                outcome = _run_all(points, launch)
             code = _close(planned, plan, store, parent, outcome, _reports(folder, planned))
         except BaseException:
             if parent is not None:
@@ -64,21 +73,35 @@ def run_point(config: Mapping[str, Any]) -> Outcome | None:
     """Run the cells of one point of the sweep that is under way; write a report of each. Returns the last outcome."""
     folder = Path(os.environ[PLAN_FOLDER])
     plan = Plan.read(folder / "plan.json")
-    store, progress = store_of(config), terminal.TerminalProgress()
+    progress = terminal.TerminalProgress()
     outcome = None
-    alone = len(plan.labels) == 1
     for cell in cells.cells_of([(config, "")]):
-        label = plan.labels[cell.hash]
-        if not alone:
-            number = list(plan.labels).index(cell.hash) + 1
-            progress.note(f"{plan.study}: {label} ({number} of {len(plan.labels)})")
-        report, outcome = job.run_cell(Cell(cell.config, cell.hash, label), plan, store, progress)
-        report.write(folder / f"{cell.hash}.json")
-        if report.message:
-            print(
-                f"{label or plan.study}: {report.message}" if not alone else report.message, file=sys.stderr
-            )
+        outcome = run_one(Cell(cell.config, cell.hash, plan.labels[cell.hash]), plan, folder, progress)
     return outcome
+
+
+def run_one(cell: Cell, plan: Plan, folder: Path, progress: terminal.TerminalProgress) -> Outcome | None:
+    """Run one cell of a plan, say what went wrong, and leave a report of it in ``folder``."""
+    alone = len(plan.labels) == 1
+    if not alone:
+        number = list(plan.labels).index(cell.hash) + 1
+        progress.note(f"{plan.study}: {cell.label} ({number} of {len(plan.labels)})")
+    report, outcome = job.run_cell(cell, plan, store_of(cell.config), progress)
+    report.write(job.report_file(folder, cell.hash))
+    if report.message:
+        print(
+            report.message if alone else f"{cell.label or plan.study}: {report.message}",
+            file=sys.stderr,
+        )
+    return outcome
+
+
+def jobs_at_once(config: Mapping[str, Any]) -> int:
+    """How many jobs of a call run at the same time; InputError if ``jobs`` is not a whole number from 1."""
+    at_once = config.get("jobs", 1)
+    if isinstance(at_once, bool) or not isinstance(at_once, int) or at_once < 1:
+        raise InputError(f"jobs: expected a whole number from 1, received {at_once!r}")
+    return at_once
 
 
 def store_of(config: Mapping[str, Any]) -> Store:
@@ -178,7 +201,7 @@ def _parent(store: Store, points: Points, planned: list[Cell], sweep_hash: str) 
 
 
 def _reports(folder: Path, planned: list[Cell]) -> dict[str, Report]:
-    paths = {cell.hash: folder / f"{cell.hash}.json" for cell in planned}
+    paths = {cell.hash: job.report_file(folder, cell.hash) for cell in planned}
     return {key: Report.read(path) for key, path in paths.items() if path.is_file()}
 
 
@@ -194,7 +217,7 @@ def _plan_folder() -> Iterator[Path]:
 
 
 @contextmanager
-def _stoppable() -> Iterator[None]:
+def stoppable() -> Iterator[None]:
     """Turn SIGTERM into an exit that passes through every ``finally``, so that running runs end as FAILED."""
 
     def stop(number: int, frame: object) -> None:

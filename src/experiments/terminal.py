@@ -31,10 +31,11 @@ WIDEST_TABLE = 160
 
 
 class TerminalProgress:
-    """Progress as a bar on a terminal, as a line now and then elsewhere."""
+    """Progress as a bar on a terminal, as a line now and then elsewhere; ``prefix`` comes before every line."""
 
-    def __init__(self, console: Console | None = None) -> None:
+    def __init__(self, console: Console | None = None, prefix: str = "") -> None:
         self.console = console or Console(stderr=True)
+        self.prefix = prefix
         self._display: Progress | None = None
         self._open = 0
 
@@ -50,7 +51,7 @@ class TerminalProgress:
 
     def note(self, text: str) -> None:
         """Print one line."""
-        self.console.print(text, markup=False, highlight=False)
+        self.console.print(f"{self.prefix}{text}", markup=False, highlight=False, soft_wrap=True)
 
     def _bar(self, items: Iterable[Item], description: str, total: int | None) -> Iterator[Item]:
         # One display holds the bars of all levels: a second display at once would overwrite the first.
@@ -79,6 +80,11 @@ class TerminalProgress:
                 left = f", about {(now - started) / done * (total - done):.0f} s left" if total else ""
                 self.note(f"{description}: {done}{f' of {total}' if total else ''}{left}")
             yield item
+
+
+def plain_console() -> Console:
+    """Standard error as if it were no terminal: lines only, never a bar."""
+    return Console(stderr=True, force_terminal=False)
 
 
 def _columns() -> tuple[ProgressColumn, ...]:

@@ -197,7 +197,7 @@ def test_sigterm_ends_the_run_as_failed(home: Path, repository: Path) -> None:
         "import sys, time, signal\n"
         "from experiments import shell\n"
         "from experiments.tracking import Store, ending\n"
-        "with shell._stoppable():\n"
+        "with shell.stoppable():\n"
         "    with ending(Store().start('counting', 'slow', {'ctus.kind': 'job'})) as run:\n"
         "        print(run.run_id, flush=True)\n"
         "        time.sleep(60)\n"
