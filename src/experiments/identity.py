@@ -12,8 +12,9 @@ from experiments import files
 
 # How a job is run, where its results go and how it is tracked do not change what it computes.
 NOT_PART_OF_THE_JOB = frozenset({"tracking", "resume", "out", "workers", "jobs"})
-# The same, wherever they stand: a folder that only saves work, and how many processes share it.
-_NEVER_PART = frozenset({"cache", "workers"})
+# The same, wherever they stand: a folder that only saves work, how many processes share it, and whether what was
+# interrupted is gone on with.
+_NEVER_PART = frozenset({"cache", "resume", "workers"})
 
 
 def job_config(config: Mapping[str, Any]) -> dict[str, Any]:

@@ -45,9 +45,9 @@ class Augmentation:
     of up to ``shift`` of the image's side, a ``shear`` of up to that tangent; ``elastic``, smooth random shifts of up
     to ``elastic_shift`` of the side between ``elastic_nodes`` control points a side. Grey values, images only:
     ``brightness`` adds up to ``brightness_shift``; ``contrast`` and ``gamma`` scale by, and raise to, a factor within
-    1 to 1 + their ``_factor`` or its inverse; ``speckle`` multiplies by noise of deviation ``speckle_deviation`` with
-    grains of ``speckle_grain_px``; ``depth_gain`` lets the gain run linearly in depth by up to 1 + its factor.
-    With all probabilities zero a batch stays as it is.
+    1 to 1 + their ``_factor`` or its inverse; ``speckle`` multiplies by 1 plus noise of deviation
+    ``speckle_deviation`` with grains of ``speckle_grain_px``; ``depth_gain`` lets the gain run evenly in decibels
+    from the top to the bottom, between up to 1 + its factor and the inverse. What has probability 0 costs nothing.
     """
 
     flip: float = 0.5
@@ -66,7 +66,7 @@ class Augmentation:
     gamma: float = 0.5
     gamma_factor: float = 0.4
     speckle: float = 0.3
-    speckle_deviation: float = 0.2
+    speckle_deviation: float = 0.125
     speckle_grain_px: int = 2
     depth_gain: float = 0.3
     depth_gain_factor: float = 0.5
@@ -89,22 +89,27 @@ class Augmentation:
         generator: Generator,
     ) -> tuple[Float32[Tensor, "b 1 h w"], Float32[Tensor, "b 1 h w"]]:
         """Change images of values 0 to 1 and their masks of 0 and 1; all chance comes from ``generator``."""
-        if not any(getattr(self, name) for name in PROBABILITIES):
-            return images, masks
         draw = _Draw(len(images), images.device, generator)
-        images, masks = self._move(images, masks, draw)
-        return self._regrey(images, draw), masks
+        if self.flip or self.affine or self.elastic:
+            images, masks = self._move(images, masks, draw)
+        return self._redisplay(self._reecho(images, draw), draw), masks
 
     def _move(self, images: Tensor, masks: Tensor, draw: _Draw) -> tuple[Tensor, Tensor]:
         """Flip, affine and elastic in one sampling, so that an image is interpolated once."""
         height, width = images.shape[-2:]
-        theta = self._affine(draw, width / height)
-        grid = functional.affine_grid(theta, [len(images), 1, height, width], align_corners=False)
-        nodes = self.elastic_nodes
-        coarse = 2 * self.elastic_shift * draw.signed(2, nodes, nodes) * draw.chosen(self.elastic, 1, 1, 1)
-        smooth = functional.interpolate(coarse, size=(height, width), mode="bicubic", align_corners=True)
-        grid = grid + smooth.permute(0, 2, 3, 1)
-        moved = functional.grid_sample(torch.cat([images, masks], dim=1), grid, align_corners=False)
+        theta = self._affine(draw, width / height)[..., None]
+        down, across = (_pixel_centres(side, images.device) for side in (height, width))
+        # (b, 2, h, w): where each output pixel is taken from, x before y.
+        grid = theta[:, :, 0:1] * across + (theta[:, :, 1:2] * down[:, None] + theta[:, :, 2:3])
+        if self.elastic:
+            nodes = self.elastic_nodes
+            coarse = (
+                2 * self.elastic_shift * draw.signed(2, nodes, nodes) * draw.chosen(self.elastic, 1, 1, 1)
+            )
+            rows, columns = (_smooth_weights(nodes, side, images.device) for side in (height, width))
+            grid = grid + rows @ coarse @ columns.T
+        both = torch.cat([images, masks], dim=1)
+        moved = functional.grid_sample(both, grid.permute(0, 2, 3, 1), align_corners=False)
         return moved[:, :1].clamp(0, 1), (moved[:, 1:] >= 0.5).to(masks.dtype)
 
     def _affine(self, draw: _Draw, aspect: float) -> Tensor:
@@ -123,23 +128,35 @@ class Augmentation:
         theta[:, :, 2] = 2 * self.shift * active[:, None] * draw.signed(2)
         return theta
 
-    def _regrey(self, images: Tensor, draw: _Draw) -> Tensor:
-        """Change the grey values: speckle and gain belong to the echo, so they come before what the display does."""
+    def _reecho(self, images: Tensor, draw: _Draw) -> Tensor:
+        """Speckle and gain: they belong to the echo, so they come before what the display does."""
         height, width = images.shape[-2:]
-        grain = self.speckle_grain_px
-        noise = draw.normal(1, -(-height // grain), -(-width // grain))
-        noise = functional.interpolate(noise, size=(height, width), mode="bilinear", align_corners=False)
-        amount = self.speckle_deviation * draw.chosen(self.speckle, 1, 1, 1)
-        images = images * (1 + amount * noise)
-        slope = draw.chosen(self.depth_gain, 1, 1, 1) * draw.signed(1, 1, 1)
-        depth = torch.linspace(-1, 1, height, device=images.device)[:, None]
-        images = images * _factor(self.depth_gain_factor, slope * depth)
-        gamma = _factor(self.gamma_factor, draw.chosen(self.gamma, 1, 1, 1) * draw.signed(1, 1, 1))
-        images = images.clamp(0, 1) ** gamma
-        contrast = _factor(self.contrast_factor, draw.chosen(self.contrast, 1, 1, 1) * draw.signed(1, 1, 1))
-        mean = images.mean(dim=(1, 2, 3), keepdim=True)
-        shift = self.brightness_shift * draw.chosen(self.brightness, 1, 1, 1) * draw.signed(1, 1, 1)
-        return ((images - mean) * contrast + mean + shift).clamp(0, 1)
+        if self.speckle:
+            grain = self.speckle_grain_px
+            noise = draw.normal(1, -(-height // grain), -(-width // grain))
+            noise = functional.interpolate(noise, size=(height, width), mode="bilinear", align_corners=False)
+            amount = self.speckle_deviation / _interpolated_deviation(grain)
+            images = images * (1 + amount * draw.chosen(self.speckle, 1, 1, 1) * noise)
+        if self.depth_gain:
+            slope = draw.chosen(self.depth_gain, 1, 1, 1) * draw.signed(1, 1, 1)
+            depth = torch.linspace(-1, 1, height, device=images.device)[:, None]
+            images = images * _factor(self.depth_gain_factor, slope * depth)
+        return images.clamp(0, 1)
+
+    def _redisplay(self, images: Tensor, draw: _Draw) -> Tensor:
+        """Gamma, contrast and brightness."""
+        if self.gamma:
+            chosen = draw.chosen(self.gamma, 1, 1, 1)
+            images = images ** _factor(self.gamma_factor, chosen * draw.signed(1, 1, 1))
+        if self.contrast:
+            chosen = draw.chosen(self.contrast, 1, 1, 1)
+            factor = _factor(self.contrast_factor, chosen * draw.signed(1, 1, 1))
+            mean = images.mean(dim=(1, 2, 3), keepdim=True)
+            images = images * factor + mean * (1 - factor)
+        if self.brightness:
+            chosen = draw.chosen(self.brightness, 1, 1, 1)
+            images = images + self.brightness_shift * chosen * draw.signed(1, 1, 1)
+        return images.clamp(0, 1)
 
 
 @dataclass(frozen=True)
@@ -171,3 +188,27 @@ class _Draw:
 def _factor(amount: float, signed: Tensor) -> Tensor:
     """From 1 / (1 + amount) at -1 through 1 at 0 to 1 + amount at 1."""
     return torch.exp(math.log1p(amount) * signed)
+
+
+def _pixel_centres(count: int, device: torch.device) -> Tensor:
+    """Where pixels lie along a side that runs from -1 to 1."""
+    return (torch.arange(count, device=device) + 0.5) * (2 / count) - 1
+
+
+def _smooth_weights(nodes: int, count: int, device: torch.device) -> Tensor:
+    """(count, nodes): cubic interpolation from nodes at even distances, the outermost at the side's ends.
+
+    A product with one such matrix a side interpolates a plane in a tenth of the time of the general operation.
+    """
+    each = torch.eye(nodes, device=device)[:, None, :, None]
+    smooth = functional.interpolate(each, size=(count, 1), mode="bicubic", align_corners=True)
+    return smooth[:, 0, :, 0].T
+
+
+def _interpolated_deviation(grain: int) -> float:
+    """The deviation that noise of deviation 1 is left with when interpolated to ``grain`` times its size.
+
+    Each pixel is the mean of its neighbours in the coarse noise, with weights that depend on where it lies.
+    """
+    places = [((pixel + 0.5) / grain + 0.5) % 1 for pixel in range(grain)]
+    return sum(place**2 + (1 - place) ** 2 for place in places) / grain

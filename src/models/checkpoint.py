@@ -24,7 +24,7 @@ from models.whole import written_beside
 FORMAT = "ctus-checkpoint"
 VERSION = 1
 # What torch raises for a file that it can't read, by how far it gets.
-_UNREADABLE = (
+UNREADABLE = (
     pickle.UnpicklingError,
     zipfile.BadZipFile,
     RuntimeError,
@@ -62,6 +62,8 @@ class Checkpoint:
     def load(path: str | Path) -> Checkpoint:
         """Read a file; InputError if it is missing, damaged, of another program, or of another network."""
         content = _read(Path(path))
+        if not _are_weights(content.get("weights")):
+            raise InputError(f"{path}: expected the weights of a network by name, received something else")
         try:
             recipe = recipe_of(content["network"], content["settings"])
             checkpoint = Checkpoint(
@@ -95,8 +97,9 @@ def _read(path: Path) -> dict[str, Any]:
     if not path.is_file():
         raise InputError(f"{path}: expected a checkpoint file, found none")
     try:
+        _require_undamaged(path)
         content = torch.load(path, map_location="cpu", weights_only=True)
-    except _UNREADABLE as error:
+    except UNREADABLE as error:
         raise InputError(
             f"{path}: expected a checkpoint of this program, received a file that is damaged or of another kind"
         ) from error
@@ -107,6 +110,20 @@ def _read(path: Path) -> dict[str, Any]:
             f"{path}: expected a checkpoint of version {VERSION}, received version {content.get('version')}"
         )
     return content
+
+
+def _require_undamaged(path: Path) -> None:
+    """Raise BadZipFile if a checksum in the file doesn't fit: torch writes them but doesn't look at them."""
+    with zipfile.ZipFile(path) as archive:
+        damaged = archive.testzip()
+    if damaged is not None:
+        raise zipfile.BadZipFile(damaged)
+
+
+def _are_weights(content: object) -> bool:
+    return isinstance(content, Mapping) and all(
+        isinstance(name, str) and isinstance(tensor, Tensor) for name, tensor in content.items()
+    )
 
 
 def _without_weights(recipe: NetworkRecipe) -> nn.Module:

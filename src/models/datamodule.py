@@ -20,6 +20,7 @@ from torch.utils.data import (
 from models.augmentation import Augmentation
 from models.labelled_frames import LabelledFrames
 from models.preprocessing import Preprocessing
+from models.seeds import AUGMENTATION, SHUFFLING, seed_of
 
 Batch = list[Tensor]
 
@@ -43,7 +44,15 @@ class FoldData(LightningDataModule):
         self.seed = seed
         self.train_set = prepared(train, preprocessing)
         self.validation_set = prepared(validation, preprocessing)
+        self._shuffle_generator = Generator()
         self._augmentation_generator: Generator | None = None
+        self.begin_epoch(0)
+
+    def begin_epoch(self, epoch: int) -> None:
+        """Seed the order of the images and their augmentation: both depend on the seed and the epoch alone."""
+        self.epoch = epoch
+        self._shuffle_generator.manual_seed(seed_of(self.seed, SHUFFLING, epoch))
+        self._augmentation_generator = None
 
     @property
     def steps_per_epoch(self) -> int:
@@ -51,9 +60,8 @@ class FoldData(LightningDataModule):
         return -(-len(self.train_set) // self.batch_size)
 
     def train_dataloader(self) -> DataLoader[Batch]:
-        """Shuffled anew in each epoch, from the seed."""
-        shuffled = RandomSampler(self.train_set, generator=Generator().manual_seed(self.seed))
-        return self._loader(shuffled, self.train_set)
+        """Shuffled anew in each epoch."""
+        return self._loader(RandomSampler(self.train_set, generator=self._shuffle_generator), self.train_set)
 
     def val_dataloader(self) -> DataLoader[Batch]:
         """In order."""
@@ -64,7 +72,8 @@ class FoldData(LightningDataModule):
         images, masks = batch[0], batch[1].float()
         if self.trainer is not None and self.trainer.training:
             if self._augmentation_generator is None:
-                self._augmentation_generator = Generator(images.device).manual_seed(self.seed + 1)
+                seed = seed_of(self.seed, AUGMENTATION, self.epoch)
+                self._augmentation_generator = Generator(images.device).manual_seed(seed)
             images, masks = self.augmentation(images, masks, self._augmentation_generator)
         images = self.preprocessing.normalise(images)
         return [images.contiguous(memory_format=torch.channels_last), masks]
@@ -72,7 +81,10 @@ class FoldData(LightningDataModule):
     def _loader(self, order: Iterable[int], frames: TensorDataset) -> DataLoader[Batch]:
         # A whole batch is one indexing of a tensor; collating it from single images would cost more than the indexing.
         batches = BatchSampler(order, self.batch_size, drop_last=False)
-        return DataLoader(cast("Dataset[Batch]", frames), sampler=batches, batch_size=None)
+        # A generator of its own keeps the loader from drawing on the stream that dropout draws from.
+        return DataLoader(
+            cast("Dataset[Batch]", frames), sampler=batches, batch_size=None, generator=Generator()
+        )
 
 
 def prepared(frames: LabelledFrames, preprocessing: Preprocessing) -> TensorDataset:

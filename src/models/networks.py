@@ -8,13 +8,19 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from torch import nn
 
+from models.attention_unet import AttentionUNet
 from models.errors import InputError
+from models.monai_network import MonaiNetwork
 from models.unet import UNet
+from models.unet3plus import UNet3Plus
 
 
 @runtime_checkable
 class NetworkRecipe(Protocol):
-    """A frozen dataclass of plain settings whose call builds a network, images (b, 1, h, w) to logits alike."""
+    """A frozen dataclass of plain settings whose call builds a network, images (b, 1, h, w) to logits alike.
+
+    In training mode a network may return ``models.outputs.SideOutputs`` instead.
+    """
 
     name: ClassVar[str]
 
@@ -28,7 +34,9 @@ class NetworkRecipe(Protocol):
         ...
 
 
-RECIPES: dict[str, type[Any]] = {recipe.name: recipe for recipe in (UNet,)}
+RECIPES: dict[str, type[Any]] = {
+    recipe.name: recipe for recipe in (AttentionUNet, MonaiNetwork, UNet, UNet3Plus)
+}
 
 
 def settings_of(recipe: NetworkRecipe) -> dict[str, Any]:

@@ -2,26 +2,66 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from models.checkpoint import Checkpoint
 from models.errors import InputError
+from models.grey import echo_grey
 from models.preprocessing import Preprocessing
 from models.shapes import Bool, Float32, UInt8
+
+CHANNELS = (3, 4)
+
+
+@dataclass(frozen=True)
+class StageTimes:
+    """Seconds that each stage took for ``frames`` frames; those of several calls add up.
+
+    ``preprocessing_s`` is from the frames as recorded to the network's input, ``network_s`` the network alone,
+    ``restoration_s`` from its output to masks of the frames' own size.
+    """
+
+    frames: int = 0
+    preprocessing_s: float = 0.0
+    network_s: float = 0.0
+    restoration_s: float = 0.0
+
+    @property
+    def total_s(self) -> float:
+        """All stages together."""
+        return self.preprocessing_s + self.network_s + self.restoration_s
+
+    def __add__(self, other: StageTimes) -> StageTimes:
+        return StageTimes(
+            self.frames + other.frames,
+            self.preprocessing_s + other.preprocessing_s,
+            self.network_s + other.network_s,
+            self.restoration_s + other.restoration_s,
+        )
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Masks and probabilities of vessel (0 to 1) for each frame, at its size, and what they took."""
+
+    masks: Bool[np.ndarray, "n h w"]
+    probability: Float32[np.ndarray, "n h w"]
+    times: StageTimes
 
 
 @dataclass(frozen=True)
 class Predictor:
-    """A network in use: grey frames in, masks or probabilities of the frames' own size out.
+    """A network in use: frames in, masks or probabilities of the frames' own size out.
 
-    ``batch_size`` frames pass at a time on ``device`` ("cpu", "cuda"); ``threshold`` (0 to 1) is the probability from
-    which a pixel is vessel.
+    Frames are uint8, grey (n, h, w) or RGB (n, h, w, 3). ``batch_size`` frames pass at a time on ``device`` ("cpu",
+    "cuda"); ``threshold`` (0 to 1) is the probability from which a pixel is vessel.
     """
 
     network: nn.Module
@@ -43,36 +83,76 @@ class Predictor:
         network = checkpoint.network().to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         return cls(network, checkpoint.preprocessing, batch_size=batch_size, device=device)
 
-    def __call__(self, frames: UInt8[np.ndarray, "n h w"]) -> Bool[np.ndarray, "n h w"]:
+    def __call__(self, frames: UInt8[np.ndarray, "n h w *rgb"]) -> Bool[np.ndarray, "n h w"]:
         """The vessel mask of each frame, at the frame's size."""
-        masks = np.empty(_checked(frames).shape, dtype=bool)
-        for part, probability in self._batches(frames):
+        masks = np.empty(_checked(frames).shape[:3], dtype=bool)
+        for part, probability, _ in self._batches(frames):
             masks[part] = probability >= self.threshold
         return masks
 
-    def probability(self, frames: UInt8[np.ndarray, "n h w"]) -> Float32[np.ndarray, "n h w"]:
+    def probability(self, frames: UInt8[np.ndarray, "n h w *rgb"]) -> Float32[np.ndarray, "n h w"]:
         """The probability of vessel, 0 to 1, in each pixel of each frame."""
-        probabilities = np.empty(_checked(frames).shape, dtype=np.float32)
-        for part, probability in self._batches(frames):
+        probabilities = np.empty(_checked(frames).shape[:3], dtype=np.float32)
+        for part, probability, _ in self._batches(frames):
             probabilities[part] = probability
         return probabilities
 
-    def _batches(self, frames: np.ndarray) -> Iterator[tuple[slice, np.ndarray]]:
-        placement = self.preprocessing.placement(*frames.shape[1:])
+    def timed(self, frames: UInt8[np.ndarray, "n h w *rgb"]) -> Prediction:
+        """Masks, probabilities and the seconds of each stage; on a GPU each stage waits for the one before."""
+        probabilities = np.empty(_checked(frames).shape[:3], dtype=np.float32)
+        times = StageTimes()
+        for part, probability, batch in self._batches(frames, wait=True):
+            probabilities[part] = probability
+            times += batch
+        begin_s = time.perf_counter()
+        masks = probabilities >= self.threshold
+        return Prediction(
+            masks, probabilities, times + StageTimes(restoration_s=time.perf_counter() - begin_s)
+        )
+
+    def _batches(
+        self, frames: np.ndarray, wait: bool = False
+    ) -> Iterator[tuple[slice, np.ndarray, StageTimes]]:
+        """Which frames, their probabilities, and the times of this batch."""
+        placement = self.preprocessing.placement(*frames.shape[1:3])
         self.network.eval()
         for first in range(0, len(frames), self.batch_size):
             part = slice(first, first + self.batch_size)
+            begin_s = time.perf_counter()
             with torch.inference_mode():
-                images = torch.tensor(frames[part], device=self.device)
-                squares = self.preprocessing.normalise(self.preprocessing(images))
-                logits = self.network(squares.contiguous(memory_format=torch.channels_last))
-                maps = self.preprocessing.restore(torch.sigmoid(logits.float()), placement)
-            yield part, maps.cpu().numpy()
+                squares = self._prepared(frames[part])
+                prepared_s = self._clock(wait)
+                logits = self.network(squares)
+                network_s = self._clock(wait)
+                maps = self.preprocessing.restore(torch.sigmoid(logits.float()), placement).cpu().numpy()
+            end_s = time.perf_counter()
+            yield (
+                part,
+                maps,
+                StageTimes(len(maps), prepared_s - begin_s, network_s - prepared_s, end_s - network_s),
+            )
+
+    def _prepared(self, frames: np.ndarray) -> Tensor:
+        """The network's input: the stage that a training data set goes through, image by image."""
+        grey = frames if frames.ndim == 3 else np.stack([echo_grey(frame) for frame in frames])
+        # Cleaned before they go to the device: it works on arrays.
+        images = torch.tensor(self.preprocessing.clean(grey), device=self.device)
+        squares = self.preprocessing.normalise(self.preprocessing.resize(images))
+        return squares.contiguous(memory_format=torch.channels_last)
+
+    def _clock(self, wait: bool) -> float:
+        if wait and self.device != "cpu":
+            torch.cuda.synchronize(self.device)
+        return time.perf_counter()
 
 
 def _checked(frames: np.ndarray) -> np.ndarray:
-    if frames.dtype != np.uint8 or frames.ndim != 3 or 0 in frames.shape[1:]:
+    # Three or four columns are the channels of one colour frame that was not put in a stack.
+    is_grey = frames.ndim == 3 and frames.shape[2] not in CHANNELS
+    is_colour = frames.ndim == 4 and frames.shape[3] in CHANNELS
+    if frames.dtype != np.uint8 or not (is_grey or is_colour) or 0 in frames.shape[1:]:
         raise InputError(
-            f"frames: expected uint8 of shape (n, height, width), received {frames.dtype} {frames.shape}"
+            "frames: expected uint8 of shape (n, height, width) or (n, height, width, 3), "
+            f"received {frames.dtype} {frames.shape}"
         )
     return frames

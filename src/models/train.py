@@ -1,10 +1,12 @@
-"""Training from files to files, with nothing but torch and lightning installed.
+"""Training from files to files, with nothing but torch, lightning and scikit-image installed.
 
 ``python -m models.train config.yaml --out DIR`` trains one fold. The YAML file has ``frames`` (a file that
 ``LabelledFrames.save`` wrote), ``split`` (a JSON file with ``fold`` and the case ids of ``train``, ``validation`` and
 ``test``), both relative to it, ``dataset`` (a name), ``seed``, and the settings ``model`` (with the network's
-``name``), ``trainer``, and, where not the defaults, ``augmentation`` and ``loss``. In DIR it leaves ``model.pt``,
-``history.json``, ``cases.csv`` (the test cases' scores), ``metrics.json`` and a copy of the configuration.
+``name``), ``preprocessing``, ``trainer``, and, where not the defaults, ``augmentation`` and ``loss`` (with a ``name``,
+if it is not Dice and cross-entropy). In DIR it leaves ``model.pt``, ``history.json``, ``cases.csv`` (the test cases'
+scores), ``metrics.json`` and a copy of the configuration. ``DIR/state`` is what ``--resume`` goes on from after an
+interruption; it may be removed.
 """
 
 from __future__ import annotations
@@ -24,10 +26,12 @@ import yaml
 from models.augmentation import Augmentation
 from models.errors import InputError
 from models.evaluation import predict, score_cases
+from models.fold_training import FoldTraining
 from models.labelled_frames import LabelledFrames
-from models.losses import DiceCrossEntropy
-from models.networks import NetworkRecipe, recipe_of
+from models.losses import DiceCrossEntropy, loss_of
+from models.networks import recipe_of
 from models.predictor import Predictor
+from models.preprocessing import Preprocessing
 from models.scoring import columns_for, summarise
 from models.trainer_settings import TrainerSettings
 from models.training import TrainedFold, train_fold
@@ -38,35 +42,33 @@ SIDES = ("train", "validation", "test")
 
 @dataclasses.dataclass(frozen=True)
 class TrainingPlan:
-    """What a training's configuration file says, with the frames of each side of the split."""
+    """What a training's configuration file says: the training, and the frames that score its network."""
 
-    model: NetworkRecipe
-    trainer: TrainerSettings
-    augmentation: Augmentation
-    loss: DiceCrossEntropy
-    sides: Mapping[str, LabelledFrames]
+    training: FoldTraining
+    test: LabelledFrames
     dataset: str
-    fold: int
-    seed: int
 
     @staticmethod
-    def read(path: Path) -> TrainingPlan:
+    def read(path: Path, resume: bool = False) -> TrainingPlan:
         """Read the file; paths in it are relative to it. InputError names the setting that is not as expected."""
         config = _mapping(path)
         folder = path.parent
         try:
-            model = dict(config["model"])
+            model, loss = dict(config["model"]), dict(config.get("loss", {}))
             split = json.loads((folder / config["split"]).read_text(encoding="utf-8"))
-            return TrainingPlan(
+            sides = _sides(LabelledFrames.load(folder / config["frames"]), split)
+            training = FoldTraining(
                 model=recipe_of(str(model.pop("name")), model),
-                trainer=TrainerSettings(**config["trainer"]),
+                train=sides["train"],
+                validation=sides["validation"],
+                preprocessing=Preprocessing(**config["preprocessing"]),
+                trainer=TrainerSettings(**{**config["trainer"], **({"resume": True} if resume else {})}),
                 augmentation=Augmentation(**config.get("augmentation", {})),
-                loss=DiceCrossEntropy(**config.get("loss", {})),
-                sides=_sides(LabelledFrames.load(folder / config["frames"]), split),
-                dataset=str(config["dataset"]),
+                loss=loss_of(str(loss.pop("name", DiceCrossEntropy.name)), loss),
                 fold=int(split["fold"]),
                 seed=int(config["seed"]),
             )
+            return TrainingPlan(training, sides["test"], str(config["dataset"]))
         except KeyError as missing:
             raise InputError(f"{path}: expected a value for {missing.args[0]}, received none") from missing
         except InputError:
@@ -84,9 +86,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("config", type=Path, help="YAML file")
     parser.add_argument("--out", type=Path, required=True, help="folder for the results")
+    parser.add_argument("--resume", action="store_true", help="go on with a training that was interrupted")
     given = parser.parse_args(arguments)
     try:
-        plan = TrainingPlan.read(given.config)
+        plan = TrainingPlan.read(given.config, given.resume)
         _run(plan, given.out)
         _write_text(given.out / "config.yaml", given.config.read_text(encoding="utf-8"))
     except InputError as refusal:
@@ -96,24 +99,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(plan: TrainingPlan, out: Path) -> None:
-    epoch = iter(range(1, plan.trainer.max_epochs + 1))
+    settings = plan.training.trainer
+    most = settings.max_epochs + settings.extend_epochs
+    epoch = iter(range(1, most + 1))
     trained = train_fold(
-        model=plan.model,
-        train=plan.sides["train"],
-        validation=plan.sides["validation"],
-        trainer=plan.trainer,
-        augmentation=plan.augmentation,
-        loss=plan.loss,
-        seed=plan.seed,
-        fold=plan.fold,
+        plan.training,
         directory=out,
+        state_directory=out / "state",
         on_epoch=lambda report: print(
-            f"epoch {next(epoch)} of {plan.trainer.max_epochs}: validation DSC {report['validation_dsc']:.3f}",
-            flush=True,
+            f"epoch {next(epoch)} of {most}: validation DSC {report['validation_dsc']:.3f}", flush=True
         ),
     )
     rows = _scored(plan, trained)
-    scores = {name: [row[name] for row in rows] for name in columns_for(plan.sides["test"].spacing_mm)}
+    scores = {name: [row[name] for row in rows] for name in columns_for(plan.test.spacing_mm)}
     metrics = summarise(scores) | {
         "validation_dsc_best": trained.best_validation_dsc,
         "best_epoch": float(trained.best_epoch),
@@ -130,10 +128,16 @@ def _run(plan: TrainingPlan, out: Path) -> None:
 
 def _scored(plan: TrainingPlan, trained: TrainedFold) -> list[dict[str, Any]]:
     """One row for each test case, with the columns that the segmentation study has."""
-    device = "cuda" if plan.trainer.accelerator != "cpu" and torch.cuda.is_available() else "cpu"
-    predictor = Predictor.load(trained.checkpoint, plan.trainer.batch_size, device)
-    about = {"fold": plan.fold, "model": plan.model.name, "dataset": plan.dataset, "seed": plan.seed}
-    return score_cases(plan.sides["test"], dict(predict(predictor, plan.sides["test"])), about)
+    training = plan.training
+    device = "cuda" if training.trainer.accelerator != "cpu" and torch.cuda.is_available() else "cpu"
+    predictor = Predictor.load(trained.checkpoint, training.trainer.batch_size, device)
+    about = {
+        "fold": training.fold,
+        "model": training.model.name,
+        "dataset": plan.dataset,
+        "seed": training.seed,
+    }
+    return score_cases(plan.test, dict(predict(predictor, plan.test)), about)
 
 
 def _sides(frames: LabelledFrames, split: Mapping[str, Any]) -> dict[str, LabelledFrames]:

@@ -5,54 +5,81 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from models import schedules
 from models.errors import InputError
 
 ACCELERATORS = ("cpu", "gpu", "auto")
 PRECISIONS = ("32-true", "16-mixed", "bf16-mixed")
+# Of the highest learning rate: what a finished training goes on with.
+EXTENSION_FACTOR = 0.1
 
 
 @dataclass(frozen=True)
 class TrainerSettings:
     """How a network is trained.
 
-    AdamW (Loshchilov and Hutter, ICLR 2019) from ``learning_rate`` after ``warmup_epochs`` of linear rise, down to
-    zero along a cosine; gradients clipped to norm ``gradient_clip``; stopped once the validation DSC has not risen
-    for ``patience`` epochs. ``accelerator`` is one of ``ACCELERATORS``, ``precision`` of ``PRECISIONS``.
+    AdamW (Loshchilov and Hutter, ICLR 2019) at up to ``learning_rate``; gradients clipped to norm ``gradient_clip``;
+    stopped once the validation DSC has not risen for ``patience`` epochs.
+
+    ``schedule`` is ``cosine`` or ``one_cycle``; the rate rises for ``warmup_epochs``, by default for one epoch of a
+    cosine and for 30 % of a cycle. ``accelerator`` is one of ``ACCELERATORS``, ``precision`` of ``PRECISIONS``; mixed
+    precision is for a GPU, on a CPU it is slower. ``deterministic``: the same result each time, on one machine with
+    one number of threads; on a GPU as far as its operations can.
+
+    ``resume``: go on with an interrupted training from its last whole epoch; the result is that of a training never
+    interrupted. ``extend_epochs``: go on with a finished training for up to so many epochs more, at a constant tenth
+    of ``learning_rate``, so that an extension by 10 is the beginning of one by 20; patience counts anew.
     """
 
     max_epochs: int
     batch_size: int
-    image_size_px: int
     learning_rate: float
     patience: int
-    warmup_epochs: int = 1
+    schedule: str = "cosine"
+    warmup_epochs: int | None = None
     weight_decay: float = 1e-4
     gradient_clip: float = 1.0
     accelerator: str = "cpu"
     precision: str = "32-true"
+    deterministic: bool = True
+    resume: bool = False
+    extend_epochs: int = 0
 
     def __post_init__(self) -> None:
-        for name in ("max_epochs", "batch_size", "image_size_px", "patience"):
+        for name in ("max_epochs", "batch_size", "patience"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name}: expected at least 1, received {getattr(self, name)}")
         for name in ("learning_rate", "gradient_clip"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0):
                 raise InputError(f"{name}: expected a positive number, received {getattr(self, name)}")
-        for name in ("warmup_epochs", "weight_decay"):
-            if not getattr(self, name) >= 0:
-                raise InputError(f"{name}: expected a number from 0, received {getattr(self, name)}")
-        if self.accelerator not in ACCELERATORS:
+        for name in ("warmup_epochs", "weight_decay", "extend_epochs"):
+            value = getattr(self, name)
+            if value is not None and not value >= 0:
+                raise InputError(f"{name}: expected a number from 0, received {value}")
+        for name, known in (
+            ("schedule", schedules.SCHEDULES),
+            ("accelerator", ACCELERATORS),
+            ("precision", PRECISIONS),
+        ):
+            if getattr(self, name) not in known:
+                raise InputError(
+                    f"{name}: expected one of {', '.join(known)}, received {getattr(self, name)!r}"
+                )
+        for name in ("deterministic", "resume"):
+            if not isinstance(getattr(self, name), bool):
+                raise InputError(f"{name}: expected true or false, received {getattr(self, name)!r}")
+        if self.accelerator == "cpu" and self.precision != "32-true":
             raise InputError(
-                f"accelerator: expected one of {', '.join(ACCELERATORS)}, received {self.accelerator!r}"
-            )
-        if self.precision not in PRECISIONS:
-            raise InputError(
-                f"precision: expected one of {', '.join(PRECISIONS)}, received {self.precision!r}"
+                f"precision: expected 32-true on a CPU, where mixed precision is slower, received {self.precision!r}"
             )
 
     def learning_rate_factor(self, step: int, steps_per_epoch: int) -> float:
-        """What the learning rate is multiplied by at a step: a linear rise, then half a cosine down to zero."""
-        warmup, total = self.warmup_epochs * steps_per_epoch, self.max_epochs * steps_per_epoch
-        if step < warmup:
-            return (step + 1) / (warmup + 1)
-        return 0.5 * (1 + math.cos(math.pi * min(1.0, (step - warmup) / max(1, total - warmup))))
+        """What ``learning_rate`` is multiplied by at a step of the training, counted from 0."""
+        total = self.max_epochs * steps_per_epoch
+        if self.warmup_epochs is not None:
+            rise = self.warmup_epochs * steps_per_epoch
+        elif self.schedule == "one_cycle":
+            rise = round(schedules.ONE_CYCLE_RISE * total)
+        else:
+            rise = steps_per_epoch
+        return schedules.factor(self.schedule, step, rise, total)

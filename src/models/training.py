@@ -1,37 +1,29 @@
-"""Training of one fold: the same first weights for all folds, the best epoch's weights kept."""
+"""Training of one fold: the same first weights for all folds, the best epoch kept, gone on with where it stopped."""
 
 from __future__ import annotations
 
-import contextlib
-import logging
-import time
-import warnings
-from collections.abc import Callable, Iterator, Mapping
+import shutil
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 import torch
 from torch import nn
 
-from models.augmentation import Augmentation
-from models.blocks import require_size
 from models.checkpoint import Checkpoint
 from models.errors import InputError
-from models.labelled_frames import LabelledFrames
-from models.losses import DiceCrossEntropy
+from models.fold_training import FoldTraining
 from models.networks import NetworkRecipe
-from models.preprocessing import Preprocessing
-from models.trainer_settings import TrainerSettings
+from models.seeds import TRAINING, WEIGHTS, seed_of
+from models.training_phase import Phase, best_epoch
+from models.training_state import TrainingFolder, TrainingState
+from models.whole import written_beside
 
 if TYPE_CHECKING:
-    from lightning.pytorch import Trainer
+    from models.training_course import TrainingCourse
 
-    from models.segmenter import EpochReports
-
-# Purposes that random numbers are drawn for: each has a stream of its own under one seed.
-WEIGHTS, TRAINING = 0, 1
+OnEpoch = Callable[[Mapping[str, float]], None]
 
 
 @dataclass(frozen=True)
@@ -46,46 +38,40 @@ class TrainedFold:
 
 
 def train_fold(
+    training: FoldTraining,
     *,
-    model: NetworkRecipe,
-    train: LabelledFrames,
-    validation: LabelledFrames,
-    trainer: TrainerSettings,
-    augmentation: Augmentation,
-    loss: DiceCrossEntropy,
-    seed: int,
-    fold: int,
     directory: Path,
-    on_epoch: Callable[[Mapping[str, float]], None] | None = None,
+    state_directory: Path | None = None,
+    on_epoch: OnEpoch | None = None,
 ) -> TrainedFold:
     """Train a network and keep the weights of the epoch with the best validation DSC in ``directory/model.pt``.
 
     The first weights depend on ``seed`` alone, the same for every fold; shuffling, augmentation and dropout depend on
-    ``seed`` and ``fold``. ``on_epoch`` gets each epoch's measures. Raises InputError if the network doesn't take the
-    image size, if the training or validation frames show no vessel, or if a GPU is asked for and there is none.
+    ``seed``, ``fold`` and the number of the epoch. ``state_directory`` is where this very training keeps what
+    ``resume`` and ``extend_epochs`` of ``training.trainer`` go on from. ``on_epoch`` gets each epoch's measures; where
+    the training goes on, those of the earlier epochs first.
+
+    Raises InputError if the state is of another training or there is no finished one to extend, RuntimeError if the
+    training diverges.
     """
-    _check(model, train, validation, trainer)
-    # Lightning takes seconds to import: whoever only wants the settings' classes should not wait for it.
-    from models.datamodule import FoldData
-    from models.segmenter import EpochReports, Segmenter
-
-    start_s = time.perf_counter()
-    preprocessing = Preprocessing(trainer.image_size_px)
-    training_seed = seed_of(seed, TRAINING, fold)
-    data = FoldData(train, validation, preprocessing, augmentation, trainer.batch_size, training_seed)
-    module = Segmenter(initial_network(model, seed), loss, trainer, data.steps_per_epoch)
+    settings = training.trainer
     path = directory / "model.pt"
-
-    def save(network: nn.Module, epoch: int, dsc: float) -> None:
-        notes = {"seed": seed, "fold": fold, "epoch": epoch, "validation_dsc": dsc}
-        Checkpoint(model, network.state_dict(), preprocessing, notes).save(path)
-
-    reports = EpochReports(save, on_epoch)
-    with _reproducible(training_seed), _quiet():
-        _lightning_trainer(trainer, reports, directory).fit(module, datamodule=data)
-    return TrainedFold(
-        path, tuple(reports.history), reports.best_epoch, reports.best_dsc, time.perf_counter() - start_s
-    )
+    if state_directory is None:
+        if settings.resume or settings.extend_epochs:
+            raise InputError(
+                "state_directory: expected the folder that the training keeps its state in, received none"
+            )
+        course = _run(training, Phase.whole(settings), None, directory, lambda epoch: path, None, on_epoch)
+        return _trained(course, path)
+    folder = TrainingFolder(state_directory, training.fingerprint)
+    with folder.locked():
+        phase, start, own = _where_to_begin(folder, training)
+        weights = {True: own.weights_path, False: folder.weights_path}
+        course = _run(training, phase, start, directory, own.weights_path, own, on_epoch)
+        best = best_epoch(course.history)
+        with written_beside(path) as beside:
+            shutil.copyfile(weights[best >= phase.first](best), beside)
+    return _trained(course, path)
 
 
 def initial_network(model: NetworkRecipe, seed: int) -> nn.Module:
@@ -95,72 +81,81 @@ def initial_network(model: NetworkRecipe, seed: int) -> nn.Module:
         return model()
 
 
-def seed_of(seed: int, *purpose: int) -> int:
-    """A seed for one purpose, unlike those of other purposes or of other seeds, 0 included."""
-    if seed < 0:
-        raise InputError(f"seed: expected a number from 0, received {seed}")
-    return int(np.random.SeedSequence([seed, *purpose]).generate_state(1, np.uint32)[0])
+def _where_to_begin(
+    folder: TrainingFolder, training: FoldTraining
+) -> tuple[Phase, TrainingState | None, TrainingFolder]:
+    """The epochs to train, what they go on from, and the folder for their state."""
+    settings = training.trainer
+    phase = Phase.whole(settings)
+    if not settings.extend_epochs:
+        if not settings.resume:
+            folder.clear()
+        return phase, folder.load(), folder
+    base = folder.load()
+    if base is None or not phase.is_over(base.history):
+        done = 0 if base is None else len(base.history)
+        raise InputError(
+            f"extend_epochs: expected a finished training of these settings in {folder.path}, "
+            f"received one with {done} of {settings.max_epochs} epochs done"
+        )
+    extension = phase.extension(base.history)
+    extended = folder.extended
+    if not settings.resume:
+        extended.clear()
+    start = extended.load()
+    if start is None or len(start.history) > extension.end:
+        start = base
+    return extension, start, extended
 
 
-def _check(
-    model: NetworkRecipe, train: LabelledFrames, validation: LabelledFrames, trainer: TrainerSettings
-) -> None:
-    if trainer.accelerator == "gpu" and not (torch.cuda.is_available() or torch.backends.mps.is_available()):
-        raise InputError("accelerator: expected a machine with a GPU, found none")
-    require_size(trainer.image_size_px, trainer.image_size_px, model.multiple)
-    for name, frames in (("train", train), ("validation", validation)):
-        if not any(mask.any() for mask in frames.masks):
-            raise InputError(
-                f"{name}: expected frames with a vessel, received {len(frames)} frames without any"
-            )
+def _run(
+    training: FoldTraining,
+    phase: Phase,
+    start: TrainingState | None,
+    directory: Path,
+    weights_path: Callable[[int], Path],
+    folder: TrainingFolder | None,
+    on_epoch: OnEpoch | None,
+) -> TrainingCourse:
+    """Train the epochs of a phase that are not done."""
+    # Lightning takes seconds to import: whoever only wants the settings' classes should not wait for it.
+    from models.datamodule import FoldData
+    from models.lightning_trainer import fit, lightning_trainer, quiet, reproducible
+    from models.segmenter import Segmenter
+    from models.training_course import TrainingCourse
 
+    settings = training.trainer
+    seed = seed_of(training.seed, TRAINING, training.fold)
+    stage = training.preprocessing
 
-def _lightning_trainer(settings: TrainerSettings, reports: EpochReports, directory: Path) -> Trainer:
-    from lightning.pytorch import Trainer
-    from lightning.pytorch.callbacks import EarlyStopping
+    def save_weights(network: nn.Module, epoch: int, dsc: float) -> None:
+        notes = {"seed": training.seed, "fold": training.fold, "epoch": epoch, "validation_dsc": dsc}
+        Checkpoint(training.model, network.state_dict(), stage, notes).save(weights_path(epoch))
 
-    return Trainer(
-        accelerator=settings.accelerator,
-        devices=1,
-        precision=settings.precision,
-        max_epochs=settings.max_epochs,
-        gradient_clip_val=settings.gradient_clip,
-        # Not every operation has a deterministic kernel on a GPU; where there is none, torch warns.
-        deterministic=True if settings.accelerator == "cpu" else "warn",
-        callbacks=[EarlyStopping("validation_dsc", mode="max", patience=settings.patience), reports],
-        default_root_dir=directory,
-        logger=False,
-        enable_checkpointing=False,
-        enable_progress_bar=False,
-        enable_model_summary=False,
-        num_sanity_val_steps=0,
-        use_distributed_sampler=False,
+    data = FoldData(
+        training.train, training.validation, stage, training.augmentation, settings.batch_size, seed
     )
+    course = TrainingCourse(phase, data, start, save_weights, folder.save if folder else None, on_epoch)
+    if phase.is_over(course.history):
+        return course
+    steps = data.steps_per_epoch
+    network = initial_network(training.model, training.seed)
+    if start is not None:
+        network.load_state_dict(dict(start.weights))
+    module = Segmenter(
+        network,
+        training.loss,
+        settings,
+        lambda step: phase.learning_rate(step, steps),
+        step=len(course.history) * steps,
+    )
+    with reproducible(settings), quiet():
+        trainer = lightning_trainer(settings, course, phase.end - len(course.history), directory)
+        fit(trainer, module, data)
+    return course
 
 
-@contextlib.contextmanager
-def _reproducible(seed: int) -> Iterator[None]:
-    """Seed what dropout draws from, and put back the seed and the switches that Lightning throws."""
-    deterministic = torch.are_deterministic_algorithms_enabled()
-    benchmark = torch.backends.cudnn.benchmark
-    with torch.random.fork_rng():
-        torch.manual_seed(seed)
-        try:
-            yield
-        finally:
-            torch.use_deterministic_algorithms(deterministic)
-            torch.backends.cudnn.benchmark = benchmark
-
-
-@contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep Lightning's advice on hardware and workers out of the user's terminal."""
-    logger = logging.getLogger("lightning.pytorch")
-    level = logger.level
-    logger.setLevel(logging.WARNING)
-    try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", module="lightning.*")
-            yield
-    finally:
-        logger.setLevel(level)
+def _trained(course: TrainingCourse, path: Path) -> TrainedFold:
+    best = best_epoch(course.history)
+    history = tuple(course.history)
+    return TrainedFold(path, history, best, history[best]["validation_dsc"], course.runtime_s)

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import torch
 from torch import Tensor, nn
 
-from models.blocks import NORMALISATIONS, DoubleConvolution, UpBlock, initialise, require_size
-from models.errors import InputError
+from models.blocks import Encoder, decoder, initialise, require_fields, require_size
 from models.shapes import Float
 
 
@@ -33,20 +31,9 @@ class UNet:
     name: ClassVar[str] = "unet"
 
     def __post_init__(self) -> None:
-        if self.width < 1:
-            raise InputError(f"width: expected at least 1 channel, received {self.width}")
-        if not 2 <= self.depth <= 7:
-            raise InputError(f"depth: expected 2 to 7 levels, received {self.depth}")
-        if self.normalisation not in NORMALISATIONS:
-            raise InputError(
-                f"normalisation: expected one of {', '.join(NORMALISATIONS)}, received {self.normalisation!r}"
-            )
-        if self.normalisation == "group" and self.width > 8 and self.width % 8:
-            raise InputError(
-                f"width: expected a multiple of 8 for group normalisation, received {self.width}"
-            )
-        if not 0 <= self.dropout < 1:
-            raise InputError(f"dropout: expected 0 to below 1, received {self.dropout}")
+        require_fields(
+            width=self.width, depth=self.depth, normalisation=self.normalisation, dropout=self.dropout
+        )
 
     @property
     def multiple(self) -> int:
@@ -65,27 +52,15 @@ class UNetModule(nn.Module):
         super().__init__()
         self.multiple = recipe.multiple
         widths = [recipe.width * 2**level for level in range(recipe.depth)]
-        dropouts = [0.0] * (recipe.depth - 2) + [recipe.dropout] * 2
-        self.encoder = nn.ModuleList(
-            DoubleConvolution(before, after, recipe.normalisation, dropout)
-            for before, after, dropout in zip([1, *widths], widths, dropouts, strict=False)
-        )
-        self.decoder = nn.ModuleList(
-            UpBlock(coarse, fine, fine, recipe.normalisation, 0.0)
-            for fine, coarse in zip(reversed(widths[:-1]), reversed(widths[1:]), strict=True)
-        )
+        self.encoder = Encoder(widths, recipe.normalisation, recipe.dropout)
+        self.decoder = decoder(widths, recipe.normalisation)
         self.head = nn.Conv2d(recipe.width, 1, 1)
         initialise(self)
 
     def forward(self, images: Float[Tensor, "b 1 h w"]) -> Float[Tensor, "b 1 h w"]:
         """Logits of "vessel" for every pixel."""
         require_size(images.shape[-2], images.shape[-1], self.multiple)
-        features, skips = images, []
-        for level, convolutions in enumerate(self.encoder):
-            if level:
-                skips.append(features)
-                features = torch.max_pool2d(features, 2)
-            features = convolutions(features)
+        *skips, features = self.encoder(images)
         for up in self.decoder:
             features = up(features, skips.pop())
         logits: Tensor = self.head(features)

@@ -22,7 +22,7 @@ def test_the_hash_does_not_depend_on_how_it_is_run_or_written() -> None:
     assert config_hash(BASE) == config_hash({**BASE, "trials": 60.0})
     for key in ("tracking", "resume", "out", "workers"):
         assert config_hash(BASE) == config_hash({**BASE, key: "anything"})
-    for key in ("cache", "workers"):
+    for key in ("cache", "resume", "workers"):
         assert config_hash({"dataset": {key: 1}}) == config_hash({"dataset": {key: 2}})
     assert config_hash({"dataset": {"seed": 1}}) != config_hash({"dataset": {"seed": 2}})
 

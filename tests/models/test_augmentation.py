@@ -2,8 +2,9 @@ import dataclasses
 
 import pytest
 import torch
+from torch.nn import functional
 
-from models.augmentation import PROBABILITIES, Augmentation
+from models.augmentation import PROBABILITIES, Augmentation, _Draw
 from models.errors import InputError
 
 NOTHING = Augmentation(**dict.fromkeys(PROBABILITIES, 0.0))
@@ -139,6 +140,17 @@ def test_elastic_bends_a_disc() -> None:
     assert max(abs(row - column) for _, row, column in map(moments, moved)) > 0.3
 
 
+def test_geometry_is_that_of_the_general_operations() -> None:
+    images, masks = torch.rand(6, 1, 20, 36, generator=generator()), disc(6, 20, 36, 7.0)
+    geometry = only(flip=0.5, affine=0.8, elastic=0.6)
+    draw = _Draw(6, images.device, generator(3))
+    grid = functional.affine_grid(geometry._affine(draw, 36 / 20), [6, 1, 20, 36], align_corners=False)
+    shifts = 2 * geometry.elastic_shift * draw.signed(2, 5, 5) * draw.chosen(0.6, 1, 1, 1)
+    smooth = functional.interpolate(shifts, size=(20, 36), mode="bicubic", align_corners=True)
+    expected = functional.grid_sample(images, grid + smooth.permute(0, 2, 3, 1), align_corners=False)
+    torch.testing.assert_close(geometry(images, masks, generator(3))[0], expected, atol=1e-5, rtol=0)
+
+
 def test_grey_changes_leave_masks_alone() -> None:
     images, masks = torch.rand(8, 1, 16, 16), disc(8, 16, 16, 4.0)
     grey = only(brightness=1.0, contrast=1.0, gamma=1.0, speckle=1.0, depth_gain=1.0)
@@ -180,6 +192,10 @@ def test_speckle_has_its_deviation_and_grain_and_spares_black() -> None:
     noisy = only(speckle=1.0, speckle_deviation=0.2, speckle_grain_px=1)(images, images, generator())[0]
     assert float(noisy[:, :, :, :8].abs().max()) == 0
     assert float(noisy[:, :, :, 8:].std()) == pytest.approx(0.1, rel=0.05)
+    flat = torch.full((40, 1, 96, 96), 0.5)
+    for grain in (2, 3, 8):  # off the margin, where there is less to interpolate between
+        grainy = only(speckle=1.0, speckle_grain_px=grain, speckle_deviation=0.2)(flat, flat, generator())[0]
+        assert float(grainy[:, :, 4:-4, 4:-4].std()) == pytest.approx(0.1, rel=0.05)
     coarse = only(speckle=1.0, speckle_grain_px=8)(images, images, generator())[0][:, 0, 32, 8:]
     steps, spread = (coarse[:, 1:] - coarse[:, :-1]).std(), coarse.std()
     assert float(steps / spread) < 0.5  # white noise would have a ratio of 1.4

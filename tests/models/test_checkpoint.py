@@ -73,6 +73,38 @@ def test_a_failed_save_leaves_the_file_that_was_there(tmp_path, monkeypatch) -> 
     assert [file.name for file in tmp_path.iterdir()] == ["model.pt"]
 
 
+def test_the_preprocessing_is_loaded_as_it_was_saved(tmp_path) -> None:
+    stage = Preprocessing(
+        32,
+        "standard_sector",
+        sector=[[0, 0.1], [0, 0.9], [1, 0.5]],
+        overlays="auto",
+        crop=True,
+        ground_tolerance=3,
+    )
+    Checkpoint(RECIPE, RECIPE().state_dict(), stage).save(tmp_path / "model.pt")
+    assert Checkpoint.load(tmp_path / "model.pt").preprocessing == stage
+
+
+def test_a_file_from_before_there_was_cleaning_loads_without_any(tmp_path) -> None:
+    path = tmp_path / "model.pt"
+    saved(path)
+    rewritten(path, preprocessing={"image_size_px": 16, "normalisation": "unit"})
+    assert Checkpoint.load(path).preprocessing == Preprocessing(16, "unit", sector="none", overlays="none")
+
+
+@pytest.mark.parametrize("place", [0.02, 0.3, 0.6, 0.9])
+def test_refuses_a_file_with_damaged_bytes(tmp_path, place: float) -> None:
+    path = tmp_path / "model.pt"
+    saved(path)
+    content = bytearray(path.read_bytes())
+    first = int(place * len(content))
+    content[first : first + 200] = bytes(255 - byte for byte in content[first : first + 200])
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=r"model\.pt: expected"):
+        Checkpoint.load(path)
+
+
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.99])
 def test_refuses_a_truncated_file(tmp_path, share: float) -> None:
     path = tmp_path / "model.pt"
@@ -115,7 +147,11 @@ def test_refuses_what_is_missing_or_no_checkpoint_at_all(tmp_path) -> None:
         ({"settings": {"layers": 3}}, "known network, received another"),
         ({"preprocessing": {"image_size_px": -1}}, "known network, received another"),
         ({"settings": {"width": 8, "depth": 2, "normalisation": "batch", "dropout": 0.1}}, "weights of UNet"),
+        ({"preprocessing": {"image_size_px": 16, "hue": 1}}, "known network, received another .*hue"),
+        ({"preprocessing": None}, "known network, received another"),
         ({"weights": {}}, "weights of UNet.* received absent"),
+        ({"weights": 5}, "expected the weights of a network by name"),
+        ({"weights": {"head.bias": 5}}, "expected the weights of a network by name"),
         ({"weights": {**RECIPE().state_dict(), "extra": torch.zeros(1)}}, "extra absent, received"),
     ],
 )

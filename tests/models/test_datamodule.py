@@ -47,13 +47,28 @@ def test_an_epoch_shows_every_frame_once_and_the_last_batch_is_kept() -> None:
 
 
 def test_shuffling_follows_the_seed_and_differs_between_epochs() -> None:
-    def epochs(seed: int) -> list[torch.Tensor]:
-        loader = fold_data(seed).train_dataloader()
-        return [torch.cat([images for images, _ in loader]) for _ in range(2)]
+    def epochs(seed: int, *numbers: int) -> list[torch.Tensor]:
+        data = fold_data(seed)
+        loader, shown = data.train_dataloader(), []
+        for number in numbers:
+            data.begin_epoch(number)
+            shown.append(torch.cat([images for images, _ in loader]))
+        return shown
 
-    first, same, other = epochs(0), epochs(0), epochs(1)
-    assert torch.equal(first[0], same[0]) and torch.equal(first[1], same[1])
-    assert not torch.equal(first[0], first[1]) and not torch.equal(first[0], other[0])
+    first, second = epochs(0, 0, 1)
+    assert not torch.equal(first, second)
+    assert torch.equal(second, epochs(0, 1)[0])  # whether or not there was an epoch before
+    assert not torch.equal(first, epochs(1, 0)[0])
+
+
+def test_loading_leaves_the_stream_that_dropout_draws_from_alone() -> None:
+    data = fold_data()
+    torch.manual_seed(5)
+    expected = torch.rand(1)
+    torch.manual_seed(5)
+    list(data.train_dataloader())
+    list(data.val_dataloader())
+    assert torch.equal(torch.rand(1), expected)
 
 
 def test_validation_is_in_order() -> None:
@@ -73,4 +88,8 @@ def test_batches_are_normalised_always_and_augmented_in_training_alone() -> None
     assert not torch.equal(changed, images) and not torch.equal(changed, again)
     fresh = fold_data(augmentation=Augmentation())
     fresh.trainer = SimpleNamespace(training=True)
+    assert torch.equal(fresh.on_after_batch_transfer(batch, 0)[0], changed)
+    fresh.begin_epoch(1)
+    assert not torch.equal(fresh.on_after_batch_transfer(batch, 0)[0], changed)
+    fresh.begin_epoch(0)
     assert torch.equal(fresh.on_after_batch_transfer(batch, 0)[0], changed)

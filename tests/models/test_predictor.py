@@ -1,11 +1,15 @@
 import numpy as np
 import pytest
 import torch
+from drawn_screens import cross_hairs, rectangle, speckle
 from torch import nn
 
 from models.checkpoint import Checkpoint
+from models.datamodule import prepared
 from models.errors import InputError
-from models.predictor import Predictor
+from models.grey import echo_grey
+from models.labelled_frames import LabelledFrames
+from models.predictor import Predictor, StageTimes
 from models.preprocessing import Preprocessing
 from models.unet import UNet
 
@@ -73,6 +77,73 @@ def test_a_loaded_checkpoint_predicts_as_its_network(tmp_path) -> None:
     assert not loaded.network.training
 
 
+CLEANING = Preprocessing(32, "standard_sector", sector="auto", overlays="auto")
+
+
+class Spy(nn.Module):
+    """Keeps what it was given."""
+
+    def forward(self, images: torch.Tensor) -> torch.Tensor:
+        self.seen = images.clone()
+        return images
+
+
+def marked_screen(seed: int = 0) -> np.ndarray:
+    frame = np.where(rectangle((60, 80), 8, 10, 52, 70), speckle((60, 80), seed=seed), 0).astype(np.uint8)
+    return cross_hairs(frame, (30, 40), 8)
+
+
+@pytest.mark.parametrize("stage", [Preprocessing(32), CLEANING], ids=["plain", "cleaning"])
+def test_the_network_sees_in_use_what_it_saw_in_training(stage: Preprocessing) -> None:
+    images = tuple(marked_screen(seed) for seed in range(3))
+    masks = tuple(image > 100 for image in images)
+    frames = LabelledFrames(images, masks, ("a", "b", "c"), ("p", "p", "q"), (None,) * 3, simulated=True)
+    trained_on = stage.normalise(prepared(frames, stage).tensors[0])
+    spy = Spy()
+    Predictor(spy, stage)(np.stack(images))
+    assert torch.equal(spy.seen, trained_on)
+
+
+def test_colour_frames_lose_their_coloured_marks_on_the_way() -> None:
+    tissue = speckle((60, 80))
+    colour = cross_hairs(np.dstack([tissue] * 3), (30, 40), 8, (255, 255, 0))
+    spies = Spy(), Spy()
+    for spy, frames in zip(
+        spies, (np.stack([colour, colour]), np.stack([echo_grey(colour)] * 2)), strict=True
+    ):
+        result = Predictor(spy, CLEANING).timed(frames)
+        assert result.masks.shape == result.probability.shape == (2, 60, 80)
+    assert torch.equal(spies[0].seen, spies[1].seen)
+
+
+def test_timed_gives_the_same_masks_and_where_the_time_went(monkeypatch) -> None:
+    frames = np.stack([marked_screen(seed) for seed in range(5)])
+    predictor = Predictor(BrightIsVessel(), CLEANING, batch_size=2)
+    result = predictor.timed(frames)
+    np.testing.assert_array_equal(result.masks, predictor(frames))
+    np.testing.assert_array_equal(result.probability, predictor.probability(frames))
+    # A clock that steps on by one: each of 3 batches has one step a stage, and the masks take one more.
+    steps = iter(range(100))
+    monkeypatch.setattr("models.predictor.time.perf_counter", lambda: float(next(steps)))
+    assert predictor.timed(frames).times == StageTimes(5, 3.0, 3.0, 4.0)
+    assert predictor.timed(frames[:0]).times.frames == 0
+
+
+def test_times_add_up() -> None:
+    total = StageTimes(2, 1.0, 2.0, 3.0) + StageTimes(1, 0.5, 0.25, 0.125)
+    assert total == StageTimes(3, 1.5, 2.25, 3.125) and total.total_s == 6.875
+
+
+def test_a_crop_is_put_back_where_it_was_cut() -> None:
+    stage = Preprocessing(48, "unit", sector=[[0, 0.5], [0, 1], [1, 1], [1, 0.5]], crop=True)
+    frame = np.zeros((96, 192), np.uint8)
+    frame[24:48, 130:160] = frame[24:48, 20:50] = 255
+    mask = Predictor(BrightIsVessel(), stage)(frame[None])[0]
+    right = (frame > 0) & (np.arange(192) >= 96)
+    assert 2 * (mask & right).sum() / (mask.sum() + right.sum()) > 0.93
+    assert not mask[:, :96].any()
+
+
 def test_read_only_frames_and_none_at_all_are_fine() -> None:
     frames = np.stack([bright_square(64, 64)])
     frames.flags.writeable = False
@@ -83,6 +154,12 @@ def test_read_only_frames_and_none_at_all_are_fine() -> None:
 def test_refuses_frames_without_pixels_and_settings() -> None:
     with pytest.raises(InputError, match=r"frames: expected uint8 of shape .* received uint8 \(2, 0, 5\)"):
         BRIGHT(np.zeros((2, 0, 5), np.uint8))
+    for size in ((50, 60, 3), (2, 8, 8, 2)):
+        for call in (BRIGHT, BRIGHT.probability, BRIGHT.timed):
+            with pytest.raises(
+                InputError, match=r"frames: expected uint8 of shape .* or \(n, height, width, 3\)"
+            ):
+                call(np.zeros(size, np.uint8))
     with pytest.raises(InputError, match="batch_size: expected at least 1, received 0"):
         Predictor(BrightIsVessel(), Preprocessing(32), batch_size=0)
     with pytest.raises(InputError, match="threshold: expected 0 to 1, received 2"):

@@ -1,13 +1,19 @@
 import csv
+import dataclasses
 import json
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+import torch
 import yaml
 from drawn_vessels import drawn_frames
 
+from models.checkpoint import Checkpoint
+from models.monai_network import MonaiNetwork
+from models.networks import RECIPES
 from models.predictor import Predictor
 from models.train import main
 
@@ -18,33 +24,20 @@ CONFIG = {
     "dataset": "drawn",
     "seed": 0,
     "model": {"name": "unet", "width": 4, "depth": 3},
-    "trainer": {"max_epochs": 2, "batch_size": 4, "image_size_px": 32, "learning_rate": 0.01, "patience": 2},
+    "preprocessing": {"image_size_px": 32},
+    "trainer": {"max_epochs": 2, "batch_size": 4, "learning_rate": 0.01, "patience": 2},
     "augmentation": {"flip": 0.5},
     "loss": {"dice_weight": 2.0},
 }
-# Everything that is installed here but need not be on a machine that only trains.
-# Names of packages, and of distributions where they differ.
-ABSENT = (
-    *("scipy", "pandas", "matplotlib", "jaxtyping", "monai", "mlflow", "hydra", "hydra-core"),
-    *("skimage", "scikit-image", "sklearn", "scikit-learn", "PIL", "pillow"),
-)
-ALONE = f"""
-import sys
-class Without:
-    def __init__(self, finder):
-        self.finder = finder
-    def __getattr__(self, name):
-        return getattr(self.finder, name)
-    def find_spec(self, name, path=None, target=None):
-        return None if name.split(".")[0] in {ABSENT!r} else self.finder.find_spec(name, path, target)
-    def find_distributions(self, context):
-        found = getattr(self.finder, "find_distributions", lambda context: ())(context)
-        return (one for one in found if one.metadata["Name"].lower() not in {ABSENT!r})
-sys.meta_path = [Without(finder) for finder in sys.meta_path]
-import runpy
-sys.argv[0] = "models.train"
-runpy.run_module("models.train", run_name="__main__")
-"""
+MACHINE = Path(__file__).resolve().parents[1] / "support" / "training_machine.py"
+# Every network that needs no other package, with all that it can train.
+SETTINGS = {
+    "unet": {},
+    "attention_unet": {},
+    "unet3plus": {"deep_supervision": True, "classification_guided": True},
+}
+LONG = {"max_epochs": 5, "batch_size": 4, "learning_rate": 0.01, "patience": 5}
+STEPS = 2  # of an epoch: 6 frames in batches of 4
 
 
 def write_inputs(folder: Path, **changes: object) -> Path:
@@ -58,21 +51,56 @@ def write_inputs(folder: Path, **changes: object) -> Path:
     return path
 
 
-def test_trains_with_torch_and_lightning_alone(tmp_path) -> None:
-    config = write_inputs(tmp_path)
+@dataclasses.dataclass(frozen=True)
+class Machine:
+    """What happened on a machine with the necessary alone."""
+
+    folder: Path
+    finished: subprocess.CompletedProcess[str]
+
+
+@pytest.fixture(scope="module")
+def machine(tmp_path_factory: pytest.TempPathFactory) -> Machine:
+    """Every network trained for two epochs, then a longer training killed in the middle of its third epoch."""
+    folder = tmp_path_factory.mktemp("machine")
+    calls = []
+    for name, settings in SETTINGS.items():
+        (folder / name).mkdir()
+        config = write_inputs(folder / name, model={"name": name, "width": 4, "depth": 3, **settings})
+        calls.append(f"{config},--out,{folder / name / 'out'}")
+    (folder / "long").mkdir()
+    config = write_inputs(folder / "long", trainer=LONG)
+    calls.append(f"{config},--out,{folder / 'long' / 'out'}")
+    steps_before = len(SETTINGS) * CONFIG["trainer"]["max_epochs"] * STEPS
     finished = subprocess.run(
-        [sys.executable, "-c", ALONE, str(config), "--out", str(tmp_path / "out")],
-        env={"PYTHONPATH": str(SOURCE), "PATH": "", "OMP_NUM_THREADS": "2"},
+        [sys.executable, str(MACHINE), str(steps_before + 3 * STEPS), *calls],
+        # The same number of threads, for results that are the same to the last bit.
+        env={"PYTHONPATH": str(SOURCE), "PATH": "", "OMP_NUM_THREADS": str(torch.get_num_threads())},
         capture_output=True,
         text=True,
         check=False,
     )
-    assert finished.returncode == 0, finished.stderr
-    assert "epoch 2 of 2: validation DSC" in finished.stdout
-    out = tmp_path / "out"
-    written = {"model.pt", "cases.csv", "history.json", "metrics.json", "config.yaml"}
+    return Machine(folder, finished)
+
+
+def test_trains_every_network_with_torch_lightning_and_scikit_image_alone(machine: Machine) -> None:
+    assert set(SETTINGS) == {name for name in RECIPES if name != MonaiNetwork.name}
+    said = machine.finished.stdout
+    assert said.count("trained ") == len(SETTINGS), machine.finished.stderr
+    assert said.startswith("found: ['torch', 'lightning', 'skimage']\n")
+    assert said.count("epoch 2 of 2: validation DSC") == len(SETTINGS)
+    for name in SETTINGS:
+        assert Predictor.load(machine.folder / name / "out" / "model.pt").preprocessing.image_size_px == 32
+        with (machine.folder / name / "out" / "cases.csv").open(newline="") as file:
+            assert {row["model"] for row in csv.DictReader(file)} == {name}
+
+
+def test_writes_what_becomes_a_run(machine: Machine) -> None:
+    folder = machine.folder / "unet"
+    out = folder / "out"
+    written = {"model.pt", "cases.csv", "history.json", "metrics.json", "config.yaml", "state"}
     assert {path.name for path in out.iterdir()} == written
-    assert (out / "config.yaml").read_text() == config.read_text()
+    assert (out / "config.yaml").read_text() == (folder / "config.yaml").read_text()
     with (out / "cases.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["case_id"] for row in rows] == ["case00", "case01", "case02"]
@@ -82,8 +110,37 @@ def test_trains_with_torch_and_lightning_alone(tmp_path) -> None:
     metrics = json.loads((out / "metrics.json").read_text())
     assert metrics["dsc_n"] == 2 and metrics["epochs"] == 2
     assert metrics["dsc_mean"] == pytest.approx(sum(float(row["dsc"]) for row in rows[1:]) / 2)
-    assert len(json.loads((out / "history.json").read_text())) == 2
-    assert Predictor.load(out / "model.pt").preprocessing.image_size_px == 32
+    history = json.loads((out / "history.json").read_text())
+    assert len(history) == 2 and {"images_per_s", "peak_memory_mb", "learning_rate"} <= set(history[0])
+
+
+def test_a_killed_training_goes_on_to_the_same_result(machine: Machine, tmp_path, capsys) -> None:
+    assert machine.finished.returncode == -signal.SIGKILL, machine.finished.stderr
+    assert "epoch 2 of 5" in machine.finished.stdout and "epoch 3 of 5" not in machine.finished.stdout
+    config, out = machine.folder / "long" / "config.yaml", machine.folder / "long" / "out"
+    assert sorted(path.name for path in out.iterdir()) == ["state"]
+    before = torch.load(out / "state" / "state.pt", weights_only=True)["history"]
+    assert 1 <= len(before) <= 2
+    assert main([str(config), "--out", str(out), "--resume"]) == 0
+    assert "epoch 5 of 5" in capsys.readouterr().out
+    assert main([str(config), "--out", str(tmp_path)]) == 0
+    resumed, whole = (json.loads((folder / "history.json").read_text()) for folder in (out, tmp_path))
+    assert resumed[: len(before)] == list(before)
+    measures = ("train_loss", "validation_loss", "validation_dsc", "learning_rate")
+    assert [[epoch[name] for name in measures] for epoch in resumed] == [
+        [epoch[name] for name in measures] for epoch in whole
+    ]
+    weights = [Checkpoint.load(folder / "model.pt").weights for folder in (out, tmp_path)]
+    assert all(torch.equal(weights[0][name], weights[1][name]) for name in weights[0])
+    assert (out / "cases.csv").read_text() == (tmp_path / "cases.csv").read_text()
+
+
+def test_refuses_to_resume_another_training(tmp_path, capsys) -> None:
+    config = write_inputs(tmp_path)
+    assert main([str(config), "--out", str(tmp_path / "out")]) == 0
+    write_inputs(tmp_path, seed=1)
+    assert main([str(config), "--out", str(tmp_path / "out"), "--resume"]) == 2
+    assert "state.pt: expected the state of this very training" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -93,7 +150,8 @@ def test_trains_with_torch_and_lightning_alone(tmp_path) -> None:
         ({"trainer": {"max_epochs": 2}}, "expected settings of a training, received others"),
         ({"seed": None}, "expected settings of a training"),
         ({"frames": "none.npz"}, "expected a file of labelled frames"),
-        ({"loss": {"weight": 1}}, "expected settings of a training, received others"),
+        ({"loss": {"weight": 1}}, "loss: expected settings of dice_cross_entropy, received others"),
+        ({"loss": {"name": "hinge"}}, "loss: expected one of"),
     ],
 )
 def test_refuses_with_one_sentence_and_code_2(

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import ClassVar
 
+import numpy as np
+
 from experiments.datasets import reading
+from experiments.datasets.dicom import SUFFIX as DICOM_SUFFIX
+from experiments.datasets.dicom import read_dicom
 from experiments.errors import InputError
 from models.labelled_frames import LabelledFrames
 
@@ -21,8 +25,10 @@ class Folder:
     """``root/images`` and ``root/masks`` with files of the same names, and ``root/groups.csv``.
 
     The table has a row for each image with columns ``case`` (the name without suffix) and ``group`` (subject, session
-    or recording), and may have ``vertical_mm`` and ``horizontal_mm``, the pixel's size. ``spacing_mm`` (vertical,
-    horizontal) is for all images where the table has none. Masks hold ``vessel_labels`` and ``other_labels`` only.
+    or recording), and may have ``vertical_mm`` and ``horizontal_mm``, the pixel's size. Where it has none, the size is
+    the one that a DICOM file gives, else ``spacing_mm`` (vertical, horizontal). Masks hold ``vessel_labels`` and
+    ``other_labels`` only. A DICOM film ``clip.dcm`` has one row, ``clip``, and thus one group; the masks of its frames
+    are ``clip_0000``, ``clip_0001`` and so on, and frames without one are no cases.
     """
 
     root: str
@@ -55,40 +61,80 @@ class Folder:
         return _read(self)
 
 
+@dataclass(frozen=True)
+class _Picture:
+    """One frame, the name of the file it is from, and the pixel size that the file gives."""
+
+    image: np.ndarray
+    file: str
+    spacing_mm: Spacing | None
+
+
 @lru_cache(maxsize=1)
 def _read(dataset: Folder) -> LabelledFrames:
     root = dataset.require_root()
     files, mask_files = reading.image_files(root / "images"), reading.image_files(root / "masks")
-    reading.paired(files, mask_files)
+    # What can be refused by names alone is refused before any pixel is read.
+    reading.paired(
+        {name: path for name, path in files.items() if not _is_dicom(path)},
+        {name: path for name, path in mask_files.items() if not _may_be_of_dicom(name, files)},
+    )
     rows = _read_table(root / "groups.csv", set(files))
-    images = tuple(reading.read_grey(path) for path in files.values())
+    pictures = _pictures(files, mask_files)
     masks = tuple(
-        reading.read_mask(mask_files[name], dataset.vessel_labels, dataset.other_labels, image.shape)
-        for name, image in zip(files, images, strict=True)
+        reading.read_mask(mask_files[case], dataset.vessel_labels, dataset.other_labels, picture.image.shape)
+        for case, picture in pictures.items()
     )
     reading.require_vessel(root / "masks", masks)
     return LabelledFrames(
-        images=images,
+        images=tuple(picture.image for picture in pictures.values()),
         masks=masks,
-        case_ids=tuple(files),
-        groups=tuple(rows[name][0] for name in files),
-        spacing_mm=tuple(rows[name][1] or dataset.spacing_mm for name in files),  # type: ignore[misc]
+        case_ids=tuple(pictures),
+        groups=tuple(rows[picture.file][0] for picture in pictures.values()),
+        spacing_mm=tuple(
+            rows[picture.file][1] or picture.spacing_mm or dataset.spacing_mm  # type: ignore[misc]
+            for picture in pictures.values()
+        ),
         simulated=False,
     )
+
+
+def _is_dicom(path: Path) -> bool:
+    return path.suffix.lower() == DICOM_SUFFIX
+
+
+def _may_be_of_dicom(mask: str, files: Mapping[str, Path]) -> bool:
+    return any(name in files and _is_dicom(files[name]) for name in (mask, mask.rpartition("_")[0]))
+
+
+def _pictures(files: Mapping[str, Path], masks: Mapping[str, Path]) -> dict[str, _Picture]:
+    """The frames that have a mask, by case; InputError for a mask without its frame, or a file without any mask."""
+    pictures: dict[str, _Picture] = {}
+    for name, path in files.items():
+        if not _is_dicom(path):
+            pictures[name] = _Picture(reading.read_grey(path), name, None)
+            continue
+        film = read_dicom(path)
+        cases = (
+            [name] if len(film.images) == 1 else [f"{name}_{index:04d}" for index in range(len(film.images))]
+        )
+        found = {
+            case: _Picture(np.ascontiguousarray(image), name, film.spacing_mm)
+            for case, image in zip(cases, film.images, strict=True)
+            if case in masks
+        }
+        if not found:
+            raise InputError(f"{path}: expected a mask named {cases[0]}, found none for any of its frames")
+        pictures |= found
+    reading.paired(dict.fromkeys(pictures, Path()), masks)
+    return pictures
 
 
 def _read_table(path: Path, cases: set[str]) -> dict[str, tuple[str, Spacing | None]]:
     """Group and spacing of each case."""
     if not path.is_file():
         raise InputError(f"{path}: expected a table with columns case and group, found no file")
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        table = csv.DictReader(file)
-        columns = set(table.fieldnames or ())
-        if not {"case", "group"} <= columns:
-            raise InputError(
-                f"{path}: expected columns case and group, received {', '.join(sorted(columns)) or 'none'}"
-            )
-        rows = {row["case"]: row for row in table}
+    rows, columns = _rows(path)
     for name in sorted(cases):
         if name not in rows or not rows[name]["group"]:
             raise InputError(f"{path}: expected a group for image {name!r}, found none")
@@ -101,6 +147,30 @@ def _read_table(path: Path, cases: set[str]) -> dict[str, tuple[str, Spacing | N
             for name in cases
         }
     return {name: (rows[name]["group"], None) for name in cases}
+
+
+def _rows(path: Path) -> tuple[dict[str, dict[str, str]], set[str]]:
+    """The table's rows by case, and its columns."""
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            table = csv.DictReader(file)
+            columns = set(table.fieldnames or ())
+            if not {"case", "group"} <= columns:
+                raise InputError(
+                    f"{path}: expected columns case and group, received {', '.join(sorted(columns)) or 'none'}"
+                )
+            rows: dict[str, dict[str, str]] = {}
+            for row in table:
+                if row["case"] in rows:
+                    raise InputError(
+                        f"{path}: expected one row for each case, received two for {row['case']!r}"
+                    )
+                rows[row["case"]] = row
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(
+            f"{path}: expected a table in UTF-8, received a file that can't be read as one"
+        ) from error
+    return rows, columns
 
 
 def _spacing(sides: Sequence[float | str], where: str) -> Spacing:

@@ -3,31 +3,59 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, UInt8
-from PIL import Image
+from jaxtyping import Float, Int
+from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-# Small enough that speckle averages out, large enough that anatomy remains.
-THUMBNAIL_PX = 48
+from experiments.datasets.likeness import Images, likeness_blocks
 
 
-def twin_groups(images: Sequence[UInt8[np.ndarray, "h w"]], correlation: float) -> list[int]:
-    """A group number for each image: two whose thumbnails correlate above ``correlation`` share one, and so on.
+@dataclass(frozen=True)
+class AcrossGroups:
+    """How alike frames of different groups are.
 
-    Thumbnails are 48x48; twins of twins fall in one group (connected components).
+    ``twins`` are the pairs (first < second) whose likeness is above the limit. ``closest`` is, for each frame, the one
+    of another group that is most like it, -1 where all are of one group, and ``likeness`` how much (then NaN).
     """
-    alike = correlations(images) > correlation
+
+    twins: Int[np.ndarray, "m 2"]
+    closest: Int[np.ndarray, " n"]
+    likeness: Float[np.ndarray, " n"]
+
+
+def twin_groups(images: Images, limit: float) -> list[int]:
+    """A group number for each image: two with a likeness above ``limit`` share one, and so on.
+
+    Twins of twins fall in one group (connected components).
+    """
+    pairs = [_above(block, limit, start) for start, block in likeness_blocks(images)]
+    first, second = np.concatenate(pairs).T
+    alike = coo_array((np.ones(len(first), dtype=bool), (first, second)), shape=(len(images),) * 2)
     return [int(label) for label in connected_components(alike, directed=False)[1]]
 
 
-def correlations(images: Sequence[UInt8[np.ndarray, "h w"]]) -> Float[np.ndarray, "n n"]:
-    """Pearson's correlation of each pair of thumbnails; 0 for a uniform one."""
-    size = (THUMBNAIL_PX, THUMBNAIL_PX)
-    small = [np.asarray(Image.fromarray(image).resize(size, Image.Resampling.BILINEAR)) for image in images]
-    values = np.stack(small).reshape(len(images), -1).astype(np.float64)
-    values -= values.mean(axis=1, keepdims=True)
-    norms = np.linalg.norm(values, axis=1, keepdims=True)
-    values /= np.where(norms > 0, norms, 1)
-    return values @ values.T
+def across_groups(images: Images, groups: Sequence[str], limit: float) -> AcrossGroups:
+    """Twins, and the closest frame of each, among frames of different groups."""
+    member = np.unique(np.array(groups), return_inverse=True)[1]
+    closest, highest = np.full(len(images), -1), np.full(len(images), np.nan)
+    twins: list[np.ndarray] = [np.zeros((0, 2), dtype=np.int64)]
+    for start, block in likeness_blocks(images):
+        rows = np.arange(start, start + len(block))
+        block[member[rows, None] == member] = -np.inf
+        best = block.argmax(axis=1)
+        value = block[rows - start, best]
+        known = np.isfinite(value)
+        closest[rows[known]], highest[rows[known]] = best[known], value[known]
+        found = _above(block, limit, start)
+        twins.append(found[found[:, 0] < found[:, 1]])
+    return AcrossGroups(np.concatenate(twins), closest, highest)
+
+
+def _above(block: np.ndarray, limit: float, start: int) -> np.ndarray:
+    """Row and column in the whole matrix of what is above the limit."""
+    found = np.argwhere(block > limit)
+    found[:, 0] += start
+    return found

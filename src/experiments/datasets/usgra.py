@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import ClassVar
 
 from experiments.datasets import reading
+from experiments.datasets.pixel_cache import read_pairs
+from experiments.datasets.stand_in import StandIn
 from experiments.datasets.twins import twin_groups
 from experiments.errors import InputError
 from models.labelled_frames import LabelledFrames
@@ -19,13 +21,17 @@ LABELS = {"nerve": 1, "vessel": 2}
 class Usgra:
     """The 204 images of USGRA (tmkand/usgra-seg, CC BY 4.0) with the masks of one ``target``, vessel or nerve.
 
-    No subject is published, and a fifth of the images have a near twin: images whose 48x48 thumbnails correlate above
-    ``twin_correlation`` form one group. No pixel spacing is known. Images load once in a process.
+    No subject is published, and more than a quarter of the images have a near twin, many of them the same picture saved
+    with another margin: images whose thumbnails correlate above ``twin_correlation`` (see ``likeness_blocks``) form one
+    group. No pixel spacing is known. What is read is kept in ``cache`` (None: nowhere).
     """
 
     root: str
     target: str = "vessel"
     twin_correlation: float = 0.9
+    cache: str | None = None
+    simulate: bool = False
+    stand_in: StandIn = field(default_factory=lambda: StandIn(subjects=24, recordings=1, frames=4))
 
     name: ClassVar[str] = "usgra"
 
@@ -34,32 +40,49 @@ class Usgra:
             raise InputError(f"target: expected one of {', '.join(LABELS)}, received {self.target!r}")
         if not 0 < self.twin_correlation <= 1:
             raise InputError(f"twin_correlation: expected above 0 to 1, received {self.twin_correlation}")
+        if self.simulate and self.target != "vessel":
+            raise InputError(f"target: expected vessel where simulate=true, received {self.target!r}")
 
-    def require_root(self) -> Path:
-        """The folder; InputError says where the data comes from if it is not there."""
-        return reading.require_root(
-            self.name,
-            self.root,
-            "tmkand/usgra-seg, licence CC BY 4.0",
-            "images/*.png with masks/*.png of the same names, 0 background, 1 nerve, 2 vessel",
-        )
+    def require_root(self) -> Path | None:
+        """The folder, None where the stand-in is asked for; InputError says where the data comes from."""
+        return None if self.simulate else _folder(self)
 
     def __call__(self) -> LabelledFrames:
-        """Read the images and masks; InputError names the folder or file that is not as expected."""
-        return _read(self)
+        """Read or simulate images and masks; InputError names the folder or file that is not as expected."""
+        return _simulated(self) if self.simulate else _read(self)
+
+    def notes(self) -> tuple[str, ...]:
+        """What a reader of the results must know of the data."""
+        if self.simulate:
+            return (self.stand_in.note(self.name),)
+        return (
+            "Subject leakage possible: no subjects are published; groups are images whose "
+            f"thumbnails correlate above {self.twin_correlation:g}.",
+        )
+
+
+def _folder(dataset: Usgra) -> Path:
+    return reading.require_root(
+        dataset.name,
+        dataset.root,
+        "tmkand/usgra-seg, licence CC BY 4.0",
+        "images/*.png with masks/*.png of the same names, 0 background, 1 nerve, 2 vessel",
+    )
 
 
 @lru_cache(maxsize=1)
 def _read(dataset: Usgra) -> LabelledFrames:
-    root = dataset.require_root()
+    root = _folder(dataset)
     files, mask_files = reading.image_files(root / "images"), reading.image_files(root / "masks")
     reading.paired(files, mask_files)
     vessel = {LABELS[dataset.target]}
     others = {0, *LABELS.values()} - vessel
-    images = tuple(reading.read_grey(path) for path in files.values())
-    masks = tuple(
-        reading.read_mask(mask_files[name], vessel, others, image.shape)
-        for name, image in zip(files, images, strict=True)
+    images, masks = read_pairs(
+        list(files.values()),
+        [mask_files[name] for name in files],
+        sorted(vessel),
+        sorted(others),
+        dataset.cache,
     )
     reading.require_vessel(root / "masks", masks)
     groups = twin_groups(images, dataset.twin_correlation)
@@ -71,3 +94,19 @@ def _read(dataset: Usgra) -> LabelledFrames:
         spacing_mm=(None,) * len(images),
         simulated=False,
     )
+
+
+@lru_cache(maxsize=1)
+def _simulated(dataset: Usgra) -> LabelledFrames:
+    """Every subject another place of the body by another scanner; images are numbered through."""
+    maker = dataset.stand_in
+    places = [(subject, number) for subject in range(maker.subjects) for number in range(maker.recordings)]
+    made = maker([maker.recipe(subject, subject, sweep=number) for subject, number in places])
+    rows = [
+        (image, mask, f"twins_{subject:03d}", recorded.spacing_mm)
+        for (subject, _), recorded in zip(places, made, strict=True)
+        for image, mask in zip(recorded.images, recorded.masks, strict=True)
+    ]
+    images, masks, groups, spacing_mm = zip(*rows, strict=True)
+    cases = tuple(f"{index:04d}" for index in range(len(rows)))
+    return LabelledFrames(images, masks, cases, groups, spacing_mm, simulated=True)

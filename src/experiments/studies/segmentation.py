@@ -2,57 +2,66 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments import registry
-from experiments.errors import InputError
-from experiments.outcome import CellResult, InputData, Outcome, Progress
-from experiments.splits import GroupFolds
+from experiments.datasets.about import (
+    DataSet,
+    input_data,
+    name_of,
+    notes_of,
+    outside_groups,
+    require_root,
+)
+from experiments.datasets.report import write_report
+from experiments.group_splits import GroupSplits
+from experiments.outcome import CellResult, Outcome, Progress
+from experiments.studies.fold_run import FoldRun, fold_cells, training_metrics
 from experiments.studies.segmentation_report import (
+    compare_models,
+    comparison_metrics,
     describe,
+    describe_comparison,
     overlays,
+    pool,
     pooled_metrics,
     spread,
     table,
+    tables,
     training_curves,
 )
-from models.labelled_frames import LabelledFrames
 
 if TYPE_CHECKING:
     from models.augmentation import Augmentation
-    from models.losses import DiceCrossEntropy
+    from models.losses import Loss
     from models.networks import NetworkRecipe
+    from models.preprocessing import Preprocessing
     from models.trainer_settings import TrainerSettings
 
 
 def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """One cell for each fold, or for the one that ``fold`` names.
+    """One cell for each fold, or for those that ``outer_fold`` and ``fold`` name.
 
     A data set whose folder is not there is refused here, once, before any fold starts.
     """
-    folds, fold = config.get("folds"), config.get("fold")
-    if isinstance(folds, bool) or not isinstance(folds, int) or folds < 2:
-        raise InputError(f"folds: expected a whole number of at least 2, received {folds!r}")
-    require_root = getattr(registry.build(config.get("dataset"), "dataset"), "require_root", None)
-    if require_root is not None:
-        require_root()
-    if fold is None:
-        return [{"fold": number} for number in range(folds)]
-    if isinstance(fold, bool) or not isinstance(fold, int) or not 0 <= fold < folds:
-        raise InputError(f"fold: expected 0 to {folds - 1}, or null for all, received {fold!r}")
-    return [{"fold": fold}]
+    split = registry.build(config["split"], "split")
+    found = fold_cells(split, config.get("outer_fold"), config.get("fold"))
+    require_root(registry.build(config["dataset"], "dataset"))
+    return [dict(cell) for cell in found]
 
 
 def run(
     *,
-    dataset: Callable[[], LabelledFrames],
+    dataset: DataSet,
+    split: GroupSplits,
     model: NetworkRecipe,
+    preprocessing: Preprocessing,
     trainer: TrainerSettings,
     augmentation: Augmentation,
-    loss: DiceCrossEntropy,
-    folds: int,
+    loss: Loss,
+    outer_fold: int | None,
     fold: int,
     seed: int,
     workspace: Path,
@@ -60,87 +69,50 @@ def run(
 ) -> Outcome:
     """Train one fold and score the cases that it has not seen at their native resolution.
 
-    Leaves ``model.pt`` (the weights of the best epoch) and ``split.json`` in ``workspace``. Raises InputError for a
+    Leaves ``model.pt`` (the weights of the best epoch), ``split.json`` (this fold), ``splits.json`` (all folds, as
+    ``split.file`` takes them) and the tables of what the data set left out in ``workspace``. Raises InputError for a
     data set that can't be read or divided, or a network that doesn't take the image size.
     """
-    import pandas as pd
-
-    from models.evaluation import predict, score_cases
-    from models.predictor import Predictor
-    from models.training import train_fold
-
     frames = dataset()
-    name = dataset_name(dataset)
-    split = GroupFolds(folds, seed)(frames)[fold]
-    split.write(workspace / "split.json")
-    # One step more than epochs: a bar advances when the next item is asked for.
-    epochs = iter(progress.track(range(trainer.max_epochs), f"fold {fold}: epochs", trainer.max_epochs))
-    next(epochs)
-
-    def advance(_: Mapping[str, float]) -> None:
-        next(epochs, None)
-
-    trained = train_fold(
-        model=model,
-        train=split.of(frames, "train"),
-        validation=split.of(frames, "validation"),
-        trainer=trainer,
-        augmentation=augmentation,
-        loss=loss,
-        seed=seed,
-        fold=fold,
-        directory=workspace,
-        on_epoch=advance,
-    )
-    for _ in epochs:
-        pass
-    test = split.of(frames, "test")
-    device = _device(trainer.accelerator)
-    predictor = Predictor.load(trained.checkpoint, batch_size=trainer.batch_size, device=device)
-    predictions = dict(progress.track(predict(predictor, test), f"fold {fold}: cases", len(test)))
-    about = {"fold": fold, "model": model.name, "dataset": name, "seed": seed}
-    cases = pd.DataFrame(score_cases(test, predictions, about))
+    name = name_of(dataset)
+    splits = split(frames, **outside_groups(dataset))
+    splits.write(workspace / "splits.json")
+    own = splits.fold(fold, outer_fold)
+    own.write(workspace / "split.json")
+    write_report(dataset, workspace)
+    one = FoldRun(model, preprocessing, trainer, augmentation, loss, seed, fold, outer_fold)
+    trained = one.train(frames, own, workspace, progress)
+    test = own.of(frames, "test")
+    cases, predictions = one.score(trained, dataset, test, progress)
+    found, notes = describe(cases), notes_of(dataset)
     return Outcome(
-        metrics={
-            **pooled_metrics(cases),
-            "validation_dsc_best": trained.best_validation_dsc,
-            "best_epoch": float(trained.best_epoch),
-            "epochs": float(len(trained.history)),
-            "training_s": trained.runtime_s,
-        },
+        metrics={**pooled_metrics(cases), **training_metrics(trained)},
         cases=cases,
         history=trained.history,
         tables={"segmentation": table(cases)},
         figures={
-            "training_curves": training_curves(trained.history, trained.best_epoch, describe(cases)[0]),
+            "training_curves": training_curves(trained.history, trained.best_epoch, found[0]),
             **overlays(test, predictions, cases),
         },
-        findings=describe(cases),
-        tags={"model": model.name, "dataset": name, "simulated": str(frames.simulated).lower()},
-        inputs=(InputData(name, frames.digest(), str(getattr(dataset, "root", "simulator"))),),
+        findings=(*found, *notes),
+        tags={
+            "model": one.model_name,
+            "dataset": name,
+            "simulated": str(frames.simulated).lower(),
+            **({"notes": " ".join(notes)} if notes else {}),
+        },
+        inputs=(input_data(dataset, frames),),
     )
 
 
 def summarise(cells: list[CellResult]) -> Outcome:
-    """Pool the cases of all folds by model and data set: the table, the spread, a sentence for each."""
-    import pandas as pd
-
-    cases = pd.concat([cell.cases for cell in cells if cell.cases is not None], ignore_index=True)
+    """Pool the cases of all jobs: tables with intervals, every pair of models compared, the spread, sentences."""
+    cases = pool(cells)
+    compared = compare_models(cases)
     return Outcome(
-        metrics=pooled_metrics(cases),
+        metrics={**pooled_metrics(cases), **comparison_metrics(compared)},
         cases=cases,
-        tables={"segmentation": table(cases)},
+        tables=tables(cases, compared),
         figures={"spread": spread(cases)},
-        findings=describe(cases),
+        findings=(*describe(cases), *describe_comparison(compared)),
     )
-
-
-def dataset_name(dataset: object) -> str:
-    """The name that tables call a data set by."""
-    return str(getattr(dataset, "name", type(dataset).__name__.lower()))
-
-
-def _device(accelerator: str) -> str:
-    import torch
-
-    return "cuda" if accelerator != "cpu" and torch.cuda.is_available() else "cpu"

@@ -2,6 +2,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from dicom_files import region, write_dicom
 from PIL import Image
 
 from experiments.datasets.folder import Folder
@@ -40,6 +41,81 @@ def test_spacing_is_one_for_all_or_that_of_the_table(tmp_path) -> None:
     assert frames.spacing_mm == ((0.1, 0.2), (0.3, 0.4), (0.5, 0.6))
 
 
+def write_films(root: Path, table: str = "case,group\nclip,p1\nstill,p2\n") -> Path:
+    for name in ("images", "masks"):
+        (root / name).mkdir(parents=True)
+    film = np.stack([np.full((10, 12), 20 * index, np.uint8) for index in range(4)])
+    tissue = region((0, 0, 9, 11), (0.02, 0.01))
+    write_dicom(root / "images" / "clip.dcm", film, regions=(tissue,))
+    write_dicom(root / "images" / "still.dcm", film[3])
+    for index, name in enumerate(("clip_0001", "clip_0003", "still")):
+        mask = np.zeros((10, 12), np.uint8)
+        mask[index : index + 2, 5:8] = 1
+        Image.fromarray(mask).save(root / "masks" / f"{name}.png")
+    (root / "groups.csv").write_text(table)
+    return root
+
+
+def test_the_labelled_frames_of_a_dicom_film_are_cases_of_one_group(tmp_path) -> None:
+    frames = Folder(str(write_films(tmp_path / "set")), spacing_mm=[0.3, 0.3])()
+    assert frames.case_ids == ("clip_0001", "clip_0003", "still")
+    assert frames.groups == ("p1", "p1", "p2")
+    assert [int(image[0, 0]) for image in frames.images] == [20, 60, 60]
+    assert [int(np.argmax(mask.any(axis=1))) for mask in frames.masks] == [0, 1, 2]
+    # What the file says goes before what is set for all.
+    assert frames.spacing_mm[0] == pytest.approx((0.2, 0.1)) == frames.spacing_mm[1]
+    assert frames.spacing_mm[2] == (0.3, 0.3)
+
+
+def test_the_table_goes_before_what_a_dicom_file_says(tmp_path) -> None:
+    table = "case,group,vertical_mm,horizontal_mm\nclip,p1,0.5,0.6\nstill,p2,0.7,0.8\n"
+    frames = Folder(str(write_films(tmp_path / "set", table)))()
+    assert frames.spacing_mm == ((0.5, 0.6), (0.5, 0.6), (0.7, 0.8))
+
+
+def test_refuses_a_film_without_masks_and_masks_without_their_frame(tmp_path) -> None:
+    root = write_films(tmp_path / "set")
+    (root / "masks" / "clip_0001.png").rename(root / "masks" / "clip_0004.png")
+    with pytest.raises(InputError, match=r"clip_0004\.png: expected an image of the same name"):
+        Folder(str(root))()
+    (root / "masks" / "clip_0004.png").unlink()
+    (root / "masks" / "clip_0003.png").unlink()
+    with pytest.raises(InputError, match=r"clip\.dcm: expected a mask named clip_0000, found none for any"):
+        Folder(str(root))()
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (
+            lambda root: (root / "masks" / "b.png").unlink(),
+            r"b\.jpg: expected a mask of the same name, found none",
+        ),
+        (lambda root: (root / "images" / "b.jpg").unlink(), r"b\.png: expected an image of the same name"),
+        (
+            lambda root: (root / "images" / "b.jpg").write_bytes(b"no image"),
+            r"b\.jpg: expected an image, received",
+        ),
+        (
+            lambda root: Image.fromarray(np.zeros((9, 12), np.uint8)).save(root / "masks" / "b.png"),
+            r"b\.png: expected the mask to have its image's size 12x11, received 12x9",
+        ),
+        (
+            lambda root: [
+                Image.fromarray(np.zeros((10 + index, 12), np.uint8)).save(root / "masks" / f"{case}.png")
+                for index, case in enumerate("abc")
+            ],
+            "masks: expected masks with a vessel, received 3 empty ones",
+        ),
+    ],
+)
+def test_refuses_pairs_that_do_not_fit_by_name(tmp_path, damage, message: str) -> None:
+    root = write_set(tmp_path / "set")
+    damage(root)
+    with pytest.raises(InputError, match=message):
+        Folder(str(root))()
+
+
 def test_labels_of_choice(tmp_path) -> None:
     root = write_set(tmp_path / "set", value=4)
     with pytest.raises(InputError, match=r"a\.png: expected labels 0, 1, 255, received 4"):
@@ -54,6 +130,10 @@ def test_labels_of_choice(tmp_path) -> None:
         ("name,subject\na,1\n", r"groups\.csv: expected columns case and group, received name, subject"),
         ("", r"groups\.csv: expected columns case and group, received none"),
         ("case,group\na,p\nb,p\n", r"groups\.csv: expected a group for image 'c', found none"),
+        (
+            "case,group\na,p\nb,p\na,q\nc,q\n",
+            r"groups\.csv: expected one row for each case, received two for 'a'",
+        ),
         ("case,group\na,p\nb,\nc,q\n", r"groups\.csv: expected a group for image 'b', found none"),
         (
             "case,group,vertical_mm,horizontal_mm\na,p,x,1\nb,p,1,1\nc,q,1,1\n",
@@ -68,6 +148,13 @@ def test_labels_of_choice(tmp_path) -> None:
 def test_refuses_a_table_by_name(tmp_path, table: str | None, message: str) -> None:
     with pytest.raises(InputError, match=message):
         Folder(str(write_set(tmp_path / "set", table)))()
+
+
+def test_refuses_a_table_that_is_no_text(tmp_path) -> None:
+    root = write_set(tmp_path / "set")
+    (root / "groups.csv").write_bytes(b"case,group\na,\xff\xfe\n")
+    with pytest.raises(InputError, match=r"groups\.csv: expected a table in UTF-8"):
+        Folder(str(root))()
 
 
 def test_refuses_a_missing_root_and_settings(tmp_path) -> None:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from experiments import registry
-from experiments.datasets.phantom import Phantom, sweep_hash
+from experiments.datasets.phantom import Phantom
+from experiments.datasets.sweep_cache import SweepRecipe, sweep_hash
 from experiments.errors import InputError
 from registration.phantom.scan import simulate_sweep
 
@@ -38,7 +39,9 @@ def test_second_call_reads_the_same_bytes_without_simulating(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = small(tmp_path)()
-    monkeypatch.setattr("registration.phantom.scan.simulate_sweep", lambda *_: pytest.fail("simulated again"))
+    monkeypatch.setattr(
+        "experiments.datasets.sweep_cache.fill_cache", lambda *_: pytest.fail("simulated again")
+    )
     second = small(tmp_path)()
     for one, other in zip(first.images + first.masks, second.images + second.masks, strict=True):
         np.testing.assert_array_equal(one, other)
@@ -54,7 +57,7 @@ def test_a_damaged_cache_entry_is_made_again(tmp_path: Path) -> None:
 
 
 def test_several_processes_make_the_same_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("experiments.datasets.phantom.WORTH_A_PROCESS", 1)
+    monkeypatch.setattr("experiments.datasets.sweep_cache.WORTH_A_PROCESS", 1)
     alone, shared = small(tmp_path / "a")(), small(tmp_path / "b", workers=2)()
     for one, other in zip(alone.images + alone.masks, shared.images + shared.masks, strict=True):
         np.testing.assert_array_equal(one, other)
@@ -68,7 +71,8 @@ def test_every_setting_has_its_own_entry(tmp_path: Path) -> None:
         small(tmp_path, frames_per_sweep=4).settings_of("vein"),
         small(tmp_path).settings_of("artery"),
     ]
-    assert len({sweep_hash(settings, 0) for settings in [base, *others]} | {sweep_hash(base, 1)}) == 6
+    recipes = [SweepRecipe(base, 1), *(SweepRecipe(settings, 0) for settings in [base, *others])]
+    assert len({sweep_hash(recipe) for recipe in recipes}) == 6
 
 
 def test_later_sweeps_are_the_same_whatever_else_is_made(tmp_path: Path) -> None:

@@ -1,11 +1,18 @@
+import struct
+import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
+from dicom_files import write_dicom
+from drawn_screens import cross_hairs, speckle
 from PIL import Image
+from torch.nn import Identity
 
 from experiments.datasets import reading
 from experiments.errors import InputError
+from models.predictor import Predictor
+from models.preprocessing import Preprocessing
 
 LABELS = np.array([[0, 1, 2], [2, 0, 0]], dtype=np.uint8)
 
@@ -25,9 +32,10 @@ def test_a_missing_root_says_where_the_data_comes_from_and_what_to_pass(tmp_path
 
 
 def test_images_are_found_in_order_and_other_files_ignored(tmp_path) -> None:
-    for name in ("b.png", "a.PNG", "c.jpg", "notes.txt", "Thumbs.db"):
+    for name in ("b.png", "a.PNG", "c.jpg", "d.dcm", "notes.txt", "Thumbs.db", "._a.png"):
         (tmp_path / name).touch()
-    assert list(reading.image_files(tmp_path)) == ["a", "b", "c"]
+    (tmp_path / "e.png").mkdir()
+    assert list(reading.image_files(tmp_path)) == ["a", "b", "c", "d"]
 
 
 def test_refuses_a_folder_that_is_missing_empty_or_has_a_name_twice(tmp_path) -> None:
@@ -91,14 +99,124 @@ def test_refuses_a_file_that_is_no_image(tmp_path, content: bytes) -> None:
         reading.read_grey(path)
 
 
-def test_refuses_a_truncated_image_and_sixteen_bits(tmp_path) -> None:
-    path = write(tmp_path / "a.png", np.random.default_rng(0).integers(0, 255, (64, 64), dtype=np.uint8))
-    path.write_bytes(path.read_bytes()[:2000])
-    with pytest.raises(InputError, match=r"a\.png: expected an image, received"):
+def test_a_coloured_mark_does_not_become_a_bright_echo(tmp_path) -> None:
+    tissue = speckle((60, 80))
+    marked = cross_hairs(np.dstack([tissue] * 3), (30, 40), 10, (255, 255, 0))
+    assert reading.read_grey(write(tmp_path / "a.png", marked)).max() <= tissue.max()
+
+
+def test_a_file_is_read_as_the_predictor_takes_its_colours(tmp_path) -> None:
+    marked = cross_hairs(np.dstack([speckle((60, 80))] * 3), (30, 40), 10, (0, 255, 255))
+    predictor = Predictor(Identity(), Preprocessing(32))
+    from_file = reading.read_grey(write(tmp_path / "a.png", marked))
+    np.testing.assert_array_equal(predictor.probability(marked[None]), predictor.probability(from_file[None]))
+
+
+def test_a_picture_with_a_palette_is_what_its_colours_show(tmp_path) -> None:
+    image = Image.fromarray(LABELS, "P")
+    image.putpalette([10, 10, 10, 90, 90, 90, 200, 200, 200] + [0] * 759)
+    image.save(tmp_path / "a.png")
+    shown = np.array([10, 90, 200], np.uint8)[LABELS]
+    np.testing.assert_array_equal(reading.read_grey(tmp_path / "a.png"), shown)
+
+
+def test_a_picture_in_other_colours_is_read_as_it_is_shown(tmp_path) -> None:
+    grey = np.full((16, 16), 120, np.uint8)
+    for mode in ("CMYK", "YCbCr"):
+        path = tmp_path / f"{mode}.jpg"
+        Image.fromarray(np.dstack([grey] * 3)).convert(mode).save(path, quality=100)
+        assert np.abs(reading.read_grey(path).astype(int) - 120).max() <= 2
+
+
+def test_reads_a_dicom_file_of_one_frame_and_refuses_a_film(tmp_path) -> None:
+    tissue = speckle((20, 30))
+    np.testing.assert_array_equal(reading.read_grey(write_dicom(tmp_path / "a.dcm", tissue)), tissue)
+    with pytest.raises(InputError, match=r"f\.dcm: expected one frame, received a film of 2"):
+        reading.read_grey(write_dicom(tmp_path / "f.dcm", np.stack([tissue] * 2)))
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.95])
+@pytest.mark.parametrize("suffix", ["png", "jpg", "bmp", "tif"])
+def test_refuses_a_truncated_image(tmp_path, suffix: str, share: float) -> None:
+    path = write(tmp_path / f"a.{suffix}", speckle((64, 64)))
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(share * len(whole))])
+    with pytest.raises(
+        InputError, match=rf"a\.{suffix}: expected an image, received a file that can't be read"
+    ):
         reading.read_grey(path)
+    with pytest.raises(
+        InputError, match=rf"a\.{suffix}: expected an image, received a file that can't be read"
+    ):
+        reading.read_mask(path, {1}, {0}, (64, 64))
+
+
+def test_refuses_an_image_that_is_not_there(tmp_path) -> None:
+    for read in (reading.read_grey, lambda path: reading.read_mask(path, {1}, {0}, (4, 4))):
+        with pytest.raises(InputError, match=r"none\.png: expected an image, found no file"):
+            read(tmp_path / "none.png")
+
+
+def test_refuses_sixteen_bits_and_numbers_that_are_no_grey_values(tmp_path) -> None:
     deep = write(tmp_path / "deep.png", np.zeros((4, 4), np.uint16))
-    with pytest.raises(InputError, match=r"deep\.png: expected an image of 8 bits a channel"):
-        reading.read_grey(deep)
+    real = write(tmp_path / "real.tif", np.zeros((4, 4), np.float32))
+    for path, kind in ((deep, "uint16"), (real, "float32")):
+        with pytest.raises(
+            InputError, match=rf"{path.name}: expected an image of 8 bits a channel, received {kind}"
+        ):
+            reading.read_grey(path)
+
+
+def test_refuses_sixteen_bits_of_colour(tmp_path) -> None:
+    (tmp_path / "deep.png").write_bytes(png_of_16_bit_colour(5, 3))
+    with pytest.raises(InputError, match=r"deep\.png: expected an image of 8 bits a channel, received 16"):
+        reading.read_grey(tmp_path / "deep.png")
+
+
+def test_labels_may_have_sixteen_bits(tmp_path) -> None:
+    path = write(tmp_path / "m.png", LABELS.astype(np.uint16) * 300)
+    np.testing.assert_array_equal(reading.read_mask(path, {600}, {0, 300}, (2, 3)), LABELS == 2)
+
+
+def test_refuses_a_stack_of_images(tmp_path) -> None:
+    page = Image.fromarray(speckle((8, 8)))
+    page.save(tmp_path / "a.tif", save_all=True, append_images=[page, page])
+    with pytest.raises(InputError, match=r"a\.tif: expected one image, received a stack of 3"):
+        reading.read_grey(tmp_path / "a.tif")
+
+
+def test_refuses_an_image_without_pixels(tmp_path) -> None:
+    whole = png_of_16_bit_colour(5, 3)
+    for width, height in ((0, 3), (5, 0)):
+        (tmp_path / "a.png").write_bytes(whole.replace(header(5, 3), header(width, height)))
+        with pytest.raises(InputError, match=r"a\.png: expected an image"):
+            reading.read_grey(tmp_path / "a.png")
+
+
+def test_refuses_an_image_too_large_to_be_one(tmp_path, monkeypatch) -> None:
+    path = write(tmp_path / "a.png", speckle((40, 40)))
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 700)
+    with pytest.raises(InputError, match=r"a\.png: expected an image, received a file that can't be read"):
+        reading.read_grey(path)
+
+
+def header(width: int, height: int) -> bytes:
+    """The IHDR chunk of a PNG file with 16 bits a channel of RGB."""
+    content = b"IHDR" + struct.pack(">IIBBBBB", width, height, 16, 2, 0, 0, 0)
+    return struct.pack(">I", 13) + content + struct.pack(">I", zlib.crc32(content))
+
+
+def png_of_16_bit_colour(width: int, height: int) -> bytes:
+    rows = zlib.compress((b"\0" + b"\x12\x34" * 3 * width) * height)
+    chunks = [(b"IDAT", rows), (b"IEND", b"")]
+    return (
+        b"\x89PNG\r\n\x1a\n"
+        + header(width, height)
+        + b"".join(
+            struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
+            for name, content in chunks
+        )
+    )
 
 
 def test_refuses_masks_that_are_all_empty(tmp_path) -> None:

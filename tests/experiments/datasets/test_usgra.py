@@ -4,9 +4,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from experiments.datasets.twins import correlations
+from experiments.datasets.likeness import correlations
 from experiments.datasets.usgra import Usgra
 from experiments.errors import InputError
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is read is kept in a folder of the test's own."""
+    monkeypatch.setenv("CTUS_HOME", str(tmp_path / "home"))
 
 
 def write_set(root: Path, count: int = 3, label: int = 2) -> Path:
@@ -78,6 +84,24 @@ def test_the_real_set_has_what_is_published_of_it(real_data) -> None:
     first, second = np.nonzero(alike)
     assert (groups[first] == groups[second]).all()
     assert len(set(frames.groups)) > 170
+
+
+def test_real_pictures_saved_twice_are_in_one_group(real_data) -> None:
+    """Seen by eye: one picture, 512 pixels wide and 534 with a margin; stretched thumbnails correlate below 0.9."""
+    frames = Usgra(str(real_data / "usgra"))()
+    group_of = dict(zip(frames.case_ids, frames.groups, strict=True))
+    place = {case: index for index, case in enumerate(frames.case_ids)}
+    for first, second in (("0007", "0061"), ("0023", "0109"), ("0033", "0140"), ("0037", "0147")):
+        assert group_of[first] == group_of[second]
+        assert correlations([frames.images[place[case]] for case in (first, second)])[0, 1] < 0.9
+    # Of 1 to 3 images each: nothing is chained into one large group.
+    sizes = [frames.groups.count(group) for group in set(frames.groups)]
+    assert max(sizes) == 3 and sum(size > 1 for size in sizes) == 27
+
+
+def test_says_that_no_subjects_are_known() -> None:
+    (note,) = Usgra("x").notes()
+    assert note.startswith("Subject leakage possible") and "above 0.9" in note
 
 
 def test_images_load_once(tmp_path) -> None:

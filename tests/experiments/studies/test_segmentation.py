@@ -1,4 +1,5 @@
 import dataclasses
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator
@@ -11,16 +12,17 @@ import torch
 from drawn_vessels import drawn_frames
 
 from experiments.errors import InputError
+from experiments.group_splits import GroupSplits
 from experiments.outcome import CellResult, Outcome, Silent
 from experiments.splits import Split
 from experiments.studies import segmentation
-from experiments.studies.segmentation_report import describe, pooled_metrics, spread, table
 from models.augmentation import Augmentation
 from models.checkpoint import Checkpoint
 from models.errors import InputError as ModelInputError
 from models.labelled_frames import LabelledFrames
 from models.losses import DiceCrossEntropy
 from models.predictor import Predictor
+from models.preprocessing import Preprocessing
 from models.trainer_settings import TrainerSettings
 from models.unet import UNet
 
@@ -55,54 +57,77 @@ def run_fold(workspace: Path, fold: int = 0, **changes: object) -> Outcome:
     arguments = {
         "dataset": Drawn(),
         "model": UNet(width=4, depth=3),
-        "trainer": TrainerSettings(
-            max_epochs=3, batch_size=4, image_size_px=32, learning_rate=0.01, patience=3
-        ),
+        "preprocessing": Preprocessing(32),
+        "trainer": TrainerSettings(max_epochs=3, batch_size=4, learning_rate=0.01, patience=3),
         "augmentation": Augmentation(),
         "loss": DiceCrossEntropy(),
-        "folds": 3,
+        "split": GroupSplits(3),
+        "outer_fold": None,
         "seed": 0,
         "progress": Silent(),
     }
     return segmentation.run(**{**arguments, **changes}, fold=fold, workspace=workspace)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def project_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Where trainings keep their state."""
+    with pytest.MonkeyPatch.context() as patch:
+        folder = tmp_path_factory.mktemp("project")
+        patch.setenv("CTUS_HOME", str(folder))
+        yield folder
+
+
 @pytest.fixture(scope="module")
 def sweep(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[CellResult, Outcome]]:
     """All three folds, as the shell would run them."""
     results = []
-    for cell in segmentation.cells({"folds": 3, "fold": None}):
+    for cell in segmentation.cells(config()):
         workspace = tmp_path_factory.mktemp("fold")
         outcome = run_fold(workspace, **cell)
         results.append((CellResult(cell, outcome.metrics, outcome.cases, workspace), outcome))
     return results
 
 
+def config(**changes: object) -> dict[str, object]:
+    split = {"_target_": "experiments.group_splits.GroupSplits", "folds": 3}
+    dataset = {"_target_": "experiments.datasets.phantom.Phantom"}
+    return {"split": split, "dataset": dataset, "outer_fold": None, "fold": None, **changes}
+
+
 def test_cells_are_all_folds_or_the_one_named() -> None:
-    assert segmentation.cells({"folds": 3, "fold": None}) == [{"fold": 0}, {"fold": 1}, {"fold": 2}]
-    assert segmentation.cells({"folds": 3, "fold": 2}) == [{"fold": 2}]
+    assert segmentation.cells(config()) == [{"fold": 0}, {"fold": 1}, {"fold": 2}]
+    assert segmentation.cells(config(fold=2)) == [{"fold": 2}]
+
+
+def test_cells_of_nested_folds() -> None:
+    split = {"_target_": "experiments.group_splits.GroupSplits", "folds": 2, "outer_folds": 3}
+    pairs = [{"outer_fold": outer, "fold": fold} for outer in range(3) for fold in range(2)]
+    assert segmentation.cells(config(split=split)) == pairs
+    assert segmentation.cells(config(split=split, outer_fold=1)) == pairs[2:4]
+    assert segmentation.cells(config(split=split, outer_fold=2, fold=0)) == pairs[4:5]
 
 
 @pytest.mark.parametrize(
-    ("config", "message"),
+    ("changes", "message"),
     [
-        ({"folds": 1, "fold": None}, "folds: expected a whole number of at least 2, received 1"),
-        ({"folds": "three"}, "folds: expected a whole number of at least 2, received 'three'"),
-        ({"folds": 3, "fold": 3}, "fold: expected 0 to 2, or null for all, received 3"),
-        ({"folds": 3, "fold": True}, "fold: expected 0 to 2"),
+        ({"fold": 3}, "fold: expected 0 to 2, or null for all, received 3"),
+        ({"fold": True}, "fold: expected 0 to 2, or null for all, received True"),
+        ({"fold": "first"}, "fold: expected 0 to 2, or null for all, received 'first'"),
+        ({"outer_fold": 0}, "outer_fold: expected null, as the split has no outer folds, received 0"),
     ],
 )
-def test_refuses_folds_that_are_none(config: dict[str, object], message: str) -> None:
+def test_refuses_folds_that_are_none(changes: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        segmentation.cells(config)
+        segmentation.cells(config(**changes))
 
 
 def test_a_missing_folder_is_refused_once_before_any_fold(tmp_path) -> None:
     node = {"_target_": "experiments.datasets.usgra.Usgra", "root": str(tmp_path / "none")}
     with pytest.raises(InputError, match=r"expected the folder of data set usgra .* pass dataset\.root="):
-        segmentation.cells({"folds": 3, "fold": None, "dataset": node})
+        segmentation.cells(config(dataset=node))
     (tmp_path / "none").mkdir()
-    assert len(segmentation.cells({"folds": 3, "fold": None, "dataset": node})) == 3
+    assert len(segmentation.cells(config(dataset=node))) == 3
 
 
 def test_every_case_is_scored_once_by_a_network_that_has_not_seen_it(sweep) -> None:
@@ -148,7 +173,11 @@ def test_metrics_history_figures_and_files_of_a_fold(sweep) -> None:
     assert outcome.metrics["epochs"] == len(outcome.history) == 3
     assert {"train_loss", "validation_loss", "validation_dsc", "learning_rate"} <= set(outcome.history[0])
     assert set(outcome.figures) == {"training_curves", "overlays"}
-    assert sorted(path.name for path in result.workspace.iterdir()) == ["model.pt", "split.json"]
+    assert sorted(path.name for path in result.workspace.iterdir()) == [
+        "model.pt",
+        "split.json",
+        "splits.json",
+    ]
     assert outcome.tags == {"model": "unet", "dataset": "drawn", "simulated": "true"}
     assert outcome.inputs[0].digest == Drawn()().digest()
     for name, figure in outcome.figures.items():
@@ -174,7 +203,7 @@ def test_summary_pools_the_cases_of_all_folds(sweep) -> None:
     assert len(summary.cases) == 27
     assert summary.metrics["dsc_mean"] == pytest.approx(cases["dsc"].mean())
     assert summary.metrics["dsc_std"] == pytest.approx(cases["dsc"].std())
-    shown = summary.tables["segmentation"]
+    shown = summary.tables["folds of drawn (simulated)"]
     assert list(shown["fold"]) == ["0", "1", "2", "all"]
     for fold, (_, outcome) in enumerate(sweep):
         assert shown["dsc_mean"][fold] == pytest.approx(outcome.metrics["dsc_mean"])
@@ -184,9 +213,7 @@ def test_summary_pools_the_cases_of_all_folds(sweep) -> None:
 
 
 def test_folds_start_from_the_same_weights_and_runs_repeat_exactly(tmp_path) -> None:
-    settings = TrainerSettings(
-        max_epochs=1, batch_size=4, image_size_px=32, learning_rate=1e-12, patience=1, weight_decay=0.0
-    )
+    settings = TrainerSettings(max_epochs=1, batch_size=4, learning_rate=1e-12, patience=1, weight_decay=0.0)
     weights = [
         Checkpoint.load(run_path / "model.pt").weights["encoder.1.0.weight"]
         for run_path in (tmp_path / "0", tmp_path / "1")
@@ -197,8 +224,41 @@ def test_folds_start_from_the_same_weights_and_runs_repeat_exactly(tmp_path) -> 
     first, second = (Checkpoint.load(tmp_path / name / "model.pt").weights for name in ("a", "b"))
     assert all(torch.equal(first[name], second[name]) for name in first)
     pd.testing.assert_frame_equal(again[0].cases, again[1].cases)
-    other = run_fold(tmp_path / "c", seed=1)
+    other = run_fold(tmp_path / "c", seed=1, split=GroupSplits(3, seed=1))
     assert list(other.cases["case_id"]) != list(again[0].cases["case_id"])
+
+
+class StoppingAfter(Silent):
+    """Progress that stops the job after so many epochs."""
+
+    def __init__(self, epochs: int) -> None:
+        self.epochs = epochs
+
+    def track(self, items: Iterable, description: str, total: int | None = None) -> Iterator:
+        for number, item in enumerate(items):
+            if "epochs" in description and number == self.epochs:
+                raise KeyboardInterrupt
+            yield item
+
+
+def test_a_stopped_fold_goes_on_from_a_folder_that_outlives_its_workspace(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("CTUS_HOME", str(tmp_path / "home"))
+    whole = run_fold(tmp_path / "whole")
+    (kept,) = (tmp_path / "home" / ".cache" / "training").iterdir()
+    monkeypatch.setenv("CTUS_HOME", str(tmp_path / "other"))
+    with pytest.raises(KeyboardInterrupt):
+        run_fold(tmp_path / "stopped", progress=StoppingAfter(2))
+    shutil.rmtree(tmp_path / "stopped")
+    (state,) = (tmp_path / "other" / ".cache" / "training").iterdir()
+    assert state.name == kept.name
+    done = torch.load(state / "state.pt", weights_only=True)["history"]
+    assert 1 <= len(done) < 3
+    trainer = TrainerSettings(max_epochs=3, batch_size=4, learning_rate=0.01, patience=3, resume=True)
+    resumed = run_fold(tmp_path / "resumed", trainer=trainer)
+    assert list(resumed.history[: len(done)]) == list(done)
+    pd.testing.assert_frame_equal(resumed.cases, whole.cases)
+    first, second = (Checkpoint.load(tmp_path / name / "model.pt").weights for name in ("whole", "resumed"))
+    assert all(torch.equal(first[name], second[name]) for name in first)
 
 
 def test_progress_counts_epochs_and_cases(tmp_path) -> None:
@@ -218,55 +278,8 @@ def test_without_spacing_distances_are_in_pixels(tmp_path) -> None:
 
 
 def test_refuses_a_size_that_the_network_does_not_take(tmp_path) -> None:
-    settings = TrainerSettings(max_epochs=1, batch_size=4, image_size_px=30, learning_rate=0.01, patience=1)
     with pytest.raises(ModelInputError, match="multiples of 4"):
-        run_fold(tmp_path, trainer=settings)
-
-
-def drawn_cases(**columns: object) -> pd.DataFrame:
-    base = {
-        "case_id": ["a", "b", "c", "d"],
-        "fold": [0, 0, 1, 1],
-        "model": ["unet"] * 4,
-        "dataset": ["x"] * 4,
-        "simulated": [False] * 4,
-        "dsc": [0.5, 0.7, 0.0, np.nan],
-        "hd95_px": [4.0, 6.0, 50.0, np.nan],
-        "missed": [0.0, 0.0, 1.0, np.nan],
-        "false_alarm": [np.nan, np.nan, np.nan, 1.0],
-    }
-    return pd.DataFrame({**base, **columns})
-
-
-def test_table_of_known_numbers() -> None:
-    shown = table(drawn_cases()).set_index("fold")
-    assert shown.loc["0", "dsc_mean"] == pytest.approx(0.6)
-    assert shown.loc["1", "dsc_mean"] == 0.0 and shown.loc["1", "missed_rate"] == 1.0
-    assert shown.loc["all", "dsc_mean"] == pytest.approx(0.4)
-    assert shown.loc["all", "hd95_px_mean"] == pytest.approx(20.0)
-    assert shown.loc["all", "false_alarm_rate"] == 1.0 and np.isnan(shown.loc["0", "false_alarm_rate"])
-    assert list(shown["cases"]) == [2, 2, 4]
-
-
-def test_sentence_of_known_numbers() -> None:
-    assert describe(drawn_cases()) == (
-        "unet on x, fold 0, 1: mean DSC 0.400 and mean hd95_px 20.00 over 3 unseen cases with a vessel, "
-        "1 of them missed; 1 false alarms in 1 without one.",
-    )
-
-
-def test_several_models_and_data_sets_are_kept_apart() -> None:
-    cases = drawn_cases(
-        model=["unet", "unet", "other", "other"], dataset=["x", "x", "x", "x"], simulated=[True] * 4
-    )
-    metrics = pooled_metrics(cases)
-    assert metrics["unet/x/dsc_mean"] == pytest.approx(0.6) and metrics["other/x/dsc_mean"] == 0.0
-    assert len(describe(cases)) == 2
-    assert list(table(cases)["model"]) == ["unet", "other"]
-    assert {text.get_text() for axes in spread(cases).axes for text in axes.get_xticklabels()} == {
-        "unet\nx (simulated)",
-        "other\nx (simulated)",
-    }
+        run_fold(tmp_path, preprocessing=Preprocessing(30))
 
 
 def test_the_study_imports_at_once() -> None:
@@ -288,9 +301,13 @@ def test_the_study_imports_at_once() -> None:
 def test_learns_real_vessels_in_a_few_epochs(real_data, tmp_path) -> None:
     from experiments.datasets.usgra import Usgra
 
-    settings = TrainerSettings(max_epochs=3, batch_size=8, image_size_px=64, learning_rate=0.005, patience=3)
+    settings = TrainerSettings(max_epochs=3, batch_size=8, learning_rate=0.005, patience=3)
     outcome = run_fold(
-        tmp_path, dataset=Usgra(str(real_data / "usgra")), model=UNet(width=4, depth=4), trainer=settings
+        tmp_path,
+        dataset=Usgra(str(real_data / "usgra")),
+        model=UNet(width=4, depth=4),
+        preprocessing=Preprocessing(64),
+        trainer=settings,
     )
     assert outcome.metrics["dsc_n"] > 50
     assert outcome.history[-1]["train_loss"] < 0.9 * outcome.history[0]["train_loss"]

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 import pytest
+from scipy.stats import binomtest
 
 from experiments.errors import InputError
-from experiments.statistics import summary, wilson_interval
+from experiments.statistics import summary, wilson_interval, wilson_of_rate
 
 
 @pytest.mark.parametrize(
@@ -46,6 +47,26 @@ def test_wilson_mirrors_failures_and_reaches_one() -> None:
 def test_wilson_refuses_what_is_no_proportion(arguments: tuple[float, ...], name: str) -> None:
     with pytest.raises(InputError, match=f"{name}: expected"):
         wilson_interval(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("successes", "trials", "level"), [(0, 7, 0.95), (3, 7, 0.9), (7, 7, 0.99), (41, 300, 0.95)]
+)
+def test_wilson_is_scipys(successes: int, trials: int, level: float) -> None:
+    expected = binomtest(successes, trials).proportion_ci(level, method="wilson")
+    found = wilson_interval(successes, trials, level)
+    assert (found.low, found.high) == pytest.approx((expected.low, expected.high), abs=1e-12)
+
+
+def test_a_mean_rate_lies_between_those_of_whole_counts() -> None:
+    between = wilson_of_rate(4.5 / 30, 30)
+    fewer, more = wilson_interval(4, 30), wilson_interval(5, 30)
+    assert fewer.low < between.low < more.low and fewer.high < between.high < more.high
+    assert (between.estimate, between.units) == (0.15, 30)
+    with pytest.raises(InputError, match=r"rate: expected 0 to 1, received 1\.5"):
+        wilson_of_rate(1.5, 3)
+    with pytest.raises(InputError, match="trials: expected at least 1"):
+        wilson_of_rate(0.5, 0)
 
 
 def test_summary_by_hand() -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 
 from experiments.errors import InputError
 
@@ -19,6 +21,20 @@ class Proportion:
     high: float
 
 
+@dataclass(frozen=True)
+class Interval:
+    """An ``estimate`` between ``low`` and ``high`` at a confidence ``level``, from that many independent ``units``.
+
+    The bounds are NaN where an interval is not defined (one unit, or failures on both sides of a difference).
+    """
+
+    estimate: float
+    low: float
+    high: float
+    level: float
+    units: int
+
+
 def wilson_interval(successes: int, trials: int, level: float = 0.95) -> Proportion:
     """The score interval of a proportion (Wilson, J. Am. Stat. Assoc. 22, 1927), without continuity correction.
 
@@ -26,16 +42,38 @@ def wilson_interval(successes: int, trials: int, level: float = 0.95) -> Proport
     >>> round(interval.low, 3), interval.high
     (0.94, 1.0)
     """
-    from scipy.stats import binomtest
-
     if trials < 1:
         raise InputError(f"trials: expected at least 1, received {trials}")
     if not 0 <= successes <= trials:
         raise InputError(f"successes: expected 0 to {trials}, received {successes}")
+    interval = wilson_of_rate(successes / trials, trials, level)
+    return Proportion(successes, trials, interval.estimate, interval.low, interval.high)
+
+
+def wilson_of_rate(rate: float, trials: int, level: float = 0.95) -> Interval:
+    """Wilson's interval of a rate that need not be a whole count of ``trials``.
+
+    Such a rate is a mean over repetitions (seeds) of the same trials, which add no trials of their own. Raises
+    InputError for a rate outside 0 to 1, no trials, or a level that is none.
+    """
+    if trials < 1:
+        raise InputError(f"trials: expected at least 1, received {trials}")
+    if not 0 <= rate <= 1:
+        raise InputError(f"rate: expected 0 to 1, received {rate}")
+    check_level(level)
+    z = NormalDist().inv_cdf((1 + level) / 2)
+    shrunk = 1 + z * z / trials
+    middle = (rate + z * z / (2 * trials)) / shrunk
+    half = z / shrunk * math.sqrt(rate * (1 - rate) / trials + z * z / (4 * trials * trials))
+    # At a rate of 0 or 1 the bound on that side is the rate itself, but for rounding.
+    low, high = (0.0 if rate == 0 else middle - half), (1.0 if rate == 1 else middle + half)
+    return Interval(rate, low, high, level, trials)
+
+
+def check_level(level: float) -> None:
+    """Raise InputError unless ``level`` is a confidence level."""
     if not 0 < level < 1:
         raise InputError(f"level: expected a level between 0 and 1, received {level}")
-    interval = binomtest(successes, trials).proportion_ci(level, method="wilson")
-    return Proportion(successes, trials, successes / trials, float(interval.low), float(interval.high))
 
 
 def summary(name: str, values: Sequence[float]) -> dict[str, float]:

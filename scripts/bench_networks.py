@@ -1,0 +1,90 @@
+"""Images a second in a training step and in use, each network beside its peer of equal size in MONAI, in turn."""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import time
+from collections.abc import Callable
+
+import torch
+from torch import Tensor, nn
+
+from models.attention_unet import AttentionUNet
+from models.losses import DiceCrossEntropy
+from models.monai_network import MonaiNetwork
+from models.networks import NetworkRecipe
+from models.supervision import training_loss
+from models.unet import UNet
+from models.unet3plus import UNet3Plus
+
+PEERS = {"unet": "BasicUNet", "attention_unet": "AttentionUnet", "unet3plus": "BasicUNetPlusPlus"}
+LIKE_OURS = {"norm": "batch", "act": "relu", "bias": False}
+
+
+def calls(network: nn.Module, given: argparse.Namespace) -> tuple[Callable[[], None], Callable[[], None]]:
+    """A training step and a pass in use, on images of noise."""
+    images = torch.rand(given.batch, 1, given.size, given.size, device=given.device)
+    images = images.contiguous(memory_format=torch.channels_last)
+    masks = (images > 0.9).float()
+    network.to(given.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+    optimiser = torch.optim.AdamW(network.parameters())
+
+    def forward() -> Tensor:
+        with torch.autocast(given.device, torch.bfloat16, enabled=given.precision == "bf16"):
+            return network(images)
+
+    def step() -> None:
+        network.train()
+        optimiser.zero_grad()
+        training_loss(DiceCrossEntropy(), forward(), masks).backward()
+        optimiser.step()
+
+    def use() -> None:
+        network.eval()
+        with torch.inference_mode():
+            forward()
+
+    return step, use
+
+
+def seconds(call: Callable[[], None], device: str) -> float:
+    """Wall time of one call, the device's work included."""
+    start = time.perf_counter()
+    call()
+    if device == "cuda":
+        torch.cuda.synchronize()
+    return time.perf_counter() - start
+
+
+def main() -> None:
+    """Print a line for each network: the medians over the rounds, and the ratios to the peer's."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--device", default="cpu", choices=("cpu", "cuda"))
+    parser.add_argument("--precision", default="32", choices=("32", "bf16"))
+    for name, default in (("size", 128), ("width", 16), ("batch", 8), ("rounds", 5)):
+        parser.add_argument(f"--{name}", type=int, default=default)
+    given = parser.parse_args()
+    ours = (UNet(given.width), AttentionUNet(given.width), UNet3Plus(given.width))
+    recipes: dict[str, NetworkRecipe] = {recipe.name: recipe for recipe in ours}
+    recipes |= {name: MonaiNetwork(name, given.width) for name in PEERS.values()}
+    recipes["BasicUNet like ours"] = MonaiNetwork("BasicUNet", given.width, LIKE_OURS)
+    networks = {name: recipe() for name, recipe in recipes.items()}
+    parts = {name: calls(network, given) for name, network in networks.items()}
+    times: dict[str, list[list[float]]] = {name: [[], []] for name in parts}
+    for _ in range(given.rounds + 1):
+        for name, pair in parts.items():
+            for kept, call in zip(times[name], pair, strict=True):
+                kept.append(seconds(call, given.device))
+    # The first round is to warm up.
+    rates = {n: [given.batch / statistics.median(kept[1:]) for kept in both] for n, both in times.items()}
+    print(f"{'network':22s}{'parameters':>11s}{'train_img/s':>12s}{'use_img/s':>10s}  peer, ratios in both")
+    for name, (train, use) in rates.items():
+        size = sum(p.numel() for p in networks[name].parameters())
+        peer = PEERS.get(name, "BasicUNet")
+        ratios = f"{peer} {train / rates[peer][0]:.2f} {use / rates[peer][1]:.2f}"
+        print(f"{name:22s}{size / 1e6:10.2f}M{train:12.1f}{use:10.1f}  {ratios}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,162 @@
+"""Common Carotid Artery Ultrasound Images: the artery across, outlined by experts."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+from functools import lru_cache
+from pathlib import Path
+from typing import ClassVar
+
+from experiments.datasets import reading
+from experiments.datasets.pixel_cache import read_pairs
+from experiments.datasets.stand_in import StandIn
+from experiments.errors import InputError
+from models.labelled_frames import LabelledFrames
+
+FOLDER, IMAGES, MASKS = "Common Carotid Artery Ultrasound Images", "US images", "Expert mask images"
+PATTERN = re.compile(
+    r"(?P<recording>(?P<time>\d{14})(?P<serial>\d{4}) ?(VAS|EM VASCULAR))_slice_(?P<frame>\d+)"
+)
+SUBJECT, RECORDING = "subject", "recording"
+IMAGES_A_SUBJECT = 100
+
+
+@dataclass(frozen=True)
+class Carotid:
+    """Common Carotid Artery Ultrasound Images (A. Momot, Mendeley Data, doi 10.17632/d4xt63mgjm, CC BY 4.0).
+
+    1100 images of 709x749 pixels with masks 0 and 255; ``root`` is the folder that holds ``US images`` and ``Expert
+    mask images``, or the one around it. No pixel spacing is known, and no subject is published: ``group_by=subject``
+    builds them from the published "100 images a person", by adding up the recordings in order of time until each
+    hundred is full, which gives 11 groups; ``recording`` takes each recording for a group. ``simulate`` makes
+    ``stand_in`` instead of reading. What is read is kept in ``cache`` (None: nowhere).
+    """
+
+    root: str
+    group_by: str = SUBJECT
+    simulate: bool = False
+    stand_in: StandIn = field(default_factory=lambda: StandIn(subjects=11, strength=0.3))
+    cache: str | None = None
+
+    name: ClassVar[str] = "carotid"
+
+    def __post_init__(self) -> None:
+        if self.group_by not in (SUBJECT, RECORDING):
+            raise InputError(f"group_by: expected {SUBJECT} or {RECORDING}, received {self.group_by!r}")
+
+    def require_root(self) -> Path | None:
+        """The folder, None where the stand-in is asked for; InputError says where the data comes from."""
+        return None if self.simulate else _folder(self)
+
+    def __call__(self) -> LabelledFrames:
+        """Read or simulate images and masks in order of time; InputError names what is not as expected."""
+        return _simulated(self) if self.simulate else _read(self)
+
+    def notes(self) -> tuple[str, ...]:
+        """What a reader of the results must know of the data."""
+        if self.simulate:
+            return (self.stand_in.note(self.name),)
+        if self.group_by == RECORDING:
+            return ("Subject leakage possible: groups are recordings, and a subject has several.",)
+        return (
+            "Groups are built, not published: recordings in order of time, added up to 100 images a subject.",
+        )
+
+
+def subject_groups(counts: Mapping[str, int]) -> dict[str, str]:
+    """The subject group of each recording: in order of name, so of time, until each hundred of images is full.
+
+    ``counts`` has the number of images by recording. InputError if they do not fill hundreds exactly.
+    """
+    groups: dict[str, str] = {}
+    subject, filled = 1, 0
+    for recording in sorted(counts):
+        filled += counts[recording]
+        groups[recording] = f"subject_{subject:02d}"
+        if filled > IMAGES_A_SUBJECT:
+            raise _not_hundreds(f"{filled} with recording {recording!r}, for subject {subject}")
+        if filled == IMAGES_A_SUBJECT:
+            subject, filled = subject + 1, 0
+    if filled:
+        raise _not_hundreds(f"{filled} for subject {subject}, the last")
+    return groups
+
+
+def _not_hundreds(found: str) -> InputError:
+    return InputError(
+        f"group_by: expected recordings that add up to {IMAGES_A_SUBJECT} images for each subject in order of time, "
+        f"received {found}; pass dataset.group_by={RECORDING} to take each recording for a group"
+    )
+
+
+def _folder(dataset: Carotid) -> Path:
+    around = Path(dataset.root).expanduser() / FOLDER
+    return reading.require_root(
+        dataset.name,
+        around if around.is_dir() else dataset.root,
+        "Common Carotid Artery Ultrasound Images by A. Momot, Mendeley Data d4xt63mgjm, licence CC BY 4.0",
+        f"{FOLDER}/{IMAGES}/*.png with {FOLDER}/{MASKS}/*.png of the same names, 0 background, 255 artery",
+    )
+
+
+@lru_cache(maxsize=1)
+def _read(dataset: Carotid) -> LabelledFrames:
+    folder = _folder(dataset)
+    files, mask_files = reading.image_files(folder / IMAGES), reading.image_files(folder / MASKS)
+    reading.paired(files, mask_files)
+    parts = {case: _parts(path) for case, path in files.items()}
+    cases = sorted(files, key=parts.__getitem__)
+    recordings = [parts[case][0] for case in cases]
+    # Groups first: names that do not add up should be refused before half a minute of reading.
+    groups = _groups(dataset.group_by, recordings)
+    images, masks = read_pairs(
+        [files[case] for case in cases], [mask_files[case] for case in cases], (255,), (0,), dataset.cache
+    )
+    reading.require_vessel(folder / MASKS, masks)
+    return LabelledFrames(images, masks, tuple(cases), groups, (None,) * len(cases), simulated=False)
+
+
+def _parts(path: Path) -> tuple[str, int]:
+    """The recording that an image is from, and its place in it."""
+    found = PATTERN.fullmatch(path.stem)
+    if found is None:
+        raise InputError(
+            f"{path}: expected a name YYYYMMDDhhmmss, four digits, VAS or EM VASCULAR, _slice_ and a number, "
+            f"received {path.stem!r}"
+        )
+    return found["recording"], int(found["frame"])
+
+
+def _groups(group_by: str, recordings: Sequence[str]) -> tuple[str, ...]:
+    if group_by == RECORDING:
+        return tuple(recordings)
+    subjects = subject_groups(Counter(recordings))
+    return tuple(subjects[recording] for recording in recordings)
+
+
+@lru_cache(maxsize=1)
+def _simulated(dataset: Carotid) -> LabelledFrames:
+    """Subjects one day apart, each recorded as often as the settings say by one scanner in one state."""
+    maker = dataset.stand_in
+    places = [(subject, number) for subject in range(maker.subjects) for number in range(maker.recordings)]
+    made = maker([maker.recipe(subject, subject, sweep=number) for subject, number in places])
+    rows = [
+        (image, mask, f"{recording}_slice_{frame}", group, recorded.spacing_mm)
+        for (subject, number), recorded in zip(places, made, strict=True)
+        for recording, group in [_simulated_names(dataset, subject, number)]
+        for frame, (image, mask) in enumerate(zip(recorded.images, recorded.masks, strict=True))
+    ]
+    images, masks, cases, groups, spacing_mm = zip(*rows, strict=True)
+    return LabelledFrames(images, masks, cases, groups, spacing_mm, simulated=True)
+
+
+def _simulated_names(dataset: Carotid, subject: int, number: int) -> tuple[str, str]:
+    """Recording and group of a subject's recording, as the real set names them, in the year 2000."""
+    time = datetime(2000, 1, 1, 10) + timedelta(days=subject, minutes=5 * number)
+    kind = "VAS" if number % 2 == 0 else "EM VASCULAR"
+    recording = f"{time:%Y%m%d%H%M%S}{number + 1:04d}{kind}"
+    return recording, f"subject_{subject + 1:02d}" if dataset.group_by == SUBJECT else recording

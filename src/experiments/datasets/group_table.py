@@ -1,0 +1,82 @@
+"""``groups.csv``: a row for each case with its group, and where known its pixel size and its role in the study."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from experiments.datasets.tables import read_table
+from experiments.errors import InputError
+from experiments.files import write_text
+
+Spacing = tuple[float, float]
+SPACING = ("vertical_mm", "horizontal_mm")
+ROLES = ("cross-validation", "selection", "test")
+
+
+@dataclass(frozen=True)
+class GroupRow:
+    """A case's group, pixel size (vertical, horizontal) or None, role or "", and the name it had elsewhere or ""."""
+
+    group: str
+    spacing_mm: Spacing | None = None
+    role: str = ""
+    original: str = ""
+
+
+def read_groups(path: Path, cases: Collection[str]) -> dict[str, GroupRow]:
+    """The rows of ``cases`` in the table's order.
+
+    Columns ``case`` and ``group`` must be there; ``vertical_mm`` and ``horizontal_mm`` (both empty: not known),
+    ``role`` and ``original`` may be. Raises InputError naming the case at fault.
+    """
+    rows: dict[str, dict[str, str]] = {}
+    for row in read_table(path, ("case", "group")):
+        if rows.setdefault(row["case"], row) is not row:
+            raise InputError(f"{path}: expected one row for each case, received two for {row['case']!r}")
+    for name in sorted(cases):
+        if name not in rows or not rows[name]["group"]:
+            raise InputError(f"{path}: expected a group for image {name!r}, found none")
+    return {name: _row(row, f"{path}: {name}") for name, row in rows.items() if name in set(cases)}
+
+
+def write_groups(path: Path, rows: dict[str, GroupRow]) -> None:
+    """Write ``rows`` by case; a column that no case has a value for is left out."""
+    text = io.StringIO()
+    columns = ["case", "group"]
+    columns += SPACING if any(row.spacing_mm for row in rows.values()) else ()
+    columns += [name for name in ("role", "original") if any(getattr(row, name) for row in rows.values())]
+    writer = csv.DictWriter(text, columns, extrasaction="ignore", lineterminator="\n")
+    writer.writeheader()
+    for case, row in rows.items():
+        sides = dict(zip(SPACING, row.spacing_mm or ("", ""), strict=True))
+        writer.writerow(
+            {"case": case, "group": row.group, "role": row.role, "original": row.original, **sides}
+        )
+    write_text(path, text.getvalue())
+
+
+def spacing_pair(sides: Sequence[float | str], where: str) -> Spacing:
+    """Two pixel sizes in mm (vertical, horizontal); InputError if they are not two positive numbers."""
+    try:
+        vertical, horizontal = (float(side) for side in sides)
+    except (TypeError, ValueError) as error:
+        raise InputError(
+            f"{where}: expected two pixel sizes in mm (vertical, horizontal), received {sides}"
+        ) from error
+    if not (0 < vertical < float("inf") and 0 < horizontal < float("inf")):
+        raise InputError(f"{where}: expected positive pixel sizes in mm, received {vertical} x {horizontal}")
+    return vertical, horizontal
+
+
+def _row(row: dict[str, str], where: str) -> GroupRow:
+    sides = tuple(row.get(side) or "" for side in SPACING)
+    role = row.get("role") or ""
+    if role and role not in ROLES:
+        raise InputError(f"{where}: expected role {', '.join(ROLES)} or none, received {role!r}")
+    return GroupRow(
+        row["group"], spacing_pair(sides, where) if any(sides) else None, role, row.get("original") or ""
+    )

@@ -1,0 +1,179 @@
+"""Mus-V: arteries and veins of neck and groin in ultrasound videos."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+
+from experiments.datasets import reading
+from experiments.datasets.musv_subjects import ALL, DISTRICTS, Volunteer, read_volunteers
+from experiments.datasets.pixel_cache import read_pairs
+from experiments.datasets.stand_in import StandIn
+from experiments.errors import InputError
+from models.labelled_frames import LabelledFrames
+
+LABELS = {"vein": 1, "artery": 2}
+PARTS = ("train", "valid")
+VIDEOS, ANNOTATIONS = "Videos", "Annotations"
+
+
+@dataclass(frozen=True)
+class MusV:
+    """Mus-V (multi-stage ultrasound vessel segmentation, CC BY-NC): 3114 frames of 105 sequences, of several sizes.
+
+    ``target`` is artery or vein. The published parts ``train`` and ``valid`` are taken together; forces are not read.
+    No pixel spacing is known. Groups are sequences, and then a volunteer may be on both sides of a split; a table
+    ``subjects`` (CSV with columns seq, volunteer, district) makes the volunteers the groups and allows ``district``
+    (carotid or femoral) instead of all. ``simulate`` makes ``stand_in`` instead of reading: both vessels side by side,
+    in both districts of each subject. What is read is kept in ``cache`` (None: nowhere).
+    """
+
+    root: str
+    target: str
+    district: str = ALL
+    subjects: str | None = None
+    simulate: bool = False
+    stand_in: StandIn = field(default_factory=StandIn)
+    cache: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.target not in LABELS:
+            raise InputError(f"target: expected one of {', '.join(sorted(LABELS))}, received {self.target!r}")
+        if self.district not in (ALL, *DISTRICTS):
+            raise InputError(
+                f"district: expected one of {', '.join((ALL, *DISTRICTS))}, received {self.district!r}"
+            )
+        if self.district != ALL and self.subjects is None and not self.simulate:
+            raise InputError(
+                f"district: expected {ALL} where no table says what a sequence shows, received {self.district!r}; "
+                f"pass dataset.subjects=<CSV with columns seq, volunteer, district>"
+            )
+
+    @property
+    def name(self) -> str:
+        """What tables call it: the vessel, and the district where it is one alone."""
+        return f"musv_{self.target}" + ("" if self.district == ALL else f"_{self.district}")
+
+    def require_root(self) -> Path | None:
+        """The folder, None where the stand-in is asked for; InputError says where the data comes from."""
+        return None if self.simulate else _folder(self)
+
+    def __call__(self) -> LabelledFrames:
+        """Read or simulate images and masks by sequence; InputError names what is not as expected."""
+        return _simulated(self) if self.simulate else _read(self)
+
+    def notes(self) -> tuple[str, ...]:
+        """What a reader of the results must know of the data."""
+        if self.simulate:
+            return (self.stand_in.note(self.name),)
+        if self.subjects is None:
+            return ("Subject leakage possible: groups are sequences, and no table says whose they are.",)
+        return (f"Groups are the volunteers of {Path(self.subjects).name}.",)
+
+
+def _folder(dataset: MusV) -> Path:
+    return reading.require_root(
+        dataset.name,
+        dataset.root,
+        "Mus-V, multi-stage ultrasound vessel segmentation, licence CC BY-NC",
+        f"{VIDEOS}/train and {VIDEOS}/valid with <seq>/<seq>_<fff>.png, {ANNOTATIONS}/<seq>/ with masks of the same "
+        f"names, 0 background, 1 vein, 2 artery",
+    )
+
+
+@lru_cache(maxsize=1)
+def _read(dataset: MusV) -> LabelledFrames:
+    root = _folder(dataset)
+    videos = _sequences(root)
+    known = read_volunteers(Path(dataset.subjects), videos) if dataset.subjects else None
+    files: dict[str, Path] = {}
+    mask_files: dict[str, Path] = {}
+    groups: list[str] = []
+    for sequence, folder in _of_district(videos, known, dataset.district).items():
+        frames = _frames(sequence, folder)
+        masks = reading.image_files(root / ANNOTATIONS / sequence)
+        reading.paired(frames, masks)
+        files |= frames
+        mask_files |= masks
+        groups.extend([known[sequence].name if known else sequence] * len(frames))
+    vessel = LABELS[dataset.target]
+    images, shown = read_pairs(
+        list(files.values()),
+        [mask_files[case] for case in files],
+        (vessel,),
+        tuple({0, *LABELS.values()} - {vessel}),
+        dataset.cache,
+    )
+    reading.require_vessel(root / ANNOTATIONS, shown)
+    return LabelledFrames(images, shown, tuple(files), tuple(groups), (None,) * len(files), simulated=False)
+
+
+def _sequences(root: Path) -> dict[str, Path]:
+    """The folder of each sequence, in order of name; each must be in one part and have its annotations."""
+    found: dict[str, Path] = {}
+    for part in PARTS:
+        folder = root / VIDEOS / part
+        if not folder.is_dir():
+            raise InputError(f"{folder}: expected a folder of sequences, found none")
+        for sequence in folder.iterdir():
+            if not sequence.is_dir():
+                continue
+            if sequence.name in found:
+                raise InputError(
+                    f"{sequence}: expected a sequence in one part, found it in {found[sequence.name]} too"
+                )
+            found[sequence.name] = sequence
+    if not found:
+        raise InputError(f"{root / VIDEOS}: expected sequences in {' and '.join(PARTS)}, found none")
+    if (root / ANNOTATIONS).is_dir():
+        for annotated in sorted((root / ANNOTATIONS).iterdir()):
+            if annotated.is_dir() and annotated.name not in found:
+                raise InputError(f"{annotated}: expected a video of the same sequence, found none")
+    return dict(sorted(found.items()))
+
+
+def _of_district(
+    videos: Mapping[str, Path], known: Mapping[str, Volunteer] | None, district: str
+) -> Mapping[str, Path]:
+    if district == ALL or known is None:
+        return videos
+    chosen = {seq: folder for seq, folder in videos.items() if known[seq].district == district}
+    if not chosen:
+        raise InputError(f"district: expected sequences of district {district} in the table, found none")
+    return chosen
+
+
+def _frames(sequence: str, folder: Path) -> dict[str, Path]:
+    """The frames of a sequence in order of their number."""
+    files = reading.image_files(folder)
+    numbered = re.compile(rf"{re.escape(sequence)}_(\d+)")
+    for case, path in files.items():
+        if not numbered.fullmatch(case):
+            raise InputError(f"{path}: expected a name {sequence}_<number>, received {case!r}")
+    return dict(sorted(files.items(), key=lambda item: int(item[0].rpartition("_")[2])))
+
+
+@lru_cache(maxsize=1)
+def _simulated(dataset: MusV) -> LabelledFrames:
+    """Each subject recorded as often as the settings say in each district; sequences are numbered through."""
+    maker = dataset.stand_in
+    places = [
+        (subject, district, number)
+        for subject in range(maker.subjects)
+        for district in DISTRICTS
+        for number in range(maker.recordings)
+    ]
+    sequences = {f"{1 + index:03d}": place for index, place in enumerate(places)}
+    chosen = {seq: place for seq, place in sequences.items() if dataset.district in (ALL, place[1])}
+    made = maker([maker.recipe(place[0], int(seq), district=place[1]) for seq, place in chosen.items()])
+    label = LABELS[dataset.target]
+    rows = [
+        (image, labels == label, f"{seq}_{frame:03d}", f"volunteer_{place[0] + 1:02d}", recorded.spacing_mm)
+        for (seq, place), recorded in zip(chosen.items(), made, strict=True)
+        for frame, (image, labels) in enumerate(zip(recorded.images, recorded.masks, strict=True))
+    ]
+    images, masks, cases, groups, spacing_mm = zip(*rows, strict=True)
+    return LabelledFrames(images, masks, cases, groups, spacing_mm, simulated=True)

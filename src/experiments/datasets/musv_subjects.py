@@ -1,0 +1,45 @@
+"""The optional table of Mus-V that says whose a sequence is and where on the body it was taken."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+
+from experiments.datasets.tables import read_table
+from experiments.errors import InputError
+
+ALL = "all"
+DISTRICTS = ("carotid", "femoral")
+
+
+@dataclass(frozen=True)
+class Volunteer:
+    """Who was recorded in a sequence, and in which district."""
+
+    name: str
+    district: str
+
+
+def read_volunteers(path: Path, sequences: Collection[str]) -> dict[str, Volunteer]:
+    """The volunteer of each of ``sequences``, from a table with columns seq, volunteer, district.
+
+    It may have rows for further sequences. InputError names the row at fault.
+    """
+    found: dict[str, Volunteer] = {}
+    for row in read_table(path.expanduser(), ("seq", "volunteer", "district")):
+        sequence, volunteer, district = row["seq"], row["volunteer"], row["district"]
+        if sequence in found:
+            raise InputError(f"{path}: expected one row for sequence {sequence!r}, found two")
+        if not volunteer:
+            raise InputError(f"{path}: expected a volunteer for sequence {sequence!r}, received none")
+        if district not in DISTRICTS:
+            raise InputError(
+                f"{path}: expected district {' or '.join(DISTRICTS)} for sequence {sequence!r}, "
+                f"received {district!r}"
+            )
+        found[sequence] = Volunteer(volunteer, district)
+    missing = next((sequence for sequence in sorted(sequences) if sequence not in found), None)
+    if missing is not None:
+        raise InputError(f"{path}: expected a row for sequence {missing!r}, found none")
+    return found

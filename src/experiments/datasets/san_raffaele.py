@@ -1,0 +1,192 @@
+"""San Raffaele: private recordings of one vessel in many sessions, in three configurations of growing variety."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from experiments.datasets import reading
+from experiments.datasets import san_raffaele_subsets as subsets
+from experiments.datasets.image_quality import QualityOutliers
+from experiments.datasets.san_raffaele_sessions import Session, read_sessions, simulated_sessions
+from experiments.datasets.san_raffaele_subsets import Chosen, Frame
+from experiments.datasets.stand_in import StandIn
+from experiments.errors import InputError
+from models.labelled_frames import LabelledFrames
+from registration.checks import require_count
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SINGLE, FULL, PRUNED, SUBSAMPLED = "single_session", "full", "pruned", "full_subsampled"
+
+
+@dataclass(frozen=True)
+class SanRaffaele:
+    """One configuration of the private San Raffaele set, and the test subjects that all configurations share.
+
+    ``subset``: ``single_session`` (the one named by ``session``, else the largest; cut into contiguous ``blocks``, each
+    a group, with ``gap_frames`` left out between them), ``full``, ``pruned`` (without what ``prune_by=list`` finds
+    excluded in sessions.csv or excluded.csv, or what ``quality`` finds unlike the rest by more than ``quality_limit``,
+    see ``image_quality``), or ``full_subsampled``: as many frames of full, drawn by ``subsample_seed``, as the
+    configuration ``subsample_to`` has. Test subjects are ``test_subjects``, else a ``test_share`` of all subjects drawn
+    by ``test_seed``, with all their frames; neither depends on the subset. Groups are subjects, where none is known
+    sessions. ``simulate`` makes ``stand_in`` instead of reading. What is read is kept in ``cache`` (None: nowhere).
+    """
+
+    root: str
+    subset: str = FULL
+    session: str | None = None
+    blocks: int = 5
+    gap_frames: int = 5
+    prune_by: str = subsets.LIST
+    quality_limit: float = 3.5
+    subsample_to: str = PRUNED
+    subsample_seed: int = 0
+    test_subjects: Sequence[str] | None = None
+    test_share: float = 0.2
+    test_seed: int = 0
+    simulate: bool = False
+    stand_in: StandIn = field(default_factory=StandIn)
+    cache: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.test_subjects is not None:
+            # A subject's name may look like a number in a configuration.
+            object.__setattr__(self, "test_subjects", tuple(str(name) for name in self.test_subjects))
+        choices = {
+            "subset": (SINGLE, FULL, PRUNED, SUBSAMPLED),
+            "prune_by": (subsets.LIST, subsets.QUALITY),
+            "subsample_to": (PRUNED, SINGLE),
+        }
+        for name, known in choices.items():
+            if getattr(self, name) not in known:
+                raise InputError(
+                    f"{name}: expected one of {', '.join(known)}, received {getattr(self, name)!r}"
+                )
+        for name, least in {"blocks": 2, "gap_frames": 0, "test_seed": 0, "subsample_seed": 0}.items():
+            require_count(name, getattr(self, name), least)
+        if self.test_subjects == () or not 0 < self.test_share < 1:
+            raise InputError(
+                f"test_share: expected above 0 and below 1, and test_subjects null or some, "
+                f"received {self.test_share} and {self.test_subjects}"
+            )
+        QualityOutliers(self.quality_limit)
+
+    @property
+    def name(self) -> str:
+        """What tables call it: with the configuration."""
+        return f"san_raffaele_{f'full_as_{self.subsample_to}' if self.subset == SUBSAMPLED else self.subset}"
+
+    def require_root(self) -> Path | None:
+        """The folder, None where the stand-in is asked for; InputError says where the data comes from."""
+        if self.simulate:
+            return None
+        return reading.require_root(
+            self.name,
+            self.root,
+            "San Raffaele, private, not published",
+            "<session>/images/*.png with <session>/masks/*.png of the same names, 0 background, 1 or 255 vessel; "
+            "sessions.csv with columns session, subject, date, scanner, excluded; excluded.csv if there is one with "
+            "columns session, frame, reason",
+        )
+
+    def __call__(self) -> LabelledFrames:
+        """The frames of the configuration, then those of the test subjects; InputError names what is at fault."""
+        return _labelled(self)
+
+    def test_groups(self) -> tuple[str, ...]:
+        """The groups that every configuration keeps for the test."""
+        sessions = _sessions(self)
+        alone = subsets.lone_session(sessions, self.session)
+        return subsets.test_groups(sessions, alone, self.test_subjects, self.test_share, self.test_seed)
+
+    def notes(self) -> tuple[str, ...]:
+        """What a reader of the results must know of the data."""
+        tested = self.test_groups()
+        notes = [self.stand_in.note("San Raffaele")] if self.simulate else []
+        notes.append(f"Subjects that all configurations are tested on: {', '.join(tested)}.")
+        if self.subset == SINGLE:
+            notes.append(
+                f"Groups to train with are {self.blocks} contiguous blocks of one session, "
+                f"{self.gap_frames} frames apart: folds are not independent."
+            )
+        if self.subset == PRUNED:
+            out = len({row["case"] for row in _chosen(self).left_out})
+            rule = "the list of the excluded" if self.prune_by == subsets.LIST else "image quality"
+            notes.append(f"Frames left out by {rule}: {out}.")
+        if self.subset == SUBSAMPLED:
+            notes.append(f"Frames of full, drawn at random to the number that {self.subsample_to} has.")
+        return tuple(notes)
+
+    def report(self) -> Mapping[str, pd.DataFrame]:
+        """``pruned``: each frame left out with the rule, its value and its limit. ``sessions``: frames used of each."""
+        import pandas as pd
+
+        chosen, tested = _chosen(self), self.test_groups()
+        columns = ["case", "session", "rule", "value", "limit", "measured"]
+        sessions = [
+            {
+                "session": session.name,
+                "group": session.group,
+                "date": session.date,
+                "scanner": session.scanner,
+                "excluded": len(session.reasons),
+                "frames": len(session),
+                "train_frames": sum(frame.session is session for frame in chosen.frames),
+                "test_frames": len(session) if session.group in tested else 0,
+            }
+            for session in _sessions(self)
+        ]
+        return {"pruned": pd.DataFrame(chosen.left_out, columns=columns), "sessions": pd.DataFrame(sessions)}
+
+
+def _sessions(dataset: SanRaffaele) -> tuple[Session, ...]:
+    root = dataset.require_root()
+    return _simulated_once(dataset.stand_in) if root is None else _read_once(root, dataset.cache)
+
+
+# Of the configurations only the choice differs: the frames are read once for all.
+_read_once = lru_cache(maxsize=1)(read_sessions)
+_simulated_once = lru_cache(maxsize=1)(simulated_sessions)
+
+
+@lru_cache(maxsize=4)
+def _chosen(dataset: SanRaffaele) -> Chosen:
+    """The frames of a configuration outside the test."""
+    sessions, tested = _sessions(dataset), dataset.test_groups()
+    pool = subsets.frames_of([session for session in sessions if session.group not in tested])
+    if dataset.subset == FULL:
+        return Chosen(pool)
+    if dataset.subset == SUBSAMPLED:
+        return subsets.sampled(
+            pool, len(_part(dataset, dataset.subsample_to, pool).frames), dataset.subsample_seed
+        )
+    return _part(dataset, dataset.subset, pool)
+
+
+def _part(dataset: SanRaffaele, subset: str, pool: tuple[Frame, ...]) -> Chosen:
+    if subset == SINGLE:
+        alone = subsets.lone_session(_sessions(dataset), dataset.session)
+        return subsets.in_blocks(alone, dataset.blocks, dataset.gap_frames)
+    if dataset.prune_by == subsets.LIST:
+        return subsets.without_listed(pool)
+    return subsets.without_outliers(pool, dataset.quality_limit)
+
+
+@lru_cache(maxsize=1)
+def _labelled(dataset: SanRaffaele) -> LabelledFrames:
+    tested = dataset.test_groups()
+    test = subsets.frames_of([session for session in _sessions(dataset) if session.group in tested])
+    frames = (*_chosen(dataset).frames, *test)
+    return LabelledFrames(
+        images=tuple(frame.session.images[frame.place] for frame in frames),
+        masks=tuple(frame.session.masks[frame.place] for frame in frames),
+        case_ids=tuple(frame.case for frame in frames),
+        groups=tuple(frame.group for frame in frames),
+        spacing_mm=tuple(frame.session.spacing_mm for frame in frames),
+        simulated=dataset.simulate,
+    )

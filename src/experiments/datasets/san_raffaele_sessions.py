@@ -1,0 +1,177 @@
+"""The sessions of San Raffaele: who was recorded when, by which scanner, and the frames of each."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from experiments.datasets import reading
+from experiments.datasets.group_table import SPACING, Spacing, spacing_pair
+from experiments.datasets.pixel_cache import read_pairs
+from experiments.datasets.stand_in import StandIn
+from experiments.datasets.tables import read_table
+from experiments.errors import InputError
+
+COLUMNS = ("session", "subject", "date", "scanner", "excluded")
+YES, NO = ("1", "yes", "true"), ("", "0", "no", "false")
+# Of the stand-in: the first session is longer, so that it can stand alone, and one in four is poor.
+LONG = 4
+POOR_EVERY = 4
+
+
+@dataclass(frozen=True)
+class Session:
+    """One visit: its frames in order of time, and why it (or a frame of it) is on the list of the excluded.
+
+    ``reasons`` has a sentence for each excluded frame, by its place. ``group`` is the subject, else the session.
+    """
+
+    name: str
+    group: str
+    date: str
+    scanner: str
+    reasons: Mapping[int, str]
+    cases: tuple[str, ...]
+    images: tuple[np.ndarray, ...]
+    masks: tuple[np.ndarray, ...]
+    spacing_mm: Spacing | None
+
+    def __len__(self) -> int:
+        return len(self.cases)
+
+    @property
+    def excluded(self) -> bool:
+        """Whether all of it is on the list."""
+        return len(self.reasons) == len(self)
+
+
+def read_sessions(root: Path, cache: str | None) -> tuple[Session, ...]:
+    """All sessions in order of name; InputError names the row, folder or file that is not as expected."""
+    rows = _session_rows(root)
+    frames = {name: _frames(root / name) for name in rows}
+    listed = _listed_frames(root / "excluded.csv", frames)
+    pairs = [pair for pairs in frames.values() for pair in pairs.values()]
+    images, masks = read_pairs([one for one, _ in pairs], [two for _, two in pairs], (1, 255), (0,), cache)
+    reading.require_vessel(root, masks)
+    sessions: list[Session] = []
+    start = 0
+    for name, row in rows.items():
+        end = start + len(frames[name])
+        reasons = dict(listed.get(name, {}))
+        if _marked(root, row):
+            reasons = dict.fromkeys(range(end - start), "excluded in sessions.csv")
+        sessions.append(
+            Session(
+                name,
+                row["subject"] or name,
+                row["date"],
+                row["scanner"],
+                reasons,
+                tuple(f"{name}_{frame}" for frame in frames[name]),
+                images[start:end],
+                masks[start:end],
+                _spacing(root, row),
+            )
+        )
+        start = end
+    return tuple(sessions)
+
+
+def simulated_sessions(maker: StandIn) -> tuple[Session, ...]:
+    """Subjects with a vessel of their own, each session by another scanner; one in four poor and excluded."""
+    places = [(subject, number) for number in range(maker.recordings) for subject in range(maker.subjects)]
+    # Shifted by one from round to round, so that no subject has poor sessions alone.
+    poor = [(subject + number) % POOR_EVERY == POOR_EVERY - 1 for subject, number in places]
+    made = maker(
+        [
+            maker.recipe(subject, index, times=LONG if index == 0 else 1, poor=poor[index])
+            for index, (subject, _) in enumerate(places)
+        ]
+    )
+    sessions = []
+    for index, ((subject, number), recorded) in enumerate(zip(places, made, strict=True)):
+        name, count = f"session_{index + 1:02d}", len(recorded.images)
+        sessions.append(
+            Session(
+                name,
+                f"subject_{subject + 1:02d}",
+                f"2000-{1 + number % 12:02d}-{1 + subject % 28:02d}",
+                f"simulated {index + 1}",
+                dict.fromkeys(range(count), "excluded as simulated to be poor") if poor[index] else {},
+                tuple(f"{name}_{frame:03d}" for frame in range(count)),
+                tuple(recorded.images),
+                tuple(recorded.masks),
+                recorded.spacing_mm,
+            )
+        )
+    return tuple(sessions)
+
+
+def _session_rows(root: Path) -> dict[str, dict[str, str]]:
+    """The row of each session; every row must have its folder and every folder its row."""
+    path = root / "sessions.csv"
+    rows: dict[str, dict[str, str]] = {}
+    for row in read_table(path, COLUMNS):
+        name = row["session"]
+        if not name or name in rows:
+            raise InputError(
+                f"{path}: expected one row for each session, received {name or 'an empty name'!r} twice"
+            )
+        rows[name] = row
+    if not rows:
+        raise InputError(f"{path}: expected a row for each session, found none")
+    for folder in sorted(root.iterdir()):
+        if (folder / "images").is_dir() and folder.name not in rows:
+            raise InputError(f"{path}: expected a row for session {folder.name!r}, found none")
+    return dict(sorted(rows.items()))
+
+
+def _frames(folder: Path) -> dict[str, tuple[Path, Path]]:
+    """Image and mask of each frame, in order of the numbers in their names."""
+    images, masks = reading.image_files(folder / "images"), reading.image_files(folder / "masks")
+    reading.paired(images, masks)
+    return {name: (images[name], masks[name]) for name in sorted(images, key=_natural)}
+
+
+def _natural(name: str) -> list[tuple[int, int | str]]:
+    # frame_10 comes after frame_2: numbers are compared as numbers, and stand before letters.
+    return [(0, int(part)) if part.isdigit() else (1, part) for part in re.split(r"(\d+)", name)]
+
+
+def _listed_frames(path: Path, frames: Mapping[str, Mapping[str, object]]) -> dict[str, dict[int, str]]:
+    """The frames on the optional list ``excluded.csv`` (session, frame, reason), by session and place."""
+    if not path.exists():
+        return {}
+    listed: dict[str, dict[int, str]] = {}
+    for row in read_table(path, ("session", "frame")):
+        session, frame = row["session"], row["frame"]
+        names = list(frames.get(session, ()))
+        if frame not in names:
+            raise InputError(
+                f"{path}: expected frames of the data set, received {frame!r} of session {session!r}"
+            )
+        reason = row.get("reason", "")
+        listed.setdefault(session, {})[names.index(frame)] = "excluded in excluded.csv" + (
+            f": {reason}" if reason else ""
+        )
+    return listed
+
+
+def _marked(root: Path, row: Mapping[str, str]) -> bool:
+    value = row["excluded"].lower()
+    if value not in YES + NO:
+        raise InputError(
+            f"{root / 'sessions.csv'}: expected excluded to be {', '.join(YES)}, {', '.join(NO[1:])} or empty for "
+            f"session {row['session']!r}, received {row['excluded']!r}"
+        )
+    return value in YES
+
+
+def _spacing(root: Path, row: Mapping[str, str]) -> Spacing | None:
+    """The pixel's size where the table has columns vertical_mm and horizontal_mm and the row fills them."""
+    sides = [row.get(side, "") for side in SPACING]
+    return spacing_pair(sides, f"{root / 'sessions.csv'}: {row['session']}") if any(sides) else None

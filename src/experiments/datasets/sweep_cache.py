@@ -1,0 +1,151 @@
+"""Simulated sweeps kept on disk: made when first asked for, never read once outdated."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+import numpy as np
+
+from experiments import files
+from experiments.errors import InputError
+from experiments.paths import project_root
+from experiments.processes import process_pool
+from registration.phantom.settings import PhantomSettings
+
+if TYPE_CHECKING:
+    from registration.phantom.simulator import SweepSimulator
+
+# Starting a process takes about as long as simulating this many frames.
+WORTH_A_PROCESS = 60
+
+
+@dataclass(frozen=True)
+class SweepRecipe:
+    """All that decides a simulated sweep: the phantom's settings and the sweep's ``number``.
+
+    With a ``district`` (carotid or femoral) an artery and a vein lie side by side, drawn by the settings' anatomy seed,
+    and the masks hold labels: 0 background, 1 vein, 2 artery. Without one they are bool: the vessel of the settings.
+    """
+
+    settings: PhantomSettings
+    number: int
+    district: str = ""
+
+    @property
+    def mask_kind(self) -> np.dtype:
+        """What the masks are made of."""
+        return np.dtype(np.uint8) if self.district else np.dtype(np.bool_)
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Frames, height and width."""
+        scanner = self.settings.scanner
+        return self.settings.motion.frames, scanner.height_px, scanner.width_px
+
+    def maker(self) -> SweepSimulator:
+        """What makes the frames."""
+        if self.district:
+            from experiments.datasets.vessel_pair import PairSimulator
+
+            return PairSimulator(self.settings, self.number, self.district)
+        from registration.phantom.simulator import SweepSimulator
+
+        return SweepSimulator(self.settings, self.number)
+
+
+def cache_folder(cache: str) -> Path:
+    """The folder that a setting ``cache`` names: from the project's where it is relative."""
+    return project_root() / Path(cache).expanduser()
+
+
+def labelled_sweep(recipe: SweepRecipe, cache: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Images (n, height, width) uint8 and masks of one sweep: read from the cache, or simulated and put there.
+
+    The arrays are mapped from disk, so that large sets need no memory until they are used. A cache entry that does
+    not fit is made again.
+    """
+    kept = _read(recipe, cache)
+    if kept is None:
+        fill_cache(recipe, cache)
+        kept = _read(recipe, cache)
+    if kept is None:
+        raise InputError(f"cache: expected a folder that keeps what is written to it, {cache} did not")
+    return kept
+
+
+def prepare(recipes: Sequence[SweepRecipe], cache: Path, workers: int) -> None:
+    """Fill the cache by several processes, where there are several sweeps to make and it pays."""
+    missing = [recipe for recipe in recipes if _read(recipe, cache) is None]
+    frames = sum(recipe.shape[0] for recipe in missing)
+    if workers == 1 or len(missing) < 2 or frames < WORTH_A_PROCESS:
+        return
+    with process_pool(min(workers, len(missing))) as pool:
+        made = [pool.submit(fill_cache, recipe, cache) for recipe in missing]
+        for one in made:
+            one.result()
+
+
+def fill_cache(recipe: SweepRecipe, cache: Path) -> None:
+    """Simulate one sweep and put its frames and masks into the cache, both or neither.
+
+    Each frame is written as it is made: a long sweep needs no more memory than a short one.
+    """
+    maker = recipe.maker()
+    with (
+        files.staged(cache / sweep_hash(recipe)) as folder,
+        (folder / "images.npy").open("wb") as images,
+        (folder / "masks.npy").open("wb") as masks,
+    ):
+        _write_header(images, np.dtype(np.uint8), recipe.shape)
+        _write_header(masks, recipe.mask_kind, recipe.shape)
+        for frame in range(recipe.shape[0]):
+            picture, mask, _ = maker.frame(frame, maker.view(frame))
+            images.write(picture.tobytes())
+            masks.write(mask.astype(recipe.mask_kind).tobytes())
+
+
+def _write_header(stream: BinaryIO, kind: np.dtype, shape: tuple[int, ...]) -> None:
+    about = {"descr": np.lib.format.dtype_to_descr(kind), "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(stream, about)
+
+
+def sweep_hash(recipe: SweepRecipe) -> str:
+    """What decides a sweep's content: all settings, its number, and the source of what simulates it."""
+    pair = f" {recipe.district} {_pair_source()}" if recipe.district else ""
+    text = f"{recipe.settings.digest()} {recipe.number} {_source_hash()}{pair}"
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+@lru_cache(maxsize=1)
+def _source_hash() -> str:
+    digest = hashlib.sha256()
+    for module in sorted(resources.files("registration.phantom").iterdir(), key=lambda item: item.name):
+        if module.name.endswith(".py"):
+            digest.update(module.name.encode() + module.read_bytes())
+    return digest.hexdigest()
+
+
+@lru_cache(maxsize=1)
+def _pair_source() -> str:
+    source = resources.files("experiments.datasets").joinpath("vessel_pair.py").read_bytes()
+    return hashlib.sha256(source).hexdigest()
+
+
+def _read(recipe: SweepRecipe, cache: Path) -> tuple[np.ndarray, np.ndarray] | None:
+    entry = cache / sweep_hash(recipe)
+    try:
+        images = np.load(entry / "images.npy", mmap_mode="r")
+        masks = np.load(entry / "masks.npy", mmap_mode="r")
+    except (OSError, ValueError, EOFError):
+        return None
+    if images.shape != recipe.shape or masks.shape != recipe.shape:
+        return None
+    if images.dtype != np.uint8 or masks.dtype != recipe.mask_kind:
+        return None
+    return np.asarray(images), np.asarray(masks)

@@ -1,0 +1,138 @@
+"""What a network trained on one data set is worth on another: each fold scored on the unseen cases of both."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from experiments import registry
+from experiments.datasets.about import (
+    DataSet,
+    input_data,
+    name_of,
+    notes_of,
+    outside_groups,
+    require_root,
+)
+from experiments.errors import InputError
+from experiments.group_splits import GroupSplits
+from experiments.outcome import CellResult, Outcome, Progress
+from experiments.studies.fold_run import FoldRun, fold_cells, training_metrics
+from experiments.studies.segmentation_report import (
+    describe_transfer,
+    pool,
+    pooled_metrics,
+    training_curves,
+    transfer_map,
+    transfer_table,
+)
+
+if TYPE_CHECKING:
+    from models.augmentation import Augmentation
+    from models.losses import Loss
+    from models.networks import NetworkRecipe
+    from models.preprocessing import Preprocessing
+    from models.trainer_settings import TrainerSettings
+
+DOMAINS = ("first", "second")
+
+
+def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """One cell for each data set to train on and each fold, or for those that ``train_on`` and ``fold`` name."""
+    split = registry.build(config["split"], "split")
+    if split.outer_folds is not None or split.file is not None:
+        raise InputError("split: expected folds of both data sets alike, received outer_folds or a file")
+    asked = config.get("train_on")
+    if asked is not None and asked not in DOMAINS:
+        raise InputError(f"train_on: expected first, second, or null for both, received {asked!r}")
+    return [
+        {"train_on": domain, **cell}
+        for domain in (DOMAINS if asked is None else (asked,))
+        for cell in fold_cells(split, None, config.get("fold"))
+    ]
+
+
+def check(*, first: DataSet, second: DataSet) -> None:
+    """Raise InputError if a data set is not there, or the two can't be told apart in a table."""
+    for dataset in (first, second):
+        require_root(dataset)
+    if name_of(first) == name_of(second):
+        raise InputError(
+            f"second: expected a data set of another name than first, received {name_of(second)!r} twice"
+        )
+
+
+def run(
+    *,
+    first: DataSet,
+    second: DataSet,
+    split: GroupSplits,
+    model: NetworkRecipe,
+    preprocessing: Preprocessing,
+    trainer: TrainerSettings,
+    augmentation: Augmentation,
+    loss: Loss,
+    train_on: str,
+    fold: int,
+    seed: int,
+    workspace: Path,
+    progress: Progress,
+) -> Outcome:
+    """Train one fold of one data set; score that fold's unseen cases of both.
+
+    Over all folds, every case of both data sets is scored once by networks of either, so that the table's columns
+    are about the same cases. Leaves ``model.pt`` and ``split.json`` in ``workspace``.
+    """
+    import pandas as pd
+
+    sets = {"first": first, "second": second}
+    frames = {domain: dataset() for domain, dataset in sets.items()}
+    folds = {
+        domain: split(frames[domain], **outside_groups(dataset)).fold(fold)
+        for domain, dataset in sets.items()
+    }
+    folds[train_on].write(workspace / "split.json")
+    one = FoldRun(model, preprocessing, trainer, augmentation, loss, seed, fold)
+    trained = one.train(frames[train_on], folds[train_on], workspace, progress)
+    source = {
+        "train_dataset": name_of(sets[train_on]),
+        "train_simulated": frames[train_on].simulated,
+    }
+    cases = pd.concat(
+        [
+            one.score(trained, dataset, folds[domain].of(frames[domain], "test"), progress, **source)[0]
+            for domain, dataset in sets.items()
+        ],
+        ignore_index=True,
+    )
+    return Outcome(
+        metrics={**pooled_metrics(cases), **training_metrics(trained)},
+        cases=cases,
+        history=trained.history,
+        tables={"transfer": transfer_table(cases)},
+        figures={
+            "training_curves": training_curves(
+                trained.history, trained.best_epoch, f"{one.model_name} on {source['train_dataset']}"
+            )
+        },
+        findings=tuple(note for dataset in sets.values() for note in notes_of(dataset)),
+        tags={"model": one.model_name, "train_dataset": str(source["train_dataset"])},
+        inputs=tuple(input_data(dataset, frames[domain]) for domain, dataset in sets.items()),
+    )
+
+
+def summarise(cells: list[CellResult]) -> Outcome:
+    """The table of train and test domain over all folds, as a figure too, and what the other domain costs."""
+    cases = pool(cells, factors=("train_on",))
+    transfer = transfer_table(cases)
+    return Outcome(
+        metrics={
+            f"dsc_mean/{row.trained_on.split()[0]}_to_{row.tested_on.split()[0]}": row.dsc_mean
+            for row in transfer.itertuples()
+        },
+        cases=cases,
+        tables={"transfer": transfer},
+        figures={"transfer": transfer_map(transfer)},
+        findings=describe_transfer(cases),
+    )

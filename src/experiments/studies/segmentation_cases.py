@@ -1,0 +1,115 @@
+"""The per-case table of the segmentation studies: pooled over jobs, one row a case, in groups that belong together."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from experiments.errors import InputError
+from experiments.identity import flatten, job_config
+from experiments.outcome import CellResult
+from models.scoring import CaseScore
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+DISTANCES = ("hd95_mm", "hd95_px")
+# What a case is, and what tells repeated scores of it apart.
+CASE = ("model", "train_dataset", "dataset", "simulated", "group", "case_id")
+REPETITION = ("seed", "outer_fold", "fold")
+
+
+def pool(cells: Sequence[CellResult], factors: Sequence[str] = ()) -> pd.DataFrame:
+    """The cases of all jobs, with models that have one name but not the same settings named apart.
+
+    Two widths of one network, or one network with two losses, become two models by the settings in which they differ
+    (``unet width 8``), so that their cases are never mixed. Folds and seeds are repetitions of one model; ``factors``
+    are settings that the cases have a column of their own for.
+    """
+    import pandas as pd
+
+    kept = [cell for cell in cells if cell.cases is not None and len(cell.cases)]
+    if not kept:
+        raise InputError("cells: expected at least one job with cases, received none")
+    names = _names_apart(kept, (*REPETITION, *factors))
+    return pd.concat(
+        [_cases(cell).assign(model=name) for cell, name in zip(kept, names, strict=True)], ignore_index=True
+    )
+
+
+def groups(cases: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
+    """Model, data set (marked where simulated) and cases of each pair of the two."""
+    for key, group in cases.groupby(["model", "dataset", "simulated"], sort=False):
+        model, dataset, simulated = key
+        yield str(model), dataset_label(str(dataset), bool(simulated)), group
+
+
+def dataset_label(dataset: str, simulated: bool) -> str:
+    """The name of a data set as everything that is shown has it."""
+    return f"{dataset} (simulated)" if simulated else dataset
+
+
+def distances(cases: pd.DataFrame) -> list[str]:
+    """The penalised HD95 in mm, in px or in both, as the cases have it."""
+    return [name for name in DISTANCES if name in cases and cases[name].notna().any()]
+
+
+def distance(cases: pd.DataFrame) -> str:
+    """The penalised HD95 in mm where the cases have one, else in px."""
+    return next(iter(distances(cases)), DISTANCES[-1])
+
+
+def scores(cases: pd.DataFrame) -> list[str]:
+    """The columns that hold scores."""
+    return [name for name in CaseScore.__dataclass_fields__ if name in cases]
+
+
+def seeds(cases: pd.DataFrame) -> list[object]:
+    """The seeds that the cases were scored with; none where they have no such column."""
+    return sorted(cases["seed"].unique()) if "seed" in cases else []
+
+
+def once_each(cases: pd.DataFrame) -> pd.DataFrame:
+    """One row for each case and model: scores of several seeds, or of the networks of several folds, are averaged.
+
+    A score that is undefined in some repetitions is averaged over the others. ``missed`` and ``false_alarm`` become
+    the share of repetitions. Raises InputError when one network scored a case twice: two settings under one name.
+    """
+    keys = [name for name in CASE if name in cases]
+    again = cases.duplicated([*keys, *(name for name in REPETITION if name in cases)])
+    if again.any():
+        row = cases[again].iloc[0]
+        raise InputError(
+            f"cases: expected each case once for a model, a seed and a fold, received {row['case_id']!r} of "
+            f"{row['model']} on {row['dataset']} more than once"
+        )
+    if not cases.duplicated(keys).any():
+        return cases
+    return cases.groupby(keys, sort=False, as_index=False, dropna=False)[scores(cases)].mean()
+
+
+def _cases(cell: CellResult) -> pd.DataFrame:
+    assert cell.cases is not None
+    return cell.cases
+
+
+def _names_apart(cells: Sequence[CellResult], alike_but_for: Sequence[str]) -> list[str]:
+    """The name of each job's model, with the settings that vary among jobs of the same model and data set."""
+    settings = [
+        {
+            name: value
+            for name, value in flatten(job_config(cell.config)).items()
+            if name.rsplit(".", 1)[-1] not in alike_but_for
+        }
+        for cell in cells
+    ]
+    kinds = [tuple(_cases(cell)[["model", "dataset"]].iloc[0].astype(str)) for cell in cells]
+    names = []
+    for kind, own in zip(kinds, settings, strict=True):
+        alike = [other for other_kind, other in zip(kinds, settings, strict=True) if other_kind == kind]
+        varying = [name for name in own if any(other.get(name) != own[name] for other in alike)]
+        told = " ".join(f"{name.rsplit('.', 1)[-1]} {own[name]}" for name in varying)
+        # The tracker takes few characters in the name of a metric, and a slash would nest it.
+        names.append(re.sub(r"[^\w.: -]", "-", f"{kind[0]} {told}".strip()))
+    return names

@@ -1,0 +1,44 @@
+"""How the learning rate runs over a training: a factor of its highest value, as a function of the step alone.
+
+A schedule without memory can be entered at any step, which is what resuming a training needs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+SCHEDULES = ("cosine", "one_cycle")
+# The share of a one-cycle training in which the rate rises, where nothing else is said, and how far it goes down at
+# both ends: the customary values, which are also those of torch.
+ONE_CYCLE_RISE = 0.3
+FIRST_DIVISOR, LAST_DIVISOR = 25.0, 1e4
+
+
+def factor(schedule: str, step: int, rise: int, total: int) -> float:
+    """The factor at ``step`` of ``total``, the first ``rise`` of which lead up to 1, by one of ``SCHEDULES``."""
+    functions: dict[str, Callable[[int, int, int], float]] = {"cosine": cosine, "one_cycle": one_cycle}
+    return functions[schedule](step, rise, total)
+
+
+def cosine(step: int, rise: int, total: int) -> float:
+    """A linear rise, then half a cosine down to zero (Loshchilov and Hutter, ICLR 2017, without restarts)."""
+    if step < rise:
+        return (step + 1) / (rise + 1)
+    return 0.5 * (1 + math.cos(math.pi * min(1.0, (step - rise) / max(1, total - rise))))
+
+
+def one_cycle(step: int, rise: int, total: int) -> float:
+    """Half a cosine up from 1/25 and half a cosine down to 1/250000 (Smith and Topin, SPIE 11006, 2019).
+
+    Only the learning rate runs in a cycle; the optimiser's momentum stays. The last of ``rise`` steps has the peak.
+    """
+    first, last = 1 / FIRST_DIVISOR, 1 / (FIRST_DIVISOR * LAST_DIVISOR)
+    peak = max(0, rise - 1)
+    if step < peak:
+        return _half_cosine(first, 1.0, step / peak)
+    return _half_cosine(1.0, last, min(1.0, (step - peak) / max(1, total - 1 - peak)))
+
+
+def _half_cosine(start: float, end: float, progress: float) -> float:
+    return end + 0.5 * (start - end) * (1 + math.cos(math.pi * progress))

@@ -1,0 +1,95 @@
+"""Images decoded once: the same pixels from the cache, and never those of a file that has changed."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from dataset_layouts import grey, speckle
+
+from experiments.datasets import pixel_cache, reading
+from experiments.datasets.pixel_cache import read_pairs
+from experiments.errors import InputError
+
+SIZES = ((10, 12), (7, 9), (10, 12))
+
+
+@pytest.fixture
+def pairs(tmp_path: Path) -> tuple[list[Path], list[Path]]:
+    images, masks = ([tmp_path / kind / f"{index}.png" for index in range(3)] for kind in ("images", "masks"))
+    for index, size in enumerate(SIZES):
+        grey(images[index], speckle(index, size))
+        grey(masks[index], 2 * (speckle(index + 10, size) > 70))
+    return images, masks
+
+
+def read(pairs: tuple[list[Path], list[Path]], cache: Path | None, vessel: tuple[int, ...] = (2,)) -> tuple:
+    return read_pairs(*pairs, vessel, (0, 1, 2, 3), str(cache) if cache else None)
+
+
+def same(one: tuple, other: tuple) -> None:
+    for first, second in zip(one[0] + one[1], other[0] + other[1], strict=True):
+        assert first.dtype == second.dtype
+        np.testing.assert_array_equal(first, second)
+
+
+def test_the_second_time_nothing_is_decoded(pairs, tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plain, first = read(pairs, None), read(pairs, tmp_path / "cache")
+    monkeypatch.setattr(reading, "read_grey", lambda *_: pytest.fail("decoded again"))
+    monkeypatch.setattr(reading, "read_mask", lambda *_: pytest.fail("decoded again"))
+    second = read(pairs, tmp_path / "cache")
+    same(plain, first)
+    same(plain, second)
+    np.testing.assert_array_equal(second[0][1], speckle(1, (7, 9)))
+    np.testing.assert_array_equal(second[1][2], speckle(12) > 70)
+
+
+def test_a_changed_file_is_read_again(pairs, tmp_path) -> None:
+    read(pairs, tmp_path / "cache")
+    changed = pairs[0][1]
+    before = changed.stat()
+    grey(changed, speckle(50, (7, 9)))
+    os.utime(changed, ns=(before.st_atime_ns, before.st_mtime_ns + 1))
+    np.testing.assert_array_equal(read(pairs, tmp_path / "cache")[0][1], speckle(50, (7, 9)))
+
+
+def test_other_labels_are_another_entry_of_masks_alone(pairs, tmp_path) -> None:
+    cache = tmp_path / "cache"
+    vessel = read(pairs, cache)
+    none = read(pairs, cache, vessel=(3,))
+    assert vessel[1][0].any() and not none[1][0].any()
+    assert len(list(cache.iterdir())) == 3
+
+
+def test_what_is_at_fault_is_said_although_images_are_kept(pairs, tmp_path) -> None:
+    read(pairs, tmp_path / "cache")
+    grey(pairs[0][2], speckle(2, (20, 20)))
+    with pytest.raises(InputError, match=r"masks.2\.png: expected the mask to have its image's size 20x20"):
+        read(pairs, tmp_path / "cache")
+
+
+@pytest.mark.parametrize("file", ["pixels.bin", "sizes.npy"])
+def test_a_damaged_entry_is_made_again(pairs, tmp_path, file: str) -> None:
+    before = read(pairs, None)
+    read(pairs, tmp_path / "cache")
+    for damaged in (tmp_path / "cache").glob(f"*/{file}"):
+        damaged.write_bytes(damaged.read_bytes()[:-20])
+    same(before, read(pairs, tmp_path / "cache"))
+    same(before, read(pairs, tmp_path / "cache"))
+
+
+def test_no_room_for_the_cache_is_no_failure(pairs, tmp_path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    same(read(pairs, None), read(pairs, tmp_path / "file" / "cache"))
+
+
+def test_another_way_of_reading_is_another_entry(pairs, tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read(pairs, tmp_path / "cache")
+    # What turns colour into grey lies in another package, and decides the pixels as much as the reader does.
+    assert {"reading.py", "grey.py"} <= {source.name for source in pixel_cache.sources()}
+    monkeypatch.setattr(pixel_cache, "_source_hash", lambda: "changed")
+    monkeypatch.setattr(reading, "read_grey", lambda path: np.zeros((3, 3), np.uint8))
+    monkeypatch.setattr(reading, "read_mask", lambda *_: np.ones((3, 3), bool))
+    assert read(pairs, tmp_path / "cache")[0][0].shape == (3, 3)
