@@ -35,6 +35,10 @@ ALLOWED: frozenset[str] = frozenset(
         "models.trainer_settings.TrainerSettings",
         "models.unet.UNet",
         "models.unet3plus.UNet3Plus",
+        "registration.centerline.CenterlineExtractor",
+        "registration.cloud_filters.RadiusOutlierRemoval",
+        "registration.cloud_filters.StatisticalOutlierRemoval",
+        "registration.cloud_filters.VoxelDownsampling",
         "registration.comparators.SingleStartICP",
         "registration.contours.ContourExtractor",
         "registration.line_detection.LineDetector",
@@ -53,8 +57,12 @@ ALLOWED: frozenset[str] = frozenset(
         "registration.readers.plus.PlusReader",
         "registration.readers.rosbag.RosbagReader",
         "registration.rigid.MultiStartICP",
+        "registration.smoothing.TaubinSmoothing",
         "registration.spatial_calibration.NWireCalibration",
         "registration.stylus_calibration.PivotCalibration",
+        "registration.surface.BallPivotingSurface",
+        "registration.surface.PoissonSurface",
+        "registration.surface_volume.SignedDistanceSurface",
         "registration.temporal_calibration.TemporalCalibration",
     }
 )

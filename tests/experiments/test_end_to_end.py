@@ -28,8 +28,8 @@ def test_the_whole_path(home: Path, capsys) -> None:
     networks, result = home / "networks", home / "pipeline"
     assert 0 == main(
         ["study=segmentation", "dataset=phantom", "dataset.subset=artery", "dataset.sweeps=3", "width=4",
-         "split.folds=3", "dataset.frames_per_sweep=16", "dataset.size_px=96", "image_size_px=64", "trainer.max_epochs=8",
-         "trainer.batch_size=4", "fold=0", "trainer.learning_rate=5e-3", f"out={networks}"]
+         "split.folds=3", "dataset.frames_per_sweep=16", "dataset.size_px=96", "image_size_px=64",
+         "trainer.max_epochs=8", "trainer.batch_size=4", "fold=0", "trainer.learning_rate=5e-3", f"out={networks}"]
     )  # fmt: skip
     runs = search(home, "segmentation")
     (run,) = runs.to_dict("records")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -14,10 +13,9 @@ import numpy as np
 from experiments.datasets import reading
 from experiments.datasets.dicom import SUFFIX as DICOM_SUFFIX
 from experiments.datasets.dicom import read_dicom
+from experiments.datasets.group_table import Spacing, groups_by_role, read_groups, spacing_pair
 from experiments.errors import InputError
 from models.labelled_frames import LabelledFrames
-
-Spacing = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -25,8 +23,9 @@ class Folder:
     """``root/images`` and ``root/masks`` with files of the same names, and ``root/groups.csv``.
 
     The table has a row for each image with columns ``case`` (the name without suffix) and ``group`` (subject, session
-    or recording), and may have ``vertical_mm`` and ``horizontal_mm``, the pixel's size. Where it has none, the size is
-    the one that a DICOM file gives, else ``spacing_mm`` (vertical, horizontal). Masks hold ``vessel_labels`` and
+    or recording), and may have ``vertical_mm`` and ``horizontal_mm``, the pixel's size, and ``role`` (see
+    ``read_groups``). Where it has no size, that is the one that a DICOM file gives, else ``spacing_mm`` (vertical,
+    horizontal). Masks hold ``vessel_labels`` and
     ``other_labels`` only. A DICOM film ``clip.dcm`` has one row, ``clip``, and thus one group; the masks of its frames
     are ``clip_0000``, ``clip_0001`` and so on, and frames without one are no cases.
     """
@@ -48,7 +47,7 @@ class Folder:
                 f"received {self.vessel_labels}"
             )
         if self.spacing_mm is not None:
-            object.__setattr__(self, "spacing_mm", _spacing(self.spacing_mm, "spacing_mm"))
+            object.__setattr__(self, "spacing_mm", spacing_pair(self.spacing_mm, "spacing_mm"))
 
     def require_root(self) -> Path:
         """The folder; InputError says what it must hold if it is not there."""
@@ -58,7 +57,15 @@ class Folder:
 
     def __call__(self) -> LabelledFrames:
         """Read the images and masks; InputError names the folder or file that is not as expected."""
-        return _read(self)
+        return _read(self)[0]
+
+    def test_groups(self) -> tuple[str, ...]:
+        """The groups whose role is test."""
+        return _read(self)[1]["test"]
+
+    def selection_groups(self) -> tuple[str, ...]:
+        """The groups whose role is selection."""
+        return _read(self)[1]["selection"]
 
 
 @dataclass(frozen=True)
@@ -71,7 +78,8 @@ class _Picture:
 
 
 @lru_cache(maxsize=1)
-def _read(dataset: Folder) -> LabelledFrames:
+def _read(dataset: Folder) -> tuple[LabelledFrames, dict[str, tuple[str, ...]]]:
+    """The frames, and the groups of each role."""
     root = dataset.require_root()
     files, mask_files = reading.image_files(root / "images"), reading.image_files(root / "masks")
     # What can be refused by names alone is refused before any pixel is read.
@@ -79,24 +87,28 @@ def _read(dataset: Folder) -> LabelledFrames:
         {name: path for name, path in files.items() if not _is_dicom(path)},
         {name: path for name, path in mask_files.items() if not _may_be_of_dicom(name, files)},
     )
-    rows = _read_table(root / "groups.csv", set(files))
+    rows = read_groups(root / "groups.csv", files)
     pictures = _pictures(files, mask_files)
     masks = tuple(
         reading.read_mask(mask_files[case], dataset.vessel_labels, dataset.other_labels, picture.image.shape)
         for case, picture in pictures.items()
     )
     reading.require_vessel(root / "masks", masks)
-    return LabelledFrames(
+    frames = LabelledFrames(
         images=tuple(picture.image for picture in pictures.values()),
         masks=masks,
         case_ids=tuple(pictures),
-        groups=tuple(rows[picture.file][0] for picture in pictures.values()),
+        groups=tuple(rows[picture.file].group for picture in pictures.values()),
         spacing_mm=tuple(
-            rows[picture.file][1] or picture.spacing_mm or dataset.spacing_mm  # type: ignore[misc]
+            rows[picture.file].spacing_mm or picture.spacing_mm or dataset.spacing_mm  # type: ignore[misc]
             for picture in pictures.values()
         ),
         simulated=False,
     )
+    roles = groups_by_role(
+        {file: row.group for file, row in rows.items()}, {file: row.role for file, row in rows.items()}
+    )
+    return frames, roles
 
 
 def _is_dicom(path: Path) -> bool:
@@ -128,58 +140,3 @@ def _pictures(files: Mapping[str, Path], masks: Mapping[str, Path]) -> dict[str,
         pictures |= found
     reading.paired(dict.fromkeys(pictures, Path()), masks)
     return pictures
-
-
-def _read_table(path: Path, cases: set[str]) -> dict[str, tuple[str, Spacing | None]]:
-    """Group and spacing of each case."""
-    if not path.is_file():
-        raise InputError(f"{path}: expected a table with columns case and group, found no file")
-    rows, columns = _rows(path)
-    for name in sorted(cases):
-        if name not in rows or not rows[name]["group"]:
-            raise InputError(f"{path}: expected a group for image {name!r}, found none")
-    if {"vertical_mm", "horizontal_mm"} <= columns:
-        return {
-            name: (
-                rows[name]["group"],
-                _spacing((rows[name]["vertical_mm"], rows[name]["horizontal_mm"]), f"{path}: {name}"),
-            )
-            for name in cases
-        }
-    return {name: (rows[name]["group"], None) for name in cases}
-
-
-def _rows(path: Path) -> tuple[dict[str, dict[str, str]], set[str]]:
-    """The table's rows by case, and its columns."""
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            table = csv.DictReader(file)
-            columns = set(table.fieldnames or ())
-            if not {"case", "group"} <= columns:
-                raise InputError(
-                    f"{path}: expected columns case and group, received {', '.join(sorted(columns)) or 'none'}"
-                )
-            rows: dict[str, dict[str, str]] = {}
-            for row in table:
-                if row["case"] in rows:
-                    raise InputError(
-                        f"{path}: expected one row for each case, received two for {row['case']!r}"
-                    )
-                rows[row["case"]] = row
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(
-            f"{path}: expected a table in UTF-8, received a file that can't be read as one"
-        ) from error
-    return rows, columns
-
-
-def _spacing(sides: Sequence[float | str], where: str) -> Spacing:
-    try:
-        vertical, horizontal = (float(side) for side in sides)
-    except (TypeError, ValueError) as error:
-        raise InputError(
-            f"{where}: expected two pixel sizes in mm (vertical, horizontal), received {sides}"
-        ) from error
-    if not (0 < vertical < float("inf") and 0 < horizontal < float("inf")):
-        raise InputError(f"{where}: expected positive pixel sizes in mm, received {vertical} x {horizontal}")
-    return vertical, horizontal

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -57,6 +57,21 @@ def write_groups(path: Path, rows: dict[str, GroupRow]) -> None:
             {"case": case, "group": row.group, "role": row.role, "original": row.original, **sides}
         )
     write_text(path, text.getvalue())
+
+
+def groups_by_role(group_of: Mapping[str, str], role_of: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
+    """The groups of each role, by the group and the role of each case; no role is cross-validation.
+
+    Raises InputError naming a group whose cases have two roles.
+    """
+    roles: dict[str, str] = {}
+    for case, group in group_of.items():
+        own = role_of[case] or ROLES[0]
+        if roles.setdefault(group, own) != own:
+            raise InputError(
+                f"groups: expected one role for group {group!r}, found cases of it for {roles[group]} and for {own}"
+            )
+    return {role: tuple(sorted(g for g in roles if roles[g] == role)) for role in ROLES}
 
 
 def spacing_pair(sides: Sequence[float | str], where: str) -> Spacing:

@@ -6,14 +6,14 @@ Format: nnU-Net v2, documentation/dataset_format.md.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar
 
 from experiments.datasets import reading
-from experiments.datasets.group_table import GroupRow, read_groups, spacing_pair
+from experiments.datasets.group_table import GroupRow, groups_by_role, read_groups, spacing_pair
 from experiments.datasets.pixel_cache import read_pairs
 from experiments.errors import InputError
 from models.labelled_frames import LabelledFrames
@@ -39,7 +39,7 @@ class NnUNet:
     target: str = "vessel"
     spacing_mm: Sequence[float] | None = None
     groups: str | None = None
-    cache: str | None = ".cache/datasets"
+    cache: str | None = None
 
     name: ClassVar[str] = "nnunet"
 
@@ -104,7 +104,7 @@ def _read(dataset: NnUNet) -> tuple[LabelledFrames, dict[str, tuple[str, ...]]]:
         spacing_mm=tuple(row.spacing_mm or dataset.spacing_mm for row in rows.values()),  # type: ignore[misc]
         simulated=False,
     )
-    return frames, _roles({case: row.group for case, row in rows.items()}, role_of)
+    return frames, groups_by_role({case: row.group for case, row in rows.items()}, role_of)
 
 
 def _described(path: Path, target: str) -> tuple[set[int], set[int], str]:
@@ -155,15 +155,3 @@ def _case(path: Path, ending: str) -> str:
     if path.suffix != ending or not path.stem.endswith(CHANNEL):
         raise InputError(f"{path}: expected one image a case, <case>{CHANNEL}{ending}, received another name")
     return path.stem.removesuffix(CHANNEL)
-
-
-def _roles(group_of: Mapping[str, str], role_of: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
-    """The groups of each role; InputError names one that is in two folders."""
-    roles: dict[str, str] = {}
-    for case, group in group_of.items():
-        if roles.setdefault(group, role_of[case]) != role_of[case]:
-            raise InputError(
-                f"groups: expected group {group!r} in one folder of images, found it in those for "
-                f"{roles[group]} and for {role_of[case]}"
-            )
-    return {role: tuple(sorted(g for g in roles if roles[g] == role)) for role in FOLDERS.values()}

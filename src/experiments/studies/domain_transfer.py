@@ -87,6 +87,7 @@ def run(
     import pandas as pd
 
     sets = {"first": first, "second": second}
+    progress.note(f"reading {name_of(first)} and {name_of(second)}")
     frames = {domain: dataset() for domain, dataset in sets.items()}
     folds = {
         domain: split(frames[domain], **outside_groups(dataset)).fold(fold)

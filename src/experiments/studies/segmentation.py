@@ -73,8 +73,9 @@ def run(
     ``split.file`` takes them) and the tables of what the data set left out in ``workspace``. Raises InputError for a
     data set that can't be read or divided, or a network that doesn't take the image size.
     """
-    frames = dataset()
     name = name_of(dataset)
+    progress.note(f"reading {name}")
+    frames = dataset()
     splits = split(frames, **outside_groups(dataset))
     splits.write(workspace / "splits.json")
     own = splits.fold(fold, outer_fold)

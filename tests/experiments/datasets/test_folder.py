@@ -126,9 +126,9 @@ def test_labels_of_choice(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("table", "message"),
     [
-        (None, r"groups\.csv: expected a table with columns case and group, found no file"),
-        ("name,subject\na,1\n", r"groups\.csv: expected columns case and group, received name, subject"),
-        ("", r"groups\.csv: expected columns case and group, received none"),
+        (None, r"groups\.csv: expected a table with columns case, group, found no file"),
+        ("name,subject\na,1\n", r"groups\.csv: expected columns case, group, received name, subject"),
+        ("", r"groups\.csv: expected columns case, group, received none"),
         ("case,group\na,p\nb,p\n", r"groups\.csv: expected a group for image 'c', found none"),
         (
             "case,group\na,p\nb,p\na,q\nc,q\n",
@@ -166,3 +166,19 @@ def test_refuses_a_missing_root_and_settings(tmp_path) -> None:
         Folder("x", spacing_mm=[0.1, -0.1])
     with pytest.raises(InputError, match="spacing_mm: expected two pixel sizes"):
         Folder("x", spacing_mm=[0.1])
+
+
+def test_sizes_known_for_some_and_groups_kept_outside_the_folds(tmp_path) -> None:
+    root = write_set(tmp_path / "set")
+    names = sorted(path.stem for path in (root / "images").iterdir())
+    roles = ["test", "selection", ""]
+    rows = [
+        f"{name},p{index},{'0.2,0.1' if index else ','},{roles[min(index, 2)]}"
+        for index, name in enumerate(names)
+    ]
+    (root / "groups.csv").write_text("case,group,vertical_mm,horizontal_mm,role\n" + "\n".join(rows) + "\n")
+    dataset = Folder(str(root))
+    frames = dataset()
+    assert frames.spacing_mm == (None, *[(0.2, 0.1)] * (len(names) - 1))
+    assert dataset.test_groups() == ("p0",)
+    assert dataset.selection_groups() == ("p1",)

@@ -90,7 +90,7 @@ def test_refuses_a_group_to_train_and_to_test(tmp_path) -> None:
     root = write_set(tmp_path / "set", table="case,group\na,p1\nb,p2\nc_0000,p2\nt,p1\n")
     with pytest.raises(
         InputError,
-        match="group 'p1' in one folder of images, found it in those for cross-validation and for test",
+        match="expected one role for group 'p1', found cases of it for cross-validation and for test",
     ):
         frames_of(root)
 

@@ -19,7 +19,10 @@ def test_rows_by_column_with_blanks_cut_and_missing_cells_empty(tmp_path) -> Non
         (None, "expected a table with columns name, value, found no file"),
         (b"", "expected columns name, value, received none"),
         (b"name,other\n1,2\n", "expected columns name, value, received name, other"),
-        (b"\x89PNG\r\n\x1a\n\xff\xfe", "expected a table as CSV text, received another file"),
+        (
+            b"\x89PNG\r\n\x1a\n\xff\xfe",
+            "expected a table in UTF-8, received a file that can't be read as one",
+        ),
     ],
 )
 def test_refuses_what_is_no_such_table(tmp_path, content: bytes | None, message: str) -> None:
