@@ -23,7 +23,9 @@ def read_table(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
             table.fieldnames = found
             rows = list(table)
     except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: expected a table in UTF-8, received a file that can't be read as one") from error
+        raise InputError(
+            f"{path}: expected a table in UTF-8, received a file that can't be read as one"
+        ) from error
     if not set(columns) <= set(found):
         raise InputError(
             f"{path}: expected columns {', '.join(columns)}, received {', '.join(found) or 'none'}"

@@ -129,8 +129,10 @@ def summarise(cells: list[CellResult]) -> Outcome:
     transfer = transfer_table(cases)
     return Outcome(
         metrics={
-            f"dsc_mean/{row.trained_on.split()[0]}_to_{row.tested_on.split()[0]}": row.dsc_mean
-            for row in transfer.itertuples()
+            f"dsc_mean/{trained.split()[0]}_to_{tested.split()[0]}": float(mean)
+            for trained, tested, mean in zip(
+                transfer["trained_on"], transfer["tested_on"], transfer["dsc_mean"], strict=True
+            )
         },
         cases=cases,
         tables={"transfer": transfer},
