@@ -142,8 +142,8 @@ def _input(problem: Problem, images: Tensor) -> Tensor:
     return problem.stage.normalise(images).contiguous(memory_format=torch.channels_last)
 
 
-def main() -> None:
-    """Print a line for each side, and the ratios."""
+def asked() -> argparse.Namespace:
+    """What the command line says."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--model", default="unet")
     parser.add_argument("--width", type=int, default=16)
@@ -155,7 +155,11 @@ def main() -> None:
     parser.add_argument("--epochs", type=int, default=2, help="of each training")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--gpu", action="store_true", help="on a GPU in bf16, else on the CPU")
-    given = parser.parse_args()
+    return parser.parse_args()
+
+
+def problem_of(given: argparse.Namespace) -> Problem:
+    """The training that was asked for."""
     settings = TrainerSettings(
         max_epochs=given.epochs,
         batch_size=given.batch,
@@ -165,13 +169,19 @@ def main() -> None:
         precision="bf16-mixed" if given.gpu else "32-true",
     )
     frames = discs(given.images + given.images // 4, given.size)
-    problem = Problem(
+    return Problem(
         recipe_of(given.model, {"width": given.width}),
         settings,
         frames.subset(range(given.images)),
         frames.subset(range(given.images, len(frames))),
         Preprocessing(given.size),
     )
+
+
+def main() -> None:
+    """Print a line for each side, and the ratios."""
+    given = asked()
+    problem = problem_of(given)
     with tempfile.TemporaryDirectory() as folder:
         sides: dict[str, Callable[[], float]] = {
             "bare loop": lambda: in_bare_loop(problem),

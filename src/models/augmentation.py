@@ -51,24 +51,24 @@ class Augmentation:
     """
 
     flip: float = 0.5
-    affine: float = 0.7
-    rotation_deg: float = 15.0
-    scale: float = 0.2
-    shift: float = 0.1
-    shear: float = 0.1
-    elastic: float = 0.3
+    affine: float = 0.5
+    rotation_deg: float = 10.0
+    scale: float = 0.15
+    shift: float = 0.08
+    shear: float = 0.05
+    elastic: float = 0.1
     elastic_shift: float = 0.04
     elastic_nodes: int = 5
-    brightness: float = 0.5
+    brightness: float = 0.3
     brightness_shift: float = 0.1
-    contrast: float = 0.5
+    contrast: float = 0.3
     contrast_factor: float = 0.3
-    gamma: float = 0.5
+    gamma: float = 0.3
     gamma_factor: float = 0.4
-    speckle: float = 0.3
+    speckle: float = 0.1
     speckle_deviation: float = 0.125
     speckle_grain_px: int = 2
-    depth_gain: float = 0.3
+    depth_gain: float = 0.2
     depth_gain_factor: float = 0.5
 
     def __post_init__(self) -> None:

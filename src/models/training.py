@@ -126,16 +126,17 @@ def _run(
 
     settings = training.trainer
     seed = seed_of(training.seed, TRAINING, training.fold)
-    stage = training.preprocessing
-
-    def save_weights(network: nn.Module, epoch: int, dsc: float) -> None:
-        notes = {"seed": training.seed, "fold": training.fold, "epoch": epoch, "validation_dsc": dsc}
-        Checkpoint(training.model, network.state_dict(), stage, notes).save(weights_path(epoch))
-
     data = FoldData(
-        training.train, training.validation, stage, training.augmentation, settings.batch_size, seed
+        training.train,
+        training.validation,
+        training.preprocessing,
+        training.augmentation,
+        settings.batch_size,
+        seed,
     )
-    course = TrainingCourse(phase, data, start, save_weights, folder.save if folder else None, on_epoch)
+    course = TrainingCourse(
+        phase, data, start, _writer(training, weights_path), folder.save if folder else None, on_epoch
+    )
     if phase.is_over(course.history):
         return course
     steps = data.steps_per_epoch
@@ -153,6 +154,19 @@ def _run(
         trainer = lightning_trainer(settings, course, phase.end - len(course.history), directory)
         fit(trainer, module, data)
     return course
+
+
+def _writer(
+    training: FoldTraining, weights_path: Callable[[int], Path]
+) -> Callable[[nn.Module, int, float], None]:
+    """Writes the weights of an epoch."""
+
+    def write(network: nn.Module, epoch: int, dsc: float) -> None:
+        notes = {"seed": training.seed, "fold": training.fold, "epoch": epoch, "validation_dsc": dsc}
+        checkpoint = Checkpoint(training.model, network.state_dict(), training.preprocessing, notes)
+        checkpoint.save(weights_path(epoch))
+
+    return write
 
 
 def _trained(course: TrainingCourse, path: Path) -> TrainedFold:
