@@ -2,27 +2,36 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Bool, Float, Float64, Int64
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter, map_coordinates
 
 from registration import frames
+from registration.clouds import OrientedCloud
 from registration.errors import InputError
+
+# How far on both sides of a contour the probability is read for its confidence.
+CONFIDENCE_REACH_PX = 2.0
 
 
 @dataclass(frozen=True)
-class ContourCloud:
+class ContourCloud(OrientedCloud):
     """Contour points of many frames in the world.
 
     ``points_mm`` (p, 3); ``normals`` (p, 3) of unit length, in each frame's image plane, pointing out of the vessel;
-    ``frame_index`` (p,) says which mask a point comes from.
+    ``frame_index`` (p,) says which mask a point comes from, ``contour_index`` (p,) which contour, numbered through all
+    frames. ``is_open`` (p,) marks contours that the picture's edge cuts. ``confidence`` (p,), 0 to 1, is how much the
+    probability falls across the contour within two pixels on both sides; 1 for binary masks. ``world_A_pixel``
+    (m, 4, 4) holds the transforms of all frames, those without a vessel too.
     """
 
-    points_mm: Float64[np.ndarray, "p 3"]
-    normals: Float64[np.ndarray, "p 3"]
     frame_index: Int64[np.ndarray, "p"]
+    contour_index: Int64[np.ndarray, "p"]
+    is_open: Bool[np.ndarray, "p"]
+    confidence: Float64[np.ndarray, "p"]
+    world_A_pixel: Float64[np.ndarray, "m 4 4"] = field(metadata={"whole": True})
 
 
 @dataclass(frozen=True)
@@ -54,9 +63,9 @@ class ContourExtractor:
     ) -> ContourCloud:
         """Contours of the k masks (or probability maps), mapped by one affine transform each.
 
-        ``world_A_pixel`` maps ``(column, row, 0, 1)`` to mm. Where a vessel leaves the picture its contour stays open:
-        points on the picture's border are dropped. No vessel at all gives an empty cloud. Raises InputError when
-        masks and transforms differ in number.
+        ``world_A_pixel`` maps ``(column, row, 0, 1)`` to mm. A frame may show any number of vessels. Where one leaves
+        the picture its contour stays open: points on the picture's border are dropped. No vessel at all gives an empty
+        cloud. Raises InputError when masks and transforms differ in number.
         """
         if len(masks) != len(world_A_pixel):
             raise InputError(
@@ -64,19 +73,23 @@ class ContourExtractor:
             )
         frames.require_affine(world_A_pixel, "world_A_pixel")
         lines = [(index, line) for index, mask in enumerate(masks) for line in self.contours_px(mask)]
-        if not lines:
-            return ContourCloud(np.empty((0, 3)), np.empty((0, 3)), np.empty(0, dtype=np.int64))
         # A closed contour names its first point twice; in a cloud it would weigh double.
         own = [line[:-1] if _closed(line) else line for _, line in lines]
-        points_px = np.concatenate(own)
-        tangents_px = np.concatenate([_tangents(line) for _, line in lines])
-        index = np.repeat([which for which, _ in lines], [len(points) for points in own])
-        on_border = _on_border(points_px, masks.shape[1], masks.shape[2])
-        points_px, tangents_px, index = points_px[~on_border], tangents_px[~on_border], index[~on_border]
+        sizes = [len(points) for points in own]
+        points_px = np.concatenate([np.empty((0, 2)), *own])
+        tangents_px = np.concatenate([np.empty((0, 2)), *(_tangents(line) for _, line in lines)])
+        index = np.repeat(np.array([which for which, _ in lines], dtype=np.int64), sizes)
+        is_open = np.repeat(np.array([not _closed(line) for _, line in lines], dtype=bool), sizes)
+        inner = ~_on_border(points_px, masks.shape[1], masks.shape[2])
+        points_px, tangents_px, index = points_px[inner], tangents_px[inner], index[inner]
         return ContourCloud(
             points_mm=frames.apply_each(world_A_pixel[index], np.pad(points_px, ((0, 0), (0, 1)))),
             normals=_normals(tangents_px, world_A_pixel[index]),
-            frame_index=index.astype(np.int64),
+            frame_index=index,
+            contour_index=np.repeat(np.arange(len(lines), dtype=np.int64), sizes)[inner],
+            is_open=is_open[inner],
+            confidence=_confidence(masks, points_px, tangents_px, index),
+            world_A_pixel=world_A_pixel,
         )
 
     def contours_px(
@@ -89,7 +102,8 @@ class ContourExtractor:
         from skimage.measure import find_contours
 
         # Smoothing the crop alone is exact: beyond four deviations the mask is constant.
-        box = _box(mask > 0, int(np.ceil(4 * self.smoothing_px)) + 2)
+        filled = mask if mask.dtype == np.bool_ else mask >= self.level
+        box = _box(filled, int(np.ceil(4 * self.smoothing_px)) + 2)
         if box is None:
             return []
         values = mask[box].astype(np.float64)
@@ -146,3 +160,30 @@ def _normals(
     outwards = np.cross(along, facing)
     length = np.linalg.norm(outwards, axis=1, keepdims=True)
     return outwards / np.maximum(length, np.finfo(np.float64).tiny)
+
+
+def _confidence(
+    masks: np.ndarray,
+    points_px: Float64[np.ndarray, "p 2"],
+    tangents_px: Float64[np.ndarray, "p 2"],
+    index: Int64[np.ndarray, "p"],
+) -> Float64[np.ndarray, "p"]:
+    """How much the probability falls from the vessel's side of each point to the other; 1 for binary masks.
+
+    The vessel lies on the right of the direction of travel, seen with rows downwards.
+    """
+    if masks.dtype == np.bool_:
+        return np.ones(len(points_px))
+    length = np.maximum(np.linalg.norm(tangents_px, axis=1, keepdims=True), np.finfo(np.float64).tiny)
+    inwards_px = CONFIDENCE_REACH_PX * np.stack([-tangents_px[:, 1], tangents_px[:, 0]], axis=1) / length
+    fall = np.zeros(len(points_px))
+    for frame in np.unique(index):
+        own = index == frame
+        sides = [
+            map_coordinates(
+                masks[frame], (points_px[own] + side * inwards_px[own]).T[::-1], order=1, mode="nearest"
+            )
+            for side in (1, -1)
+        ]
+        fall[own] = sides[0] - sides[1]
+    return np.clip(fall, 0.0, 1.0)

@@ -122,3 +122,30 @@ def test_bad_input_is_named() -> None:
     for setting in ({"level": 1.0}, {"smoothing_px": -1.0}, {"min_points": 2}):
         with pytest.raises(InputError, match=next(iter(setting))):
             ContourExtractor(**setting)
+
+
+def test_several_vessels_and_cut_ones_are_told_apart() -> None:
+    mask = disc(30, 45, 12) | disc(75, 45, 15) | disc(119, 20, 14)
+    world_A_pixel = np.stack([np.eye(4), frames.translation((0, 0, 2.0))])
+    cloud = ContourExtractor()(np.stack([mask, disc(60, 40, 9)]), world_A_pixel)
+    assert len(np.unique(cloud.contour_index)) == 4
+    assert len(np.unique(cloud.contour_index[cloud.frame_index == 0])) == 3
+    for contour in np.unique(cloud.contour_index):
+        own = cloud.contour_index == contour
+        assert len(np.unique(cloud.frame_index[own])) == 1
+        at_edge = cloud.points_mm[own, 0].max() > 110
+        assert (cloud.is_open[own] == at_edge).all()
+    assert cloud.is_open.any()
+    np.testing.assert_array_equal(cloud.world_A_pixel, world_A_pixel)
+    assert len(cloud) == len(cloud.points_mm) == len(cloud.confidence)
+
+
+def test_confidence_is_the_fall_of_the_probability_across_the_contour() -> None:
+    distance_px = np.hypot(COLUMNS - 60, ROWS - 45) - 20
+    # A sigmoid of scale s falls by tanh(2 / (2 s)) from two pixels inside to two outside.
+    for scale_px in (0.7, 2.0, 5.0):
+        probability = 1 / (1 + np.exp(distance_px / scale_px))
+        cloud = ContourExtractor()(probability[None], np.eye(4)[None])
+        np.testing.assert_allclose(cloud.confidence, np.tanh(1 / scale_px), atol=0.03)
+    masks = (distance_px < 0)[None]
+    assert (ContourExtractor()(masks, np.eye(4)[None]).confidence == 1).all()

@@ -38,7 +38,9 @@ def straight(length_mm: float = 40.0, step_mm: float = 0.8) -> np.ndarray:
     return np.array([30.0, -20, 50]) + np.arange(0, length_mm + step_mm / 2, step_mm)[:, None] * way
 
 
-def helix(radius_mm: float = 15.0, pitch_mm: float = 30.0, turns: float = 1.25, points: int = 120) -> np.ndarray:
+def helix(
+    radius_mm: float = 15.0, pitch_mm: float = 30.0, turns: float = 1.25, points: int = 120
+) -> np.ndarray:
     """A helix about the z axis."""
     angle = np.linspace(0, 2 * np.pi * turns, points)
     return np.stack(
