@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -114,12 +115,14 @@ class FoldRun:
 
 
 def training_metrics(trained: TrainedFold) -> dict[str, float]:
-    """How a training went, as scalars."""
+    """How a training went, as scalars: the median epoch's images a second, the most memory of any."""
     return {
         "validation_dsc_best": trained.best_validation_dsc,
         "best_epoch": float(trained.best_epoch),
         "epochs": float(len(trained.history)),
         "training_s": trained.runtime_s,
+        "images_per_s": float(statistics.median(epoch["images_per_s"] for epoch in trained.history)),
+        "peak_memory_mb": max(epoch["peak_memory_mb"] for epoch in trained.history),
     }
 
 

@@ -171,6 +171,9 @@ def test_metrics_history_figures_and_files_of_a_fold(sweep) -> None:
     assert outcome.metrics["dsc_mean"] == pytest.approx(outcome.cases["dsc"].mean())
     assert outcome.metrics["dsc_n"] == outcome.cases["dsc"].notna().sum()
     assert outcome.metrics["epochs"] == len(outcome.history) == 3
+    assert outcome.metrics["images_per_s"] > 0
+    # A process with torch in it takes hundreds of megabytes.
+    assert 100 < outcome.metrics["peak_memory_mb"] < 100_000
     assert {"train_loss", "validation_loss", "validation_dsc", "learning_rate"} <= set(outcome.history[0])
     assert set(outcome.figures) == {"training_curves", "overlays"}
     assert sorted(path.name for path in result.workspace.iterdir()) == [
