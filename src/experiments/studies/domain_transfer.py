@@ -18,6 +18,7 @@ from experiments.datasets.about import (
 from experiments.errors import InputError
 from experiments.group_splits import GroupSplits
 from experiments.outcome import CellResult, Outcome, Progress
+from experiments.studies import segmentation
 from experiments.studies.fold_run import FoldRun, fold_cells, training_metrics
 from experiments.studies.segmentation_report import (
     describe_transfer,
@@ -53,8 +54,9 @@ def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
     ]
 
 
-def check(*, first: DataSet, second: DataSet) -> None:
-    """Raise InputError if a data set is not there, or the two can't be told apart in a table."""
+def check(*, first: DataSet, second: DataSet, model: NetworkRecipe, preprocessing: Preprocessing) -> None:
+    """Raise InputError if a data set is not there, the two can't be told apart, or the image size does not fit."""
+    segmentation.check(model=model, preprocessing=preprocessing)
     for dataset in (first, second):
         require_root(dataset)
     if name_of(first) == name_of(second):

@@ -52,6 +52,13 @@ def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
     return [dict(cell) for cell in found]
 
 
+def check(*, model: NetworkRecipe, preprocessing: Preprocessing) -> None:
+    """Raise InputError for an image size that the network doesn't take."""
+    from models.blocks import require_size
+
+    require_size(preprocessing.image_size_px, preprocessing.image_size_px, model.multiple)
+
+
 def run(
     *,
     dataset: DataSet,

@@ -10,12 +10,14 @@ import pandas as pd
 import pytest
 from drawn_vessels import drawn_frames
 
+from experiments.datasets.usgra import Usgra
 from experiments.errors import InputError
 from experiments.group_splits import GroupSplits
 from experiments.outcome import CellResult, Silent
 from experiments.splits import Split
 from experiments.studies import domain_transfer
 from models.augmentation import Augmentation
+from models.errors import InputError as ModelInputError
 from models.labelled_frames import LabelledFrames
 from models.losses import DiceCrossEntropy
 from models.preprocessing import Preprocessing
@@ -132,8 +134,9 @@ def test_refuses_what_is_no_cell(changes: dict[str, object], message: str) -> No
 
 def test_refuses_two_data_sets_of_one_name_and_a_missing_one(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="second: expected a data set of another name than first"):
-        domain_transfer.check(first=LIGHT, second=LIGHT)
-    from experiments.datasets.usgra import Usgra
-
+        domain_transfer.check(first=LIGHT, second=LIGHT, model=UNet(8), preprocessing=Preprocessing(64))
+    missing = Usgra(str(tmp_path / "none"))
     with pytest.raises(InputError, match="expected the folder of data set usgra"):
-        domain_transfer.check(first=LIGHT, second=Usgra(str(tmp_path / "none")))
+        domain_transfer.check(first=LIGHT, second=missing, model=UNet(8), preprocessing=Preprocessing(64))
+    with pytest.raises(ModelInputError, match="image size: expected sides that are multiples of 16"):
+        domain_transfer.check(first=LIGHT, second=DARK, model=UNet(8), preprocessing=Preprocessing(50))

@@ -130,6 +130,12 @@ def test_a_missing_folder_is_refused_once_before_any_fold(tmp_path) -> None:
     assert len(segmentation.cells(config(dataset=node))) == 3
 
 
+def test_an_image_size_that_does_not_fit_is_refused_before_any_fold() -> None:
+    segmentation.check(model=UNet(width=4, depth=3), preprocessing=Preprocessing(32))
+    with pytest.raises(ModelInputError, match="image size: expected sides that are multiples of 4"):
+        segmentation.check(model=UNet(width=4, depth=3), preprocessing=Preprocessing(30))
+
+
 def test_every_case_is_scored_once_by_a_network_that_has_not_seen_it(sweep) -> None:
     frames = Drawn()()
     cases = pd.concat([outcome.cases for _, outcome in sweep])
