@@ -14,8 +14,6 @@ from pathlib import Path
 
 import psutil
 
-from experiments.paths import project_root
-
 # A run on another machine that has not said anything for this long is taken for dead.
 SILENCE_S = 20 * 60.0
 _PACKAGES = (
@@ -47,22 +45,25 @@ def environment_tags() -> dict[str, str]:
         "ctus.host": socket.gethostname(),
         "ctus.pid": str(os.getpid()),
         "ctus.process_started": f"{psutil.Process().create_time():.2f}",
-        **_git_tags(project_root()),
+        **_git_tags(),
     }
 
 
-def _git_tags(root: Path) -> dict[str, str]:
+def _git_tags() -> dict[str, str]:
+    """The commit of the code that runs, wherever its results go; nothing for an installed package."""
+    code = Path(__file__).resolve()
+
     def git(*words: str) -> str | None:
         try:
             answer = subprocess.run(
-                ["git", "-C", str(root), *words], capture_output=True, text=True, timeout=10
+                ["git", "-C", str(code.parent), *words], capture_output=True, text=True, timeout=10
             )
         except (OSError, subprocess.TimeoutExpired):
             return None
         return answer.stdout.strip() if answer.returncode == 0 else None
 
-    commit = git("rev-parse", "HEAD")
-    if commit is None:
+    # A package installed below somebody's own repository is not part of it.
+    if git("ls-files", "--error-unmatch", code.name) is None or (commit := git("rev-parse", "HEAD")) is None:
         return {}
     return {
         "mlflow.source.git.commit": commit,

@@ -7,6 +7,7 @@ and step) and ``<experiment>/cases/<run id>.parquet`` (the per-case table of a r
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from pathlib import Path
@@ -18,6 +19,8 @@ from experiments.errors import InputError
 from experiments.run_record import RunRecord
 
 _JSON_COLUMNS = ("tags", "params")
+# Not what follows a letter, a dot or a colon: a relative path, an address, a fraction.
+_ABSOLUTE = re.compile(r"(?:(?<![\w.:/])|(?<=sqlite:///))/(?:[^\s/:'\",\]]+/)+([^\s/:'\",\]]*)")
 
 
 def write_archive(records: Iterable[RunRecord], folder: Path) -> int:
@@ -56,9 +59,22 @@ def read_archive(folder: Path, experiments: list[str] | None = None) -> Iterator
             yield _record({str(key): value for key, value in row.items()}, history, place)
 
 
+def without_folders(text: str) -> str:
+    """The text with every absolute path cut to its last part.
+
+    >>> without_folders("root: /home/someone/data/usgra")
+    'root: .../usgra'
+    """
+    return _ABSOLUTE.sub(r".../\1", text)
+
+
 def _row(record: RunRecord) -> dict[str, Any]:
     row = {key: value for key, value in asdict(record).items() if key not in ("history", "cases")}
-    return {**row, **{key: json.dumps(row[key], sort_keys=True) for key in _JSON_COLUMNS}}
+    for key in _JSON_COLUMNS:
+        row[key] = json.dumps(
+            {name: without_folders(value) for name, value in row[key].items()}, sort_keys=True
+        )
+    return {**row, "config": without_folders(record.config)}
 
 
 def _merged(path: Path, fresh: pd.DataFrame, replaced: Iterable[str]) -> pd.DataFrame:

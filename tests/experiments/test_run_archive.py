@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from types import ModuleType
 
@@ -10,7 +11,7 @@ import pytest
 
 from experiments.cli import main
 from experiments.errors import InputError
-from experiments.run_archive import read_archive, write_archive
+from experiments.run_archive import read_archive, without_folders, write_archive
 from experiments.run_record import RunRecord
 from experiments.tracking import ORIGIN_TAG, PARENT_TAG, Store
 
@@ -44,6 +45,38 @@ def test_a_second_export_replaces_its_runs_and_keeps_the_others(tmp_path: Path) 
     assert set(found) == {"one", "two"}
     assert found["one"].history["value"].tolist() == [0.5, 1.0]
     assert found["two"].history["value"].tolist() == [0.5, 0.9]
+
+
+@pytest.mark.parametrize(
+    ("text", "shared"),
+    [
+        ("/data/usgra", ".../usgra"),
+        ("of 3 in /home/a, 1 is new", "of 3 in .../a, 1 is new"),
+        ("cache: '/srv/x/.cache/phantom'\nroot: /mnt/d/e\n", "cache: '.../phantom'\nroot: .../e\n"),
+        ("[/a/b, /c/d/e]", "[.../b, .../e]"),
+        ("results/runs", "results/runs"),
+        ("https://host/a/b", "https://host/a/b"),
+        ("sqlite:////srv/mlruns/ctus.db", "sqlite:///.../ctus.db"),
+        ("1/2 of 3", "1/2 of 3"),
+        ("/tmp", "/tmp"),
+    ],
+)
+def test_folders_of_a_machine_are_cut_to_their_last_part(text: str, shared: str) -> None:
+    assert without_folders(text) == shared
+
+
+def test_an_archive_names_no_folder_of_the_machine(tmp_path: Path) -> None:
+    named = dataclasses.replace(
+        record("one"),
+        params={"root": "/srv/data/usgra"},
+        tags={"ctus.error": "no file /srv/data/x.png"},
+        config="root: /srv/data/usgra\n",
+    )
+    write_archive([named], tmp_path)
+    (found,) = read_archive(tmp_path)
+    assert found.params == {"root": ".../usgra"}
+    assert found.tags == {"ctus.error": "no file .../x.png"}
+    assert found.config == "root: .../usgra\n"
 
 
 def test_an_empty_folder_is_refused_by_name(tmp_path: Path) -> None:

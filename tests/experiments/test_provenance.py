@@ -1,0 +1,50 @@
+"""What a run says of the code it ran with, wherever its results go."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from experiments import provenance
+
+
+def git(folder: Path, *words: str) -> str:
+    who = ("-c", "user.name=A", "-c", "user.email=a@b.c")
+    done = subprocess.run(
+        ["git", "-C", str(folder), *who, *words], capture_output=True, text=True, check=True
+    )
+    return done.stdout.strip()
+
+
+@pytest.fixture
+def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A repository whose only code is a copy of the module, taken for the module itself."""
+    folder = tmp_path / "checkout"
+    folder.mkdir()
+    copy = shutil.copy(provenance.__file__, folder / "provenance.py")
+    monkeypatch.setattr(provenance, "__file__", str(copy))
+    git(folder, "init", "-q")
+    return folder
+
+
+def test_the_commit_is_that_of_the_code_not_of_the_project_folder(
+    checkout: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    git(checkout, "add", ".")
+    git(checkout, "commit", "-qm", "one")
+    monkeypatch.setenv("CTUS_HOME", str(tmp_path / "elsewhere"))
+    tags = provenance.environment_tags()
+    assert tags["mlflow.source.git.commit"] == git(checkout, "rev-parse", "HEAD")
+    assert tags["ctus.git_dirty"] == "false"
+    (checkout / "new.py").write_text("")
+    assert provenance.environment_tags()["ctus.git_dirty"] == "true"
+
+
+def test_a_package_below_somebody_elses_repository_has_no_commit(checkout: Path) -> None:
+    (checkout / "theirs.txt").write_text("")
+    git(checkout, "add", "theirs.txt")
+    git(checkout, "commit", "-qm", "theirs")
+    assert "mlflow.source.git.commit" not in provenance.environment_tags()
