@@ -31,7 +31,7 @@ FORBIDDEN = {
 }
 # A heavy library and the only modules that may import it.
 KEPT_IN = {
-    "mlflow": {"experiments.tracking"},
+    "mlflow": {"experiments.tracking.store", "experiments.tracking.run_writer"},
     "hydra": {"experiments.cli"},
     "omegaconf": {"experiments.cli"},
 }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import json
 import math
+import sys
 import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -85,12 +86,28 @@ def run_cell(
         run_id = run.run_id
         with ending(run):
             outcome = _compute(cell, plan, store, progress, arguments, run)
+        if run.lost:
+            _keep_for_later(cell, plan, run, outcome)
         return _report(cell, plan, "finished", run_id=run_id, findings=outcome.findings), outcome
     except user_errors() as refusal:
         return _report(cell, plan, "refused", run_id=run_id, message=str(refusal)), None
     except Exception as failure:
         message = f"{type(failure).__name__}: {failure}\n{traceback.format_exc()}"
         return _report(cell, plan, "failed", run_id=run_id, message=message), None
+
+
+def _keep_for_later(cell: Cell, plan: Plan, run: RunWriter, outcome: Outcome) -> None:
+    """Write a finished run that the tracking server did not get as files that ``study=import_runs`` reads."""
+    from experiments.run_archive import write_archive
+    from experiments.run_record import finished_run
+
+    folder = plan.folder_of(cell.hash) / "untracked"
+    write_archive([finished_run(run, cell.config, outcome)], folder)
+    print(
+        f"The tracking server did not come back. Once it answers, ctus study=import_runs archive={folder} tracks "
+        f"{cell.label or plan.study}.",
+        file=sys.stderr,
+    )
 
 
 def load_result(report: Report, cell: Cell, store: Store) -> CellResult:

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import tempfile
+import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
+import yaml
 
-from experiments.tracking import ORIGIN_TAG, PARENT_TAG, Store
+from experiments.identity import flatten
+from experiments.outcome import Outcome
+from experiments.tracking import ORIGIN_TAG, PARENT_TAG, RunWriter, Store, loggable
 
 
 @dataclass(frozen=True)
@@ -56,6 +62,31 @@ def read_run(store: Store, run_id: str, experiment: str) -> RunRecord:
         config=config,
         history=pd.DataFrame(points, columns=["metric", "step", "value", "timestamp_ms"]),
         cases=store.cases(run_id),
+    )
+
+
+def finished_run(run: RunWriter, config: Mapping[str, Any], outcome: Outcome) -> RunRecord:
+    """A run of this process that has just finished, as ``read_run`` would have read it."""
+    start = run.start
+    assert start is not None, "a run begun by Store.start knows what it was begun with"
+    now_ms = int(time.time() * 1000)
+    steps = [*enumerate(outcome.history), (0, outcome.metrics)]
+    points = [
+        (name, step, value, now_ms) for step, metrics in steps for name, value in loggable(metrics).items()
+    ]
+    return RunRecord(
+        run_id=run.run_id,
+        experiment=start.experiment,
+        name=start.name,
+        status="FINISHED",
+        start_ms=start.start_ms,
+        end_ms=now_ms,
+        parent_id=start.parent_id,
+        tags={key: value for key, value in {**start.tags, **outcome.tags}.items() if key != PARENT_TAG},
+        params={key: str(value) for key, value in flatten(config).items()},
+        config=yaml.safe_dump(dict(config), sort_keys=False),
+        history=pd.DataFrame(points, columns=["metric", "step", "value", "timestamp_ms"]),
+        cases=outcome.cases,
     )
 
 

@@ -11,20 +11,26 @@ from experiments.tracking import ORIGIN_TAG, Store
 from experiments.trained_elsewhere import is_training, read_training
 
 TRACKED = False
+# What the archive says of a run, and what the tracker has of it: it lost the server before it ended.
+COMPLETES = {("FINISHED", "RUNNING"), ("FINISHED", "FAILED")}
 
 
 def run(*, experiments: list[str] | None, archive: str, store: Store, progress: Progress) -> Outcome:
     """Restore the runs in the folder ``archive`` that the tracker does not have yet.
 
     A run is known by its first id, which it keeps as a tag through every export and import, so a second import adds
-    nothing. ``archive`` may also be the folder of a training by ``python -m models.train``.
+    nothing; a run that finished while its server was away takes the place of the one that the server believes failed.
+    ``archive`` may also be the folder of a training by ``python -m models.train``.
     """
-    known = {run_.data.tags.get(ORIGIN_TAG, run_.info.run_id): run_.info.run_id for run_ in store.runs()}
+    # Newest first: of two runs with one origin, the newer stays under its name.
+    runs = list(store.runs())[::-1]
+    known = {run_.data.tags.get(ORIGIN_TAG, run_.info.run_id): run_.info.run_id for run_ in runs}
+    ended = {run_.data.tags.get(ORIGIN_TAG, run_.info.run_id): run_.info.status for run_ in runs}
     folder = Path(archive).expanduser()
     records = [read_training(folder)] if is_training(folder) else list(read_archive(folder, experiments))
     added = 0
     for record in progress.track(records, "Importing runs"):
-        if record.run_id not in known:
+        if record.run_id not in known or (record.status, ended.get(record.run_id)) in COMPLETES:
             known[record.run_id] = restore_run(store, record, known.get(record.parent_id or ""))
             added += 1
     skipped = len(records) - added

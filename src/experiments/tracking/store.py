@@ -1,4 +1,4 @@
-"""The tracker: every call to MLflow that the project makes is in this module.
+"""Where runs go: the tracker, opened, searched and tidied.
 
 Runs are written through ``MlflowClient`` alone: the fluent interface keeps a global active run, which parallel jobs
 and nested runs trip over. The default store is one SQLite file; it is made under a file lock, because several
@@ -7,13 +7,10 @@ processes that open a new one at once leave it broken.
 
 from __future__ import annotations
 
-import json
-import math
 import os
-import threading
 import time
+import uuid
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,21 +18,18 @@ from typing import TYPE_CHECKING, Any
 from filelock import FileLock
 
 from experiments.errors import InputError
-from experiments.outcome import InputData
 from experiments.paths import project_root
 from experiments.provenance import environment_tags, is_gone
+from experiments.tracking.run_writer import RunStart, RunWriter, shortened, unanswered
 
 if TYPE_CHECKING:
     import pandas as pd
     from mlflow.entities import Run as MlflowRun
     from mlflow.tracking import MlflowClient
 
-HEARTBEAT_S = 30.0
 PARENT_TAG = "mlflow.parentRunId"
 HASH_TAG = "ctus.config_hash"
 ORIGIN_TAG = "ctus.run_id"
-# What one request may carry at most (MLflow's REST limits, which its SQL store keeps as well).
-_METRICS_A_BATCH, _PARAMS_A_BATCH, _TAGS_A_BATCH, _PARAM_LENGTH, _TAG_LENGTH = 1000, 100, 100, 6000, 8000
 
 
 @dataclass(frozen=True)
@@ -97,10 +91,17 @@ class Store:
         }
         if parent_id is not None:
             all_tags[PARENT_TAG] = parent_id
-        run = self.client().create_run(
-            self.experiment_id(experiment), tags=_short(all_tags, _TAG_LENGTH), run_name=name
-        )
-        return RunWriter(self.client(), run.info.run_id)
+        about = RunStart(experiment, name, parent_id, all_tags, int(time.time() * 1000))
+        try:
+            run = self.client().create_run(
+                self.experiment_id(experiment), tags=shortened(all_tags), run_name=name
+            )
+        except Exception as error:
+            if not unanswered(error):
+                raise
+            # The server was there when the call began: what the job computes is kept for it.
+            return RunWriter(self.client(), uuid.uuid4().hex, beating=False, start=about, known=False)
+        return RunWriter(self.client(), run.info.run_id, start=about)
 
     def reopen(self, run_id: str) -> RunWriter:
         """Set a finished or failed run to RUNNING again, to go on with it."""
@@ -126,7 +127,12 @@ class Store:
     def finished(self, experiment: str, config_hash: str) -> str | None:
         """The id of the newest FINISHED run of a job, or none."""
         wanted = f"tags.`{HASH_TAG}` = '{config_hash}' and attributes.status = 'FINISHED'"
-        found = next(self.runs([experiment], wanted), None)
+        try:
+            found = next(self.runs([experiment], wanted), None)
+        except Exception as error:
+            if not unanswered(error):
+                raise
+            return None
         return None if found is None else str(found.info.run_id)
 
     def metrics(self, run_id: str) -> dict[str, float]:
@@ -149,9 +155,7 @@ class Store:
 
     def begin_copy(self, experiment: str, name: str, tags: Mapping[str, str], start_ms: int) -> RunWriter:
         """Make a run that was run before, elsewhere: with its own start and tags, and no heartbeat."""
-        run = self.client().create_run(
-            self.experiment_id(experiment), start_ms, _short(tags, _TAG_LENGTH), name
-        )
+        run = self.client().create_run(self.experiment_id(experiment), start_ms, shortened(tags), name)
         return RunWriter(self.client(), run.info.run_id, beating=False)
 
     def reap(self, experiment: str) -> list[str]:
@@ -190,103 +194,6 @@ class Store:
         return FileLock(self.folder / ".lock")
 
 
-class RunWriter:
-    """A run that is being written. A thread keeps its heartbeat until it ends."""
-
-    def __init__(self, client: MlflowClient, run_id: str, *, beating: bool = True) -> None:
-        self.run_id = run_id
-        self._client = client
-        self._ended = threading.Event()
-        if beating:
-            threading.Thread(target=self._beat, daemon=True, name=f"heartbeat {run_id}").start()
-
-    def params(self, params: Mapping[str, Any]) -> None:
-        """Log flat parameters; a value too long for the tracker is cut (the resolved configuration holds it whole)."""
-        from mlflow.entities import Param
-
-        entries = [Param(key, str(value)[:_PARAM_LENGTH]) for key, value in params.items()]
-        for batch in _batches(entries, _PARAMS_A_BATCH):
-            self._client.log_batch(self.run_id, params=batch)
-
-    def metrics(self, metrics: Mapping[str, float], step: int = 0) -> None:
-        """Log metrics of one step."""
-        self.history([metrics], step)
-
-    def history(self, steps: Iterable[Mapping[str, float]], first_step: int = 0) -> None:
-        """Log metrics step by step in batches.
-
-        The tracker can't tell NaN from a missing value and stores infinity as 1.8e308, so a value that is not finite
-        is logged as ``<metric>_failed = 1`` instead.
-        """
-        now_ms = int(time.time() * 1000)
-        self.points(
-            (key, value, now_ms, step) if math.isfinite(value) else (f"{key}_failed", 1.0, now_ms, step)
-            for step, metrics in enumerate(steps, first_step)
-            for key, value in metrics.items()
-        )
-
-    def points(self, points: Iterable[tuple[str, float, int, int]]) -> None:
-        """Log metric points (name, finite value, time in ms, step) in batches."""
-        from mlflow.entities import Metric
-
-        entries = [Metric(*point) for point in points]
-        for batch in _batches(entries, _METRICS_A_BATCH):
-            self._client.log_batch(self.run_id, metrics=batch)
-
-    def tags(self, tags: Mapping[str, str]) -> None:
-        """Set tags."""
-        from mlflow.entities import RunTag
-
-        entries = [RunTag(key, value) for key, value in _short(tags, _TAG_LENGTH).items()]
-        for batch in _batches(entries, _TAGS_A_BATCH):
-            self._client.log_batch(self.run_id, tags=batch)
-
-    def inputs(self, data: Iterable[InputData]) -> None:
-        """Record the data sets the run used."""
-        from mlflow.entities import Dataset, DatasetInput
-
-        entries = [
-            DatasetInput(
-                Dataset(item.name, item.digest[:36], "local", json.dumps({"uri": item.source})), tags=[]
-            )
-            for item in data
-        ]
-        if entries:
-            self._client.log_inputs(self.run_id, datasets=entries)
-
-    def text(self, text: str, name: str) -> None:
-        """Store ``text`` as an artifact."""
-        self._client.log_text(self.run_id, text, name)
-
-    def folder(self, folder: Path) -> None:
-        """Store every file under ``folder`` as an artifact."""
-        self._client.log_artifacts(self.run_id, str(folder))
-
-    def end(self, status: str, end_ms: int | None = None) -> None:
-        """Set how the run ended, FINISHED, FAILED or KILLED, and when (now if it is not said)."""
-        self._ended.set()
-        self._client.set_terminated(self.run_id, status, end_ms)
-
-    def _beat(self) -> None:
-        while not self._ended.wait(HEARTBEAT_S):
-            try:
-                self._client.set_tag(self.run_id, "ctus.heartbeat", f"{time.time():.0f}")
-            except Exception:  # a store that is busy or away for a moment must not end the heartbeat
-                continue
-
-
-@contextmanager
-def ending(run: RunWriter) -> Iterator[RunWriter]:
-    """End the run as FINISHED, or as FAILED when the block raises anything, a stop by signal included."""
-    try:
-        yield run
-    except BaseException as failure:
-        run.tags({"ctus.error": f"{type(failure).__name__}: {failure}"})
-        run.end("FAILED")
-        raise
-    run.end("FINISHED")
-
-
 def _open(address: str, folder: Path) -> MlflowClient:
     """Open the store; a SQLite file that is not there yet is made and given its tables under a lock."""
     os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
@@ -304,13 +211,20 @@ def _open(address: str, folder: Path) -> MlflowClient:
             client = MlflowClient(tracking_uri=address, registry_uri=address)
             client.search_experiments(max_results=1)
         return client
-    return MlflowClient(tracking_uri=address, registry_uri=address)
-
-
-def _batches(entries: list[Any], size: int) -> Iterator[list[Any]]:
-    for start in range(0, len(entries), size):
-        yield entries[start : start + size]
-
-
-def _short(tags: Mapping[str, str], length: int) -> dict[str, str]:
-    return {key: value[:length] for key, value in tags.items()}
+    # MLflow's own seven retries take minutes for each call to a server that is away.
+    os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "3")
+    client = MlflowClient(tracking_uri=address, registry_uri=address)
+    try:
+        client.search_experiments(max_results=1)
+    except Exception as error:
+        if unanswered(error):
+            raise InputError(
+                f"tracking.uri: expected an MLflow server that answers at {address}, received no answer"
+            ) from error
+        if "403" in str(error):
+            raise InputError(
+                f"tracking.uri: expected the server at {address} to let this machine in, received 403 (mlflow server "
+                "--allowed-hosts names the hosts it answers)"
+            ) from error
+        raise
+    return client

@@ -1,0 +1,16 @@
+"""The tracker: every call to MLflow that the project makes is in this package."""
+
+from experiments.tracking.run_writer import RunStart, RunWriter, ending, loggable, unanswered
+from experiments.tracking.store import HASH_TAG, ORIGIN_TAG, PARENT_TAG, Store
+
+__all__ = [
+    "HASH_TAG",
+    "ORIGIN_TAG",
+    "PARENT_TAG",
+    "RunStart",
+    "RunWriter",
+    "Store",
+    "ending",
+    "loggable",
+    "unanswered",
+]

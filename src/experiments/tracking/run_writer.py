@@ -1,0 +1,199 @@
+"""A run that is being written: every call of it that reaches the tracker."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import threading
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from experiments.deferred import Call, Deferred
+from experiments.outcome import InputData
+
+if TYPE_CHECKING:
+    from mlflow.tracking import MlflowClient
+
+HEARTBEAT_S = 30.0
+# How long a run that has ended waits for a server that does not answer, before it is kept as files.
+LAST_WAIT_S = 60.0
+# What one request may carry at most (MLflow's REST limits, which its SQL store keeps as well).
+_METRICS_A_BATCH, _PARAMS_A_BATCH, _TAGS_A_BATCH, _PARAM_LENGTH, _TAG_LENGTH = 1000, 100, 100, 6000, 8000
+
+
+@dataclass(frozen=True)
+class RunStart:
+    """What a run was begun with."""
+
+    experiment: str
+    name: str
+    parent_id: str | None
+    tags: Mapping[str, str]
+    start_ms: int
+
+
+class RunWriter:
+    """A run that is being written. A thread keeps its heartbeat until it ends.
+
+    While a server does not answer, what is logged waits, and is sent when it answers again. ``lost`` says, after the
+    end, that it never did; ``known`` is false for a run that the server has not even heard of.
+    """
+
+    def __init__(
+        self,
+        client: MlflowClient,
+        run_id: str,
+        *,
+        beating: bool = True,
+        start: RunStart | None = None,
+        known: bool = True,
+    ) -> None:
+        self.run_id = run_id
+        self.start = start
+        self.lost = not known
+        self._client = client
+        self._deferred = Deferred(unanswered, _say)
+        self._ended = threading.Event()
+        if beating:
+            threading.Thread(target=self._beat, daemon=True, name=f"heartbeat {run_id}").start()
+
+    def _send(self, call: Call) -> None:
+        if not self.lost:
+            self._deferred(call)
+
+    def params(self, params: Mapping[str, Any]) -> None:
+        """Log flat parameters; a value too long for the tracker is cut (the resolved configuration holds it whole)."""
+        from mlflow.entities import Param
+
+        entries = [Param(key, str(value)[:_PARAM_LENGTH]) for key, value in params.items()]
+        for batch in _batches(entries, _PARAMS_A_BATCH):
+            self._send(partial(self._client.log_batch, self.run_id, params=batch))
+
+    def metrics(self, metrics: Mapping[str, float], step: int = 0) -> None:
+        """Log metrics of one step."""
+        self.history([metrics], step)
+
+    def history(self, steps: Iterable[Mapping[str, float]], first_step: int = 0) -> None:
+        """Log metrics step by step in batches, as ``loggable`` says."""
+        now_ms = int(time.time() * 1000)
+        self.points(
+            (key, value, now_ms, step)
+            for step, metrics in enumerate(steps, first_step)
+            for key, value in loggable(metrics).items()
+        )
+
+    def points(self, points: Iterable[tuple[str, float, int, int]]) -> None:
+        """Log metric points (name, finite value, time in ms, step) in batches."""
+        from mlflow.entities import Metric
+
+        entries = [Metric(*point) for point in points]
+        for batch in _batches(entries, _METRICS_A_BATCH):
+            self._send(partial(self._client.log_batch, self.run_id, metrics=batch))
+
+    def tags(self, tags: Mapping[str, str]) -> None:
+        """Set tags."""
+        from mlflow.entities import RunTag
+
+        entries = [RunTag(key, value) for key, value in shortened(tags).items()]
+        for batch in _batches(entries, _TAGS_A_BATCH):
+            self._send(partial(self._client.log_batch, self.run_id, tags=batch))
+
+    def inputs(self, data: Iterable[InputData]) -> None:
+        """Record the data sets the run used."""
+        from mlflow.entities import Dataset, DatasetInput
+
+        entries = [
+            DatasetInput(
+                Dataset(item.name, item.digest[:36], "local", json.dumps({"uri": item.source})), tags=[]
+            )
+            for item in data
+        ]
+        if entries:
+            self._send(partial(self._client.log_inputs, self.run_id, datasets=entries))
+
+    def text(self, text: str, name: str) -> None:
+        """Store ``text`` as an artifact."""
+        self._send(partial(self._client.log_text, self.run_id, text, name))
+
+    def folder(self, folder: Path) -> None:
+        """Store every file under ``folder`` as an artifact. The folder may be moved afterwards, so this can't wait."""
+        self._send(partial(self._client.log_artifacts, self.run_id, str(folder)))
+        if self._deferred.waiting:
+            self._give_up()
+
+    def end(self, status: str, end_ms: int | None = None) -> None:
+        """Set how the run ended, FINISHED, FAILED or KILLED, and when (now if it is not said)."""
+        self._ended.set()
+        self._send(partial(self._client.set_terminated, self.run_id, status, end_ms))
+        self._give_up()
+
+    def _give_up(self) -> None:
+        """Take the run for lost unless the server answers within the last wait."""
+        if not self.lost and not self._deferred.last(LAST_WAIT_S):
+            self.lost = True
+
+    def _beat(self) -> None:
+        while not self._ended.wait(HEARTBEAT_S):
+            try:
+                self._client.set_tag(self.run_id, "ctus.heartbeat", f"{time.time():.0f}")
+            except Exception:  # a store that is busy or away for a moment must not end the heartbeat
+                continue
+
+
+@contextmanager
+def ending(run: RunWriter) -> Iterator[RunWriter]:
+    """End the run as FINISHED, or as FAILED when the block raises anything, a stop by signal included."""
+    try:
+        yield run
+    except BaseException as failure:
+        run.tags({"ctus.error": f"{type(failure).__name__}: {failure}"})
+        run.end("FAILED")
+        raise
+    run.end("FINISHED")
+
+
+def loggable(metrics: Mapping[str, float]) -> dict[str, float]:
+    """Metrics as the tracker may have them: one that is not finite becomes ``<metric>_failed = 1``.
+
+    The tracker can't tell NaN from a missing value and stores infinity as 1.8e308.
+    """
+    return {
+        key if math.isfinite(value) else f"{key}_failed": value if math.isfinite(value) else 1.0
+        for key, value in metrics.items()
+    }
+
+
+def unanswered(error: Exception) -> bool:
+    """Whether an exception means that a tracking server did not answer, or that it is not able to just now."""
+    from mlflow.exceptions import MlflowException
+    from requests.exceptions import ConnectionError, Timeout
+
+    if isinstance(error, (ConnectionError, Timeout)):
+        return True
+    # MLflow has no class of its own for this, only its words.
+    signs = (
+        "failed with exception",
+        "failed with timeout exception",
+        *(f"error code {c}" for c in (502, 503, 504)),
+    )
+    return isinstance(error, MlflowException) and any(sign in str(error) for sign in signs)
+
+
+def _say(sentence: str) -> None:
+    print(sentence.splitlines()[0], file=sys.stderr)
+
+
+def shortened(tags: Mapping[str, str]) -> dict[str, str]:
+    """Tags no longer than the tracker takes them."""
+    return {key: value[:_TAG_LENGTH] for key, value in tags.items()}
+
+
+def _batches(entries: list[Any], size: int) -> Iterator[list[Any]]:
+    for start in range(0, len(entries), size):
+        yield entries[start : start + size]
