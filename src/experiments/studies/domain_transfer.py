@@ -41,6 +41,11 @@ DOMAINS = ("first", "second")
 
 def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
     """One cell for each data set to train on and each fold, or for those that ``train_on`` and ``fold`` name."""
+    for domain in DOMAINS:
+        if not isinstance(config[domain], Mapping):
+            raise InputError(
+                f"{domain}: expected a data set, as dataset@{domain}=phantom gives it, received {config[domain]!r}"
+            )
     split = registry.build(config["split"], "split")
     if split.outer_folds is not None or split.file is not None:
         raise InputError("split: expected folds of both data sets alike, received outer_folds or a file")

@@ -44,7 +44,8 @@ LIGHT, DARK = Drawn("light"), Drawn("dark", inverted=True)
 
 def config(**changes: object) -> dict[str, object]:
     split = {"_target_": "experiments.group_splits.GroupSplits", "folds": 2}
-    return {"split": split, "train_on": None, "fold": None, **changes}
+    node = {"_target_": "experiments.datasets.phantom.Phantom"}
+    return {"split": split, "first": node, "second": node, "train_on": None, "fold": None, **changes}
 
 
 @pytest.fixture(scope="module")
@@ -120,6 +121,10 @@ def test_the_table_has_both_domains_both_ways(results: list[CellResult]) -> None
     ("changes", "message"),
     [
         ({"train_on": "third"}, "train_on: expected first, second, or null for both, received 'third'"),
+        (
+            {"second": "usgra"},
+            "second: expected a data set, as dataset@second=phantom gives it, received 'usgra'",
+        ),
         ({"fold": 2}, "fold: expected 0 to 1, or null for all, received 2"),
         (
             {"split": {"_target_": "experiments.group_splits.GroupSplits", "outer_folds": 2}},
