@@ -31,7 +31,9 @@ COMMANDS = {
         "ctus -m study=segmentation dataset=usgra dataset.root=<folder> trainer=cpu "
         "model=unet,basic_unet,attention_unet,unet3plus"
     ),
-    "domain_transfer": "ctus study=domain_transfer dataset@first=phantom dataset@second=usgra second.root=<folder> trainer=cpu",
+    "domain_transfer": (
+        "ctus study=domain_transfer dataset@first=phantom dataset@second=usgra second.root=<folder> trainer=cpu"
+    ),
 }
 TITLES = {"segmentation": "Networks", "domain_transfer": "Simulator to USGRA and back"}
 STUDIES = {"segmentation": segmentation, "domain_transfer": domain_transfer}
