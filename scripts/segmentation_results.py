@@ -45,7 +45,7 @@ def main() -> int:
     archive, out = (*given, *[Path("results/runs"), Path("results/segmentation_usgra.md")][len(given) :])
     parts = [HEAD]
     for study, module in STUDIES.items():
-        runs = list(_jobs(archive, study))
+        runs = sorted(_jobs(archive, study), key=lambda run: run.start_ms)
         if not runs:
             print(f"{archive}: expected finished runs of {study}, found none", file=sys.stderr)
             return 2

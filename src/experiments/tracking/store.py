@@ -198,6 +198,7 @@ def _open(address: str, folder: Path) -> MlflowClient:
     """Open the store; a SQLite file that is not there yet is made and given its tables under a lock."""
     os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
     os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
+    os.environ.setdefault("MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR", "false")
     import logging
 
     logging.getLogger("alembic").setLevel(logging.WARNING)
