@@ -91,10 +91,21 @@ def _beside(found: Centerline, theirs: Polyline) -> str:
     both = (nearest > 0) & (nearest < len(place_mm) - 1)
     radius_mm = np.interp(own_mm, ours.arc_mm, ours.radius_mm)
     radius_mm = np.abs(radius_mm - np.interp(place_mm, theirs.arc_mm, theirs.radius_mm)[nearest])
+    whole = ours.length_mm / theirs.length_mm - 1
+    shared = _stretch_mm(ours, theirs) / _stretch_mm(theirs, ours) - 1
+    ends_mm = np.linalg.norm(ours.points_mm[[0, -1]] - theirs.points_mm[[0, -1]], axis=1)
     return (
         f"mean {apart_mm[both].mean():.3f}  p95 {np.percentile(apart_mm[both], 95):.3f}  "
-        f"radius {radius_mm[both].mean():.3f}  length {100 * (ours.length_mm / theirs.length_mm - 1):+.2f} %"
+        f"radius {radius_mm[both].mean():.3f}  length {100 * whole:+.2f} %, {100 * shared:+.2f} % where both run  "
+        f"ends {ends_mm[0]:.2f} {ends_mm[1]:.2f}"
     )
+
+
+def _stretch_mm(line: Polyline, other: Polyline) -> float:
+    """The length of a line between the places nearest to the other's two ends."""
+    arc_mm = np.arange(0.0, line.length_mm, 0.01)
+    first, last = cKDTree(line.at(arc_mm)).query(other.points_mm[[0, -1]])[1]
+    return float(arc_mm[last] - arc_mm[first])
 
 
 def _mesh(path: Path) -> Mesh:

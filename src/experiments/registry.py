@@ -41,6 +41,7 @@ ALLOWED: frozenset[str] = frozenset(
         "registration.cloud_filters.VoxelDownsampling",
         "registration.comparators.SingleStartICP",
         "registration.contours.ContourExtractor",
+        "registration.label_surface.LabelSurface",
         "registration.line_detection.LineDetector",
         "registration.live.LiveRecorder",
         "registration.perturbation.Perturbation",

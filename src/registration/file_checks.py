@@ -13,6 +13,21 @@ _BYTES = {
 _LONGEST_HEADER = 1 << 16
 
 
+def require_file(path: Path) -> Path:
+    """Return the path, or raise InputError unless there is a file that can be opened for reading."""
+    path = Path(path)
+    if not path.is_file():
+        found = "a folder" if path.is_dir() else "nothing there"
+        raise InputError(f"{path}: expected a file, received {found}")
+    try:
+        path.open("rb").close()
+    except OSError as refusal:
+        raise InputError(
+            f"{path}: expected a file that can be read, received {refusal.strerror}"
+        ) from refusal
+    return path
+
+
 def require_complete(path: Path) -> None:
     """Raise InputError if a PLY, PCD, STL or OBJ file has less in it than its header (or its last line) promises."""
     check = {".ply": _check_ply, ".pcd": _check_pcd, ".stl": _check_stl, ".obj": _check_obj}.get(

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from registration.errors import InputError
-from registration.file_checks import require_complete
+from registration.file_checks import require_complete, require_file
 from registration.geometry import Centerline, Mesh, Polyline, require_cloud
 from registration.metrics import Surface
 from registration.whole import written_beside
@@ -30,7 +30,7 @@ def read_surface(path: Path) -> Surface:
     Polygons are cut into triangles; equal corners of an STL file become one vertex. Raises InputError for a file that
     is missing, of an unknown kind, unreadable or cut short, empty, with NaN, or with all points on a point or a line.
     """
-    path = _require_file(path)
+    path = require_file(path)
     suffix = path.suffix.lower()
     if suffix not in READABLE:
         raise InputError(f"{path}: expected one of {', '.join(READABLE)}, received {suffix or 'no suffix'}")
@@ -87,7 +87,7 @@ def write_surface(path: Path, surface: Surface) -> None:
 
 def read_centerline(path: Path) -> Centerline:
     """Read the polylines of a VTP file with the point array MaximumInscribedSphereRadius (as VMTK writes) or Radius."""
-    path = _require_file(path)
+    path = require_file(path)
     if path.suffix.lower() != ".vtp":
         raise InputError(f"{path}: expected a centerline as .vtp, received {path.suffix or 'no suffix'}")
     from vtkmodules.util.numpy_support import vtk_to_numpy
@@ -118,20 +118,6 @@ def read_centerline(path: Path) -> Centerline:
         )
     except InputError as refusal:
         raise InputError(f"{path}: {refusal}") from refusal
-
-
-def _require_file(path: Path) -> Path:
-    path = Path(path)
-    if not path.is_file():
-        found = "a folder" if path.is_dir() else "nothing there"
-        raise InputError(f"{path}: expected a file, received {found}")
-    try:
-        path.open("rb").close()
-    except OSError as refusal:
-        raise InputError(
-            f"{path}: expected a file that can be read, received {refusal.strerror}"
-        ) from refusal
-    return path
 
 
 def _read_open3d(path: Path) -> tuple[np.ndarray, np.ndarray]:

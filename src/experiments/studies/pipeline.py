@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,14 +13,20 @@ import numpy as np
 from experiments import files
 from experiments.errors import InputError
 from experiments.outcome import Outcome, Progress
+from experiments.studies.reconstruction import STAGES, CloudFilter, Reconstructed, Reconstruction, timed
 from experiments.studies.registration_inputs import one_method
 from experiments.studies.robustness_problem import MOST_TARGETS
 from registration import frames
+from registration.centerline import CenterlineExtractor
+from registration.centerline_io import write_centerline
 from registration.contours import ContourExtractor
+from registration.errors import InputError as RegistrationInputError
 from registration.geometry_io import write_surface
 from registration.metrics import pose_error, surface_residuals
 from registration.phantom.scan import simulate_sweep
 from registration.phantom.settings import PhantomSettings
+from registration.smoothing import TaubinSmoothing
+from registration.surface import SurfaceMethod
 from registration.synchronisation import synchronise
 
 if TYPE_CHECKING:
@@ -35,9 +39,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Registered:
-    """What the geometric half of the chain found, beside the truth."""
+    """What the geometric half of the chain found, beside the truth; without ``built`` a ``refusal`` says why."""
 
     cloud_mm: np.ndarray
+    built: Reconstructed | None
+    refusal: str
     result: RigidResult
     residuals: SurfaceResiduals
     error: PoseError
@@ -55,11 +61,14 @@ def run(
     *,
     phantom: PhantomSettings,
     contours: ContourExtractor,
+    filters: Mapping[str, CloudFilter],
+    surface: SurfaceMethod,
+    smoothing: TaubinSmoothing,
+    centerline: CenterlineExtractor,
     rigid: Mapping[str, Any],
     model_path: str,
     sweep_index: int,
     max_gap_s: float,
-    voxel_mm: float,
     fixed_points: int,
     inlier_mm: float,
     keep: float,
@@ -67,37 +76,37 @@ def run(
     workspace: Path,
     progress: Progress,
 ) -> Outcome:
-    """Simulate a sweep, segment it, place the contours in the world and register them to the phantom's model.
+    """Simulate a sweep, segment it, reconstruct the vessel and register it to the phantom's model.
 
-    Leaves ``cloud.ply`` (world, mm), ``moved.ply`` and ``model.ply`` (ct, mm), ``truth.json`` and
-    ``registration.json`` in ``workspace``. Raises InputError when the network finds no vessel in any frame.
+    Leaves ``cloud.ply``, ``surface.ply`` and ``centerline.vtp`` (world, mm), ``moved.ply`` and ``model.ply`` (ct, mm),
+    ``truth.json`` and ``registration.json`` in ``workspace``. Points of which no surface can be made are registered all
+    the same. Raises InputError when the network finds no vessel in any frame.
     """
     from models.predictor import Predictor
 
     name, method = one_method(rigid)
+    chain = Reconstruction(contours, filters, surface, smoothing, centerline)
     seconds: dict[str, float] = {}
     progress.note("simulating the sweep")
-    with _timed(seconds, "simulation_s"):
+    with timed(seconds, "simulation_s"):
         truth = simulate_sweep(phantom, sweep_index)
     predictor = Predictor.load(model_path)
     progress.note(f"segmenting {len(truth.sweep.images)} frames")
-    with _timed(seconds, "segmentation_s"):
+    with timed(seconds, "segmentation_s"):
         probability = predictor.probability(truth.sweep.images)
-    with _timed(seconds, "reconstruction_s"):
-        posed = synchronise(truth.sweep, max_gap_s)
-        cloud = contours(probability[posed.kept], posed.world_A_pixel)
-        if not len(cloud.points_mm):
-            raise InputError(f"model_path: expected a network that finds the vessel, {model_path} found none")
-        cloud_mm = _thinned(cloud.points_mm, voxel_mm)
+    posed = synchronise(truth.sweep, max_gap_s)
+    if not (probability[posed.kept] >= contours.level).any():
+        raise InputError(f"model_path: expected a network that finds the vessel, {model_path} found none")
+    cloud_mm, built, refusal = _reconstructed(chain, probability[posed.kept], posed.world_A_pixel, seconds)
     progress.note(f"registering {len(cloud_mm)} points by {name}")
     fixed_mm = _drawn(truth, fixed_points, seed)
-    with _timed(seconds, "registration_s"):
+    with timed(seconds, "registration_s"):
         result: RigidResult = method(cloud_mm, fixed_mm, None)
     residuals = surface_residuals(
         cloud_mm, truth.model, result.fixed_T_moving, inlier_mm=inlier_mm, keep=keep, seed=seed
     )
     error = pose_error(result.fixed_T_moving, truth.ct_T_world, _targets(truth))
-    found = Registered(cloud_mm, result, residuals, error)
+    found = Registered(cloud_mm, built, refusal, result, residuals, error)
     _write(workspace, truth, found, name)
     masks = probability >= predictor.threshold
     return _outcome(
@@ -117,14 +126,19 @@ def _targets(truth: SimulatedSweep) -> np.ndarray:
     return truth.anatomy.sample(MOST_TARGETS, np.random.default_rng(0))
 
 
-def _thinned(points_mm: np.ndarray, voxel_mm: float) -> np.ndarray:
-    """One point, the mean, for each cube of side ``voxel_mm`` that holds any."""
-    import open3d
-
-    if not voxel_mm > 0:
-        raise InputError(f"voxel_mm: expected a positive number of mm, received {voxel_mm!r}")
-    cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points_mm))
-    return np.asarray(cloud.voxel_down_sample(voxel_mm).points)
+def _reconstructed(
+    chain: Reconstruction, probability: np.ndarray, world_A_pixel: np.ndarray, seconds: dict[str, float]
+) -> tuple[np.ndarray, Reconstructed | None, str]:
+    """The points to register, the surface and centerline through them, or why there are none; stages timed."""
+    with timed(seconds, "reconstruction_s"):
+        gathered = chain.gather(probability, world_A_pixel)
+        try:
+            built, refusal = chain.build(gathered), ""
+        except RegistrationInputError as refused:
+            built, refusal = None, str(refused)
+    stages = gathered.seconds if built is None else built.seconds
+    seconds.update({f"{stage}_s": stages.get(stage, float("nan")) for stage in STAGES})
+    return gathered.cloud.points_mm, built, refusal
 
 
 def _score_frames(masks: np.ndarray, truth: SimulatedSweep) -> pd.DataFrame:
@@ -140,6 +154,10 @@ def _score_frames(masks: np.ndarray, truth: SimulatedSweep) -> pd.DataFrame:
 
 def _write(workspace: Path, truth: SimulatedSweep, found: Registered, name: str) -> None:
     write_surface(workspace / "cloud.ply", found.cloud_mm)
+    if found.built is not None:
+        write_surface(workspace / "surface.ply", found.built.surface)
+        if found.built.centerline is not None:
+            write_centerline(workspace / "centerline.vtp", found.built.centerline)
     write_surface(workspace / "moved.ply", frames.apply(found.result.fixed_T_moving, found.cloud_mm))
     write_surface(workspace / "model.ply", truth.model)
     # The cloud lies in the world and the model in the ct frame, so the truth is ct_T_world.
@@ -198,15 +216,20 @@ def _outcome(
     return Outcome(
         metrics=metrics,
         cases=cases.assign(simulated=True),
-        tables={"One unseen sweep, simulated": pd.DataFrame([{**row, **seconds}])},
+        tables={
+            "One unseen sweep, simulated": pd.DataFrame([row]),
+            "Seconds by stage": pd.DataFrame([seconds]),
+        },
         figures=figures(truth, masks, found.cloud_mm, found.result.fixed_T_moving),
-        findings=(finding,),
+        findings=(finding, *_gaps(found)),
         tags={"rigid": name, "simulated": "true"},
     )
 
 
-@contextmanager
-def _timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
-    begin_s = time.perf_counter()
-    yield
-    seconds[stage] = time.perf_counter() - begin_s
+def _gaps(found: Registered) -> tuple[str, ...]:
+    """What the reconstruction lacks, in sentences."""
+    if found.built is None:
+        return (f"There is no surface: {found.refusal}.",)
+    if found.built.centerline is None:
+        return (f"There is no centerline: {found.built.refusal}.",)
+    return ()

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from experiments import files
 from experiments.errors import InputError
+from experiments.outcome import InputData
 
 if TYPE_CHECKING:
     from registration.sweep import TrackedSweep
@@ -22,6 +25,16 @@ def require_exists(path: str, setting: str) -> Path:
     if not found.exists():
         raise InputError(f"{setting}: expected a file or folder, received {path!r}, where there is none")
     return found
+
+
+def input_data(path: Path) -> InputData:
+    """A file by its digest, or a folder by the names and digests of all files in it."""
+    if path.is_file():
+        return InputData(path.name, files.digest(path), str(path))
+    total = hashlib.sha256()
+    for file in sorted(found for found in path.rglob("*") if found.is_file()):
+        total.update(f"{file.relative_to(path).as_posix()} {files.digest(file)}\n".encode())
+    return InputData(path.name, total.hexdigest(), str(path))
 
 
 def interval_ms(times_s: np.ndarray) -> tuple[float, float]:

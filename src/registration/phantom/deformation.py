@@ -182,6 +182,22 @@ class SweepDeformation:
             shown_mm[chosen] = self.displaced(points_mm[chosen], int(frame))
         return shown_mm
 
+    def material(self, points_mm: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n 3"]:
+        """The material points (ct frame) that a reconstruction shows at ``points_mm``: the inverse of ``as_swept``.
+
+        A point belongs to the frame whose plane is nearest.
+        """
+        bed_mm = frames.apply(frames.invert_rigid(self.ct_T_bed), points_mm)
+        poses = np.stack([view.tissue_T_image for view in self.views])
+        away_mm = np.abs(bed_mm @ poses[:, :3, 2].T - np.einsum("fi,fi->f", poses[:, :3, 3], poses[:, :3, 2]))
+        nearest = away_mm.argmin(axis=1)
+        found_mm = np.empty_like(bed_mm)
+        for frame in np.unique(nearest):
+            chosen, view = nearest == frame, self.views[frame]
+            local_mm = frames.apply(frames.invert_rigid(view.tissue_T_image), bed_mm[chosen])
+            found_mm[chosen] = view.to_tissue(local_mm)
+        return frames.apply(self.ct_T_bed, found_mm)
+
     @cached_property
     def pressure_mm(self) -> Float64[np.ndarray, "n"]:
         """How deep the probe presses in each frame."""

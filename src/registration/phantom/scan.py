@@ -52,11 +52,12 @@ class SimulatedSweep:
     settings: PhantomSettings
 
 
-def simulate_sweep(settings: PhantomSettings, sweep: int) -> SimulatedSweep:
+def simulate_sweep(settings: PhantomSettings, sweep: int, pictures: bool = True) -> SimulatedSweep:
     """Simulate the sweep number ``sweep`` (0 and up) of a phantom.
 
     Sweeps of one phantom share its tissue, its place in the world, the probe's calibration, the bend and the CT; path,
-    pressure, contact and noise differ. The same settings and number give the same bytes.
+    pressure, contact and noise differ. The same settings and number give the same bytes. Without ``pictures`` all
+    images are black and nothing is hidden; masks, poses and truth are the same, within a hundredth of the time.
     """
     require_count("sweep", sweep, 0)
     maker = SweepSimulator(settings, sweep)
@@ -64,8 +65,12 @@ def simulate_sweep(settings: PhantomSettings, sweep: int) -> SimulatedSweep:
     ct_T_world, calibration, recorded = _setup(settings)
     world_T_bed = frames.invert_rigid(ct_T_world) @ ct_T_bed
     views = tuple(maker.view(frame) for frame in range(settings.motion.frames))
-    made = [maker.frame(frame, view) for frame, view in enumerate(views)]
-    images, masks, hidden = (np.stack(part) for part in zip(*made, strict=True))
+    if pictures:
+        made = [maker.frame(frame, view) for frame, view in enumerate(views)]
+        images, masks, hidden = (np.stack(part) for part in zip(*made, strict=True))
+    else:
+        masks = np.stack([maker.mask(view) for view in views])
+        images, hidden = np.zeros(masks.shape, dtype=np.uint8), np.zeros(masks.shape, dtype=bool)
     bed_T_probe = maker.path.at(maker.frame_times_s)
     return SimulatedSweep(
         sweep=_tracked(maker, images, world_T_bed, (calibration, recorded)),

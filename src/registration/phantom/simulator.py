@@ -103,11 +103,15 @@ class SweepSimulator:
         self, frame: int, view: View
     ) -> tuple[UInt8[np.ndarray, "h w"], Bool[np.ndarray, "h w"], Bool[np.ndarray, "h w"]]:
         """Picture, mask and hidden pixels of one frame."""
-        scanner, beams = self.settings.scanner, self.imager.beams
         noise = np.random.default_rng([*self.settings.entropy, 12, self.number, frame])
-        picture, hidden = self.imager(view, self.contact.loss_db(frame, beams), noise)
+        picture, hidden = self.imager(view, self.contact.loss_db(frame, self.imager.beams), noise)
+        return picture, self.mask(view), hidden
+
+    def mask(self, view: View) -> Bool[np.ndarray, "h w"]:
+        """The vessel as one frame shows it, without the picture, which takes far longer."""
+        scanner, beams = self.settings.scanner, self.imager.beams
         segments_mm = cut(view.pressed(self.bent_surface_mm), self.anatomy.surface.triangles)
         shown_mm = beams.displayed(segments_mm)
         corner_mm = np.array([axis[0, 0] for axis in beams.pixel_places_mm])
         mask = rasterise((shown_mm - corner_mm) / scanner.pixel_mm, scanner.height_px, scanner.width_px)
-        return picture, mask & beams.seen, hidden
+        return mask & beams.seen

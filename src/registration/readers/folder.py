@@ -83,6 +83,20 @@ def write_folder(path: Path, sweep: TrackedSweep) -> None:
         (stage / "sweep.yaml").write_text(text, encoding="utf-8")
 
 
+def frame_names(path: Path) -> tuple[str, ...] | None:
+    """The names, without suffix, of a sweep's frames in their order; None where the sweep is not a plain folder.
+
+    A folder that holds a sweep under the name ``sweep`` stands for that.
+    """
+    for folder in (path, path / "sweep"):
+        if (folder / "sweep.yaml").is_file():
+            table = folder / "frames.csv"
+            if table.exists():
+                return tuple(Path(row[0]).stem for row in _read_csv(table, FRAME_COLUMNS))
+            return tuple(file.stem for file in sorted((folder / "frames").glob("*.png")))
+    return None
+
+
 def _scaled(settings: dict[str, Any], scale: float) -> dict[str, Any]:
     """The settings with the end effector's lever brought to mm; pixels are always given in mm."""
     if scale == 1.0 or "ee_T_probe" not in settings:

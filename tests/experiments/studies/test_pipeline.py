@@ -15,13 +15,19 @@ from experiments.outcome import Silent
 from experiments.studies import pipeline
 from models.predictor import Predictor
 from registration import frames
+from registration.centerline import CenterlineExtractor
+from registration.cloud_filters import VoxelDownsampling
 from registration.contours import ContourExtractor
-from registration.geometry_io import read_surface
+from registration.errors import InputError as RegistrationInputError
+from registration.geometry import Mesh
+from registration.geometry_io import read_centerline, read_surface
 from registration.metrics import SurfaceDistance
 from registration.phantom.acoustics import Scanner
 from registration.phantom.conditions import Deformation, Motion
 from registration.phantom.settings import PhantomSettings
 from registration.rigid import MultiStartICP
+from registration.smoothing import TaubinSmoothing
+from registration.surface import PoissonSurface
 
 RIGID_PHANTOM = PhantomSettings(
     subset="artery",
@@ -55,8 +61,10 @@ def oracle(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 def run(workspace: Path, **changes: Any) -> Any:
     workspace.mkdir(exist_ok=True)
     settings: dict[str, Any] = {
-        "phantom": RIGID_PHANTOM, "contours": ContourExtractor(), "rigid": {"multistart": MultiStartICP()},
-        "model_path": "model.pt", "sweep_index": 3, "max_gap_s": 0.1, "voxel_mm": 0.5, "fixed_points": 5000,
+        "phantom": RIGID_PHANTOM, "contours": ContourExtractor(), "filters": {"voxel": VoxelDownsampling(0.5)},
+        "surface": PoissonSurface(cell_mm=0.9, bridge_mm=3.0), "smoothing": TaubinSmoothing(),
+        "centerline": CenterlineExtractor(), "rigid": {"multistart": MultiStartICP()},
+        "model_path": "model.pt", "sweep_index": 3, "max_gap_s": 0.1, "fixed_points": 5000,
         "inlier_mm": 1.0, "keep": 0.9, "seed": 0, "workspace": workspace, "progress": Silent(),
     }  # fmt: skip
     return pipeline.run(**{**settings, **changes})
@@ -100,8 +108,36 @@ def test_a_network_that_finds_nothing_is_refused(oracle: dict[str, Any], tmp_pat
         run(tmp_path)
 
 
-def test_the_cloud_is_thinned_to_one_point_a_voxel(oracle: dict[str, Any], tmp_path: Path) -> None:
-    fine, coarse = run(tmp_path / "a", voxel_mm=0.4), run(tmp_path / "b", voxel_mm=2.0)
+def test_surface_and_centerline_come_with_the_registration(oracle: dict[str, Any], tmp_path: Path) -> None:
+    outcome = run(tmp_path)
+    truth = oracle["truth"]
+    surface = read_surface(tmp_path / "surface.ply")
+    assert isinstance(surface, Mesh)
+    placed_mm = frames.apply(truth.ct_T_world, surface.vertices_mm)
+    assert SurfaceDistance(truth.anatomy)(placed_mm).mean() < 0.15
+    lines = read_centerline(tmp_path / "centerline.vtp").lines
+    known_mm = truth.centerline.even_points(500)
+    found_mm = frames.apply(truth.ct_T_world, np.concatenate([line.points_mm for line in lines]))
+    apart_mm = np.linalg.norm(found_mm[:, None] - known_mm[None], axis=2).min(axis=1)
+    assert np.median(apart_mm) < 0.4
+    stages = [f"{stage}_s" for stage in ("contours", "filters", "surface", "smoothing", "centerline")]
+    assert sum(outcome.metrics[stage] for stage in stages) <= outcome.metrics["reconstruction_s"]
+    assert not any("There is no" in finding for finding in outcome.findings)
+
+
+def test_points_without_a_surface_are_registered_all_the_same(oracle: dict[str, Any], tmp_path: Path) -> None:
+    def none(cloud: object) -> Mesh:
+        raise RegistrationInputError("cloud: expected points that a surface fits, received 12")
+
+    outcome = run(tmp_path, surface=none)
+    assert outcome.metrics["tre_mm"] < 0.5
+    assert np.isnan(outcome.metrics["surface_s"])
+    assert np.isnan(outcome.metrics["centerline_s"])
+    assert "There is no surface: cloud: expected points that a surface fits, received 12." in outcome.findings
+    assert not (tmp_path / "surface.ply").exists()
+
+
+def test_the_filters_thin_the_cloud(oracle: dict[str, Any], tmp_path: Path) -> None:
+    fine = run(tmp_path / "a", filters={"voxel": VoxelDownsampling(0.4)})
+    coarse = run(tmp_path / "b", filters={"voxel": VoxelDownsampling(1.5)})
     assert coarse.metrics["points"] < 0.4 * fine.metrics["points"]
-    with pytest.raises(InputError, match="voxel_mm: expected a positive number"):
-        run(tmp_path / "c", voxel_mm=0.0)

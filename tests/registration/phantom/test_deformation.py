@@ -112,3 +112,17 @@ def test_truth_takes_the_frame_that_passes_nearest() -> None:
     np.testing.assert_allclose(shown_mm, truth.displaced(in_plane_mm, 1))
     assert np.linalg.norm(shown_mm - in_plane_mm) == pytest.approx(2 * np.exp(-7 / 25), rel=1e-6)
     np.testing.assert_array_equal(truth.pressure_mm, [1.0, 2.0])
+
+
+def test_what_was_swept_goes_back_to_its_place_in_the_tissue() -> None:
+    poses = [POSE @ frames.translation((0.0, 0.0, 0.5 * index)) for index in range(21)]
+    ct_T_bed = frames.from_rotation(
+        Rotation.from_euler("xyz", (10, 20, 30), degrees=True), np.array([5.0, 0, 9])
+    )
+    field = bend()
+    deformation = SweepDeformation(tuple(View(pose, field, PRESS) for pose in poses), ct_T_bed)
+    local_mm = np.random.default_rng(0).uniform([-10, 5, -0.2], [10, 30, 0.2], (200, 3))
+    seen_mm = frames.apply(ct_T_bed @ poses[10], local_mm)
+    material_mm = deformation.material(seen_mm)
+    assert np.linalg.norm(material_mm - seen_mm, axis=1).mean() > 1.0
+    np.testing.assert_allclose(deformation.displaced(material_mm, 10), seen_mm, atol=5e-3)

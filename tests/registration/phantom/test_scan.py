@@ -174,3 +174,13 @@ def test_an_open_mesh_is_refused(real_data: Path) -> None:
     path = real_data / "vmtk" / "aorta-surface-open-ends.stl"
     with pytest.raises(InputError, match="closed surface"):
         simulate_sweep(replace(SMALL, subset="mesh", mesh=str(path)), 0)
+
+
+def test_without_pictures_everything_else_is_the_same(soft: SimulatedSweep) -> None:
+    quick = simulate_sweep(soft.settings, 1, pictures=False)
+    assert not quick.sweep.images.any()
+    assert soft.sweep.images.any()
+    np.testing.assert_array_equal(quick.masks, soft.masks)
+    np.testing.assert_array_equal(quick.sweep.world_T_ee, soft.sweep.world_T_ee)
+    np.testing.assert_array_equal(quick.world_A_pixel, soft.world_A_pixel)
+    np.testing.assert_array_equal(quick.deformation.pressure_mm, soft.deformation.pressure_mm)

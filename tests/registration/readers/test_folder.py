@@ -10,7 +10,7 @@ from PIL import Image
 from sweeps import assert_same_sweep, known_sweep
 
 from registration.errors import InputError
-from registration.readers.folder import FolderReader, write_folder
+from registration.readers.folder import FolderReader, frame_names, write_folder
 
 
 @pytest.fixture
@@ -189,3 +189,14 @@ def test_writing_does_not_touch_a_folder_with_content(folder: Path) -> None:
         write_folder(folder, known_sweep(frame_count=2))
     assert sorted(path.name for path in folder.iterdir()) == before
     assert len(list((folder / "frames").iterdir())) == 6
+
+
+def test_frames_have_names_in_a_plain_folder_only(tmp_path: Path, folder: Path) -> None:
+    assert frame_names(folder) == tuple(f"{index:06d}" for index in range(6))
+    assert frame_names(folder.parent) == frame_names(folder)
+    rows = (folder / "frames.csv").read_text().splitlines()
+    (folder / "frames.csv").write_text("\n".join([rows[0], *rows[:0:-1]]))
+    assert frame_names(folder) == tuple(f"{index:06d}" for index in reversed(range(6)))
+    (folder / "frames.csv").unlink()
+    assert frame_names(folder) == tuple(f"{index:06d}" for index in range(6))
+    assert frame_names(tmp_path / "a.igs.mha") is None

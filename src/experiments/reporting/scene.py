@@ -1,0 +1,152 @@
+"""An interactive page in three dimensions: one HTML file with everything in it, layers switched by the legend."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments import files
+from experiments.errors import InputError
+from experiments.reporting.scene_layers import (
+    COLOR_AXIS,
+    CloudLayer,
+    Layer,
+    LineLayer,
+    SurfaceLayer,
+)
+
+# What one page holds of each kind. With the script of plotly.js (5 MB) this stays under 8 MB.
+MOST = {"triangles": 80_000, "points": 35_000, "points of lines": 10_000}
+_COLORS = "Viridis"
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Layers in one frame, in mm, with a ``title`` and ``notes`` in plain sentences beside the picture.
+
+    ``values_name`` is what the colours of all layers with values stand for, ``values_range_mm`` where their scale
+    begins and ends (from the values themselves if None). ``space`` names the frame of the axes, as in ``ct (LPS)``.
+    Large surfaces and clouds are thinned for the page, the note under the picture says so.
+    """
+
+    layers: Sequence[Layer]
+    title: str
+    notes: Sequence[str] = ()
+    space: str = "ct (LPS)"
+    values_name: str = "distance_mm"
+    values_range_mm: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "layers", tuple(self.layers))
+        object.__setattr__(self, "notes", tuple(self.notes))
+        if not self.layers:
+            raise InputError("layers: expected at least one, received none")
+        names = [layer.name for layer in self.layers]
+        if len(set(names)) < len(names):
+            raise InputError(f"layers: expected names that differ, received {', '.join(names)}")
+        if self.values_range_mm is not None and not self.values_range_mm[0] < self.values_range_mm[1]:
+            raise InputError(
+                f"values_range_mm: expected a lower and a higher value, received {self.values_range_mm}"
+            )
+
+    def write(self, path: Path) -> None:
+        """Write the page, replacing what is there; its folder must exist."""
+        files.write_text(Path(path), self.html())
+
+    def html(self) -> str:
+        """The whole page as text."""
+        from plotly.offline import get_plotlyjs  # type: ignore[import-untyped]
+
+        traces = [layer.trace(self._most(layer)) for layer in self.layers]
+        content = {
+            "title": escape(self.title),
+            "space": escape(self.space),
+            "notes": "\n".join(f"<p>{escape(note)}</p>" for note in (*self.notes, *self._thinning())),
+            "data": _script_json({"data": traces, "layout": self._layout()}),
+            "plotly": get_plotlyjs(),
+        }
+        # In one go, so that nothing in a title or a note is taken for a place to fill.
+        return re.sub(r"@@(\w+)@@", lambda place: content[place[1]], _TEMPLATE)
+
+    def _most(self, layer: Layer) -> int:
+        """A layer's share of what the page may hold of its kind."""
+        allowed = MOST[layer.unit]
+        total = sum(other.size for other in self.layers if other.unit == layer.unit)
+        return layer.size if total <= allowed else max(layer.size * allowed // total, 1)
+
+    def _thinning(self) -> list[str]:
+        return [
+            f"{layer.name}: shown with about {most:,} of {layer.size:,} {layer.unit}; the files hold all of them."
+            for layer in self.layers
+            if (most := self._most(layer)) < layer.size
+        ]
+
+    def _layout(self) -> dict[str, Any]:
+        bounds_mm = np.stack([layer.bounds_mm() for layer in self.layers])
+        low_mm, high_mm = bounds_mm[:, 0].min(axis=0), bounds_mm[:, 1].max(axis=0)
+        margin_mm = 0.03 * float((high_mm - low_mm).max()) + 1e-6
+        axes = {
+            f"{axis}axis": {
+                "title": {"text": f"{axis}_mm"},
+                "range": [float(low_mm[at] - margin_mm), float(high_mm[at] + margin_mm)],
+                "backgroundcolor": "#f7f7f7",
+                "showbackground": True,
+                "gridcolor": "#d0d0d0",
+                "zeroline": False,
+            }
+            for at, axis in enumerate("xyz")
+        }
+        layout: dict[str, Any] = {
+            # The same length for a millimetre on every axis; layers that are switched off leave the view as it is.
+            "scene": {"aspectmode": "data", **axes, "camera": {"eye": {"x": 1.7, "y": -1.9, "z": 0.8}}},
+            "margin": {"l": 0, "r": 0, "t": 0, "b": 0},
+            "legend": {"x": 0.01, "y": 0.99, "bgcolor": "rgba(255,255,255,0.8)", "itemsizing": "constant"},
+            "paper_bgcolor": "#ffffff",
+            "font": {"color": "#222222", "size": 13},
+            "uirevision": "kept",
+        }
+        if any(layer.has_values for layer in self.layers):
+            scale: dict[str, Any] = {
+                "colorscale": _COLORS,
+                "colorbar": {"title": {"text": self.values_name}, "len": 0.7},
+            }
+            if self.values_range_mm is not None:
+                scale |= {"cmin": self.values_range_mm[0], "cmax": self.values_range_mm[1]}
+            layout[COLOR_AXIS] = scale
+        return layout
+
+
+def _script_json(value: Any) -> str:
+    """JSON that can stand inside a script element whatever text it holds."""
+    return json.dumps(value, allow_nan=False).replace("</", "<\\/")
+
+
+__all__ = ["CloudLayer", "Layer", "LineLayer", "Scene", "SurfaceLayer"]
+
+_TEMPLATE = """<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
+<title>@@title@@</title>
+<style>
+html, body { height: 100%; } body { display: flex; flex-direction: column; margin: 0; background: #fff; color: #222;
+  font-family: system-ui, sans-serif; }
+h1 { font-size: 1.2rem; margin: .7rem 1rem .2rem; } #scene { flex: 1; min-height: 420px; }
+#notes { margin: 0 1rem .6rem; font-size: .85rem; } #notes p { margin: .15rem 0; }
+</style></head><body>
+<h1>@@title@@</h1>
+<div id="scene"></div>
+<div id="notes">@@notes@@<p>Axes: @@space@@, in mm. Drag to turn, scroll to zoom; a click in the legend switches a
+layer, a double click leaves it alone.</p></div>
+<script>@@plotly@@</script>
+<script type="application/json" id="content">@@data@@</script>
+<script>
+const content = JSON.parse(document.getElementById("content").textContent);
+Plotly.newPlot("scene", content.data, content.layout, {responsive: true, displaylogo: false});
+</script></body></html>
+"""

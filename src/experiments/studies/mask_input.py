@@ -1,0 +1,125 @@
+"""Masks of a tracked sweep from a user's files: one for each frame, binary or as probabilities."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from experiments.datasets.reading import image_files, read_grey
+from experiments.errors import InputError
+from registration.readers.folder import frame_names
+
+if TYPE_CHECKING:
+    from registration.sweep import TrackedSweep
+
+FULL = 255
+# From half of 255 on a grey value of a probability is vessel; files whose values stay far below hold labels.
+HALF = 128
+
+
+def read_masks(path: Path, sweep_path: Path, sweep: TrackedSweep) -> np.ndarray:
+    """The masks of all frames of a sweep (n, height, width): bool, or float32 probabilities between 0 and 1.
+
+    ``path`` is a folder with an image of 8 bits or a .npy array for each frame, or one .npy file of all. The frames of
+    a plain folder have names: their masks have the same ones, or the same numbers in them. Frames of other files are
+    in order: masks follow in the order of their names, numbers compared as numbers. Grey values of 0 and 1, or 0 and
+    255, are masks; others are probabilities in parts of 255. Raises InputError for a count, name, size or value that
+    does not fit, and for masks without any vessel.
+    """
+    if path.is_file():
+        stack = _array(path)
+        if stack.shape != sweep.images.shape:
+            raise InputError(
+                f"masks: expected an array of shape {sweep.images.shape} as the frames in {path}, "
+                f"received {stack.shape}"
+            )
+    elif path.is_dir():
+        stack = _read_folder(path, sweep_path, sweep)
+    else:
+        raise InputError(f"masks: expected a folder of masks or a .npy file, received {str(path)!r}")
+    values = _values(stack, path)
+    if not (values >= 0.5).any():
+        raise InputError(f"masks: expected masks with a vessel, received {len(values)} empty ones in {path}")
+    return values
+
+
+def _read_folder(path: Path, sweep_path: Path, sweep: TrackedSweep) -> np.ndarray:
+    arrays = {file.stem: file for file in path.glob("*.npy")}
+    files = arrays or image_files(path)
+    if len(files) != len(sweep.images):
+        lost = sum(sweep.dropped.values())
+        hint = f" ({lost} more were dropped on reading)" if lost else ""
+        raise InputError(
+            f"masks: expected one for each of {len(sweep.images)} frames{hint}, received {len(files)} in {path}"
+        )
+    height, width = sweep.images.shape[1:]
+    stack = []
+    for name in _in_order_of(files, frame_names(sweep_path), path):
+        values = _array(files[name]) if arrays else read_grey(files[name])
+        if values.shape != (height, width):
+            size = "x".join(str(side) for side in values.shape[::-1])
+            raise InputError(
+                f"{files[name]}: expected a mask of its frame's {width}x{height}, received {size}"
+            )
+        stack.append(values)
+    return np.stack(stack)
+
+
+def _in_order_of(files: dict[str, Path], frames: tuple[str, ...] | None, path: Path) -> list[str]:
+    """The masks' names in the order of the frames, whose names are None where they have none."""
+    if frames is None:
+        return sorted(files, key=_natural)
+    if set(frames) == set(files):
+        return list(frames)
+    numbered = {_number(name): name for name in files}
+    missing = next((name for name in frames if _number(name) not in numbered), None)
+    if missing is not None or None in numbered or len(numbered) < len(files):
+        raise InputError(
+            f"masks: expected one of the same name or number as frame {missing or frames[0]} in {path}, received none"
+        )
+    return [numbered[_number(name)] for name in frames]
+
+
+def _number(name: str) -> int | None:
+    """The last number in a name."""
+    found = re.findall(r"\d+", name)
+    return int(found[-1]) if found else None
+
+
+def _natural(name: str) -> list[tuple[int, int | str]]:
+    # frame_10 comes after frame_2: numbers are compared as numbers, and stand before letters.
+    return [(0, int(part)) if part.isdigit() else (1, part) for part in re.split(r"(\d+)", name)]
+
+
+def _array(path: Path) -> np.ndarray:
+    try:
+        values: np.ndarray = np.load(path, allow_pickle=False)
+    except (OSError, ValueError, EOFError) as refusal:
+        raise InputError(f"{path}: expected a .npy file of numbers, received {refusal}") from refusal
+    if values.dtype != np.bool_ and values.dtype != np.uint8 and values.dtype.kind != "f":
+        raise InputError(f"{path}: expected bool, uint8 or float values, received {values.dtype}")
+    return values
+
+
+def _values(stack: np.ndarray, path: Path) -> np.ndarray:
+    """Grey values or floats as masks or probabilities."""
+    if stack.dtype == np.bool_:
+        return stack
+    if stack.dtype == np.uint8:
+        found = np.flatnonzero(np.bincount(stack.ravel(), minlength=FULL + 1))
+        if set(found) <= {0, 1} or set(found) <= {0, FULL}:
+            return stack > 0
+        if found[-1] < HALF:
+            raise InputError(
+                f"masks: expected values 0 and 1, 0 and 255, or probabilities up to 255 in {path}, "
+                f"received labels up to {found[-1]}"
+            )
+        return stack.astype(np.float32) / FULL
+    if not (np.isfinite(stack).all() and stack.min() >= 0 and stack.max() <= 1):
+        raise InputError(f"masks: expected probabilities from 0 to 1 in {path}, received others")
+    # Without a value in between there is no contour below a pixel to be found, and a mask is what it is.
+    binary = bool(((stack == 0) | (stack == 1)).all())
+    return stack > 0 if binary else stack.astype(np.float32)

@@ -1,0 +1,129 @@
+"""Study ``reconstruct``: a tracked sweep and its masks become the vessel's surface and centerline."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments import files
+from experiments.errors import InputError
+from experiments.outcome import InputData, Outcome, Progress
+from experiments.studies.mask_input import read_masks
+from experiments.studies.reconstruct_report import cases, metrics, record, remarks, scene, table
+from experiments.studies.reconstruction import CloudFilter, Reconstruction
+from experiments.studies.sweep_input import SweepReader, describe_dropped, input_data, require_exists
+from registration.centerline import CenterlineExtractor
+from registration.centerline_io import write_centerline
+from registration.cloud_io import write_cloud
+from registration.contours import ContourExtractor
+from registration.model_files import write_model
+from registration.smoothing import TaubinSmoothing
+from registration.surface import SurfaceMethod
+from registration.synchronisation import synchronise
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from experiments.studies.reconstruction import Reconstructed
+    from registration.sweep import TrackedSweep
+
+WHERE = "The files are in mm in the sweep's world frame; open scene.html in a browser to look at them."
+
+
+def check(*, sweep: str, masks: str | None, model_path: str | None) -> None:
+    """Raise InputError for files that are not there, and unless either masks or a network is given."""
+    require_exists(sweep, "sweep")
+    if (masks is None) == (model_path is None):
+        received = "neither" if masks is None else "both"
+        raise InputError(f"masks and model_path: expected one of them, received {received}")
+    if masks is not None:
+        require_exists(masks, "masks")
+    elif not Path(str(model_path)).is_file():
+        raise InputError(
+            f"model_path: expected a network trained by study=segmentation (model.pt), received {model_path!r}"
+        )
+
+
+def run(
+    *,
+    sweep: str,
+    acquisition: SweepReader,
+    masks: str | None,
+    model_path: str | None,
+    contours: ContourExtractor,
+    filters: Mapping[str, CloudFilter],
+    surface: SurfaceMethod,
+    smoothing: TaubinSmoothing,
+    centerline: CenterlineExtractor,
+    max_gap_s: float,
+    offset_s: float,
+    near_mm: float,
+    workspace: Path,
+    progress: Progress,
+) -> Outcome:
+    """Reconstruct the vessel in the sweep's world frame, in mm.
+
+    Leaves ``cloud.ply``, ``surface.ply``, ``surface.stl``, ``centerline.vtp``, ``centerline.csv``,
+    ``centerline.mrk.json``, ``reconstruction.json`` and ``scene.html`` in ``workspace``. Frames without a pose are
+    dropped and counted. Raises InputError for masks that do not fit the frames or show no vessel.
+    """
+    check(sweep=sweep, masks=masks, model_path=model_path)
+    chain = Reconstruction(contours, filters, surface, smoothing, centerline)
+    path = require_exists(sweep, "sweep")
+    progress.note(f"reading {path}")
+    recorded = acquisition(path)
+    posed = synchronise(recorded, max_gap_s, offset_s)
+    if not len(posed.kept):
+        raise InputError(
+            f"sweep: expected frames with a pose in {path}, received none; dropped: {describe_dropped(posed.dropped)}"
+        )
+    values, source = _masks(masks, model_path, path, recorded, progress)
+    found = chain(values[posed.kept], posed.world_A_pixel, progress.note)
+    _write(workspace, found)
+    told = record(found, posed, recorded, near_mm) | {"sweep": str(path), "masks": source.source}
+    text = json.dumps(told, indent=2, allow_nan=False)
+    files.write_text(workspace / "reconstruction.json", text + "\n")
+    scene(found, told, path.name).write(workspace / "scene.html")
+    return _outcome(found, told, cases(found, posed, recorded), (input_data(path), source))
+
+
+def _masks(
+    masks: str | None, model_path: str | None, sweep_path: Path, sweep: TrackedSweep, progress: Progress
+) -> tuple[np.ndarray, InputData]:
+    """Masks or probabilities of all frames, and where they are from."""
+    if masks is not None:
+        progress.note(f"reading masks of {len(sweep.images)} frames")
+        path = require_exists(masks, "masks")
+        return read_masks(path, sweep_path, sweep), input_data(path)
+    from models.predictor import Predictor
+
+    progress.note(f"segmenting {len(sweep.images)} frames")
+    return Predictor.load(str(model_path)).probability(sweep.images), input_data(Path(str(model_path)))
+
+
+def _write(workspace: Path, found: Reconstructed) -> None:
+    write_cloud(workspace / "cloud.ply", found.cloud)
+    for suffix in ("ply", "stl"):
+        write_model(workspace / f"surface.{suffix}", found.surface)
+    if found.centerline is not None:
+        for suffix in ("vtp", "csv", "mrk.json"):
+            write_centerline(workspace / f"centerline.{suffix}", found.centerline)
+
+
+def _outcome(
+    found: Reconstructed,
+    told: Mapping[str, Any],
+    table_of_frames: pd.DataFrame,
+    inputs: tuple[InputData, ...],
+) -> Outcome:
+    return Outcome(
+        metrics=metrics(told),
+        cases=table_of_frames,
+        tables={"reconstruction": table(told)},
+        findings=(*remarks(found, told), WHERE),
+        inputs=inputs,
+    )

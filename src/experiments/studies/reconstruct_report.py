@@ -1,0 +1,199 @@
+"""What is said of a reconstructed sweep: its record, tables, metrics, sentences and page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.reporting.scene import CloudLayer, Layer, LineLayer, Scene, SurfaceLayer
+from experiments.studies.sweep_input import describe_dropped
+from registration.mesh_quality import mesh_quality
+from registration.metrics import SurfaceDistance
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from experiments.studies.reconstruction import Reconstructed
+    from registration.sweep import PosedFrames, TrackedSweep
+
+# Places on the surface that are asked for a measured point nearby, always the same ones.
+SAMPLES = 20_000
+# A surface that fewer points are near has left a part of what was seen out.
+MOST_POINTS_NEAR = 0.95
+
+
+def record(found: Reconstructed, posed: PosedFrames, sweep: TrackedSweep, near_mm: float) -> dict[str, Any]:
+    """What goes into ``reconstruction.json``: counts, coverage, seconds by stage, quality."""
+    contours = found.contours
+    return {
+        "units": {"length": "mm", "time": "s"},
+        "space": "world of the sweep, written as LPS",
+        "frames": {
+            "recorded": len(sweep.images) + sum(sweep.dropped.values()),
+            "with_pose": len(posed.kept),
+            "dropped": dict(posed.dropped),
+            "with_vessel": len(np.unique(contours.frame_index)),
+        },
+        "contours": {
+            "contours": len(np.unique(contours.contour_index)),
+            "open_contours": len(np.unique(contours.contour_index[contours.is_open])),
+            "points": len(contours),
+        },
+        "removed_points": dict(found.removed),
+        "points": len(found.cloud),
+        "coverage": _coverage(found, near_mm),
+        "quality": asdict(mesh_quality(found.surface)),
+        "smoothing": {
+            "volume_change": found.smoothed.volume_change,
+            "moved_max_mm": found.smoothed.moved_max_mm,
+        },
+        "centerline": _centerline(found),
+        "seconds": {**found.seconds, "total": sum(found.seconds.values())},
+    }
+
+
+def _coverage(found: Reconstructed, near_mm: float) -> dict[str, float]:
+    """How much of the sweep shows the vessel, how wide its gaps are, and how much of the surface was measured."""
+    steps_mm = _steps_mm(found)
+    samples_mm = found.surface.sample(SAMPLES, np.random.default_rng(0))
+    apart_mm = SurfaceDistance(found.cloud.points_mm)(samples_mm)
+    fit_mm = SurfaceDistance(found.surface)(found.cloud.points_mm)
+    shown = len(np.unique(found.contours.frame_index))
+    return {
+        "frames_share": shown / len(found.contours.world_A_pixel),
+        "frame_step_mm_median": float(np.median(steps_mm)) if len(steps_mm) else 0.0,
+        "frame_step_mm_max": float(steps_mm.max(initial=0.0)),
+        "near_mm": near_mm,
+        "surface_near_points": float((apart_mm <= near_mm).mean()),
+        "points_near_surface": float((fit_mm <= near_mm).mean()),
+        "points_to_surface_mm_median": float(np.median(fit_mm)),
+        "points_to_surface_mm_p95": float(np.percentile(fit_mm, 95)),
+    }
+
+
+def _steps_mm(found: Reconstructed) -> np.ndarray:
+    """From each frame with the vessel to the next, along the picture's normal: the vessel's own way is no gap."""
+    contours = found.contours
+    shown = np.unique(contours.frame_index)
+    middle_mm = np.stack([contours.points_mm[contours.frame_index == frame].mean(axis=0) for frame in shown])
+    axes = contours.world_A_pixel[shown, :3, :2]
+    facing = np.cross(axes[..., 0], axes[..., 1])
+    facing /= np.linalg.norm(facing, axis=1, keepdims=True)
+    return np.abs(np.einsum("fi,fi->f", np.diff(middle_mm, axis=0), facing[1:]))
+
+
+def _centerline(found: Reconstructed) -> dict[str, Any]:
+    if found.centerline is None:
+        return {"refused": found.refusal}
+    radius_mm = np.concatenate([line.radius_mm for line in found.centerline.lines])
+    return {
+        "lines": len(found.centerline.lines),
+        "lengths_mm": [line.length_mm for line in found.centerline.lines],
+        "radius_min_mm": float(radius_mm.min()),
+        "radius_median_mm": float(np.median(radius_mm)),
+        "radius_max_mm": float(radius_mm.max()),
+    }
+
+
+def cases(found: Reconstructed, posed: PosedFrames, sweep: TrackedSweep) -> pd.DataFrame:
+    """A row a frame with a pose: its contours and points, before and after the filters."""
+    import pandas as pd
+
+    count = len(posed.kept)
+    first = np.unique(found.contours.contour_index, return_index=True)[1]
+    return pd.DataFrame(
+        {
+            "frame": posed.kept,
+            "time_s": sweep.image_times_s[posed.kept],
+            "contours": np.bincount(found.contours.frame_index[first], minlength=count),
+            "points": np.bincount(found.contours.frame_index, minlength=count),
+            "points_left": np.bincount(found.cloud.frame_index, minlength=count),
+        }
+    )
+
+
+def metrics(told: Mapping[str, Any]) -> dict[str, float]:
+    """Scalars for the tracker; those of a centerline that there is none of are NaN."""
+    frames, line, quality = told["frames"], told["centerline"], told["quality"]
+    refused = "refused" in line
+    return {
+        "frames_with_pose": float(frames["with_pose"]),
+        "frames_with_vessel": float(frames["with_vessel"]),
+        "frames_dropped": float(sum(frames["dropped"].values())),
+        "points": float(told["points"]),
+        **{f"removed_{name}": float(count) for name, count in told["removed_points"].items()},
+        **{
+            name: float(told["coverage"][name])
+            for name in ("frames_share", "surface_near_points", "points_near_surface")
+        },
+        **{name: float(quality[name]) for name in ("triangles", "open_ends", "holes", "volume_mm3")},
+        **{name: float(quality[name]) for name in ("watertight", "manifold", "oriented")},
+        "volume_change": told["smoothing"]["volume_change"],
+        "centerline_lines": float("nan") if refused else float(line["lines"]),
+        "centerline_length_mm": float("nan") if refused else float(sum(line["lengths_mm"])),
+        **{f"{stage}_s": seconds for stage, seconds in told["seconds"].items()},
+    }
+
+
+def table(told: Mapping[str, Any]) -> pd.DataFrame:
+    """The reconstruction in a few lines."""
+    import pandas as pd
+
+    frames, contours, quality, line = (told[key] for key in ("frames", "contours", "quality", "centerline"))
+    removed = ", ".join(f"{count} by {name}" for name, count in told["removed_points"].items()) or "none"
+    volume = (
+        f"{quality['volume_mm3']:.1f} mm3, changed by {told['smoothing']['volume_change']:+.2%} in smoothing"
+    )
+    ends = f"{quality['open_ends']} open ends, {quality['holes']} holes"
+    lines = [
+        ("frames", f"{frames['with_vessel']} with the vessel of {frames['with_pose']} with a pose"),
+        ("frames dropped", describe_dropped(frames["dropped"])),
+        (
+            "contours",
+            f"{contours['contours']}, {contours['open_contours']} of them cut by the picture's edge",
+        ),
+        ("points", f"{told['points']} of {contours['points']}; left out: {removed}"),
+        ("surface", f"{quality['triangles']} triangles, {ends}"),
+        ("volume", volume),
+    ]
+    if "refused" not in line:
+        lengths = ", ".join(f"{length:.1f}" for length in line["lengths_mm"])
+        lines.append(("centerline", f"{line['lines']} lines of {lengths} mm"))
+    seconds = ", ".join(f"{stage} {value:.2f} s" for stage, value in told["seconds"].items())
+    return pd.DataFrame([*lines, ("time", seconds)], columns=["what", "value"])
+
+
+def remarks(found: Reconstructed, told: Mapping[str, Any]) -> tuple[str, ...]:
+    """What a user has to know of the reconstruction, in sentences."""
+    frames, quality, coverage = (told[key] for key in ("frames", "quality", "coverage"))
+    said = [
+        f"{frames['with_vessel']} of {frames['with_pose']} frames with a pose show the vessel; the surface has "
+        f"{quality['triangles']} triangles and a measured point within {coverage['near_mm']:g} mm on "
+        f"{coverage['surface_near_points']:.1%} of its area."
+    ]
+    if coverage["points_near_surface"] < MOST_POINTS_NEAR:
+        said.append(
+            f"{1 - coverage['points_near_surface']:.1%} of the points lie farther than {coverage['near_mm']:g} mm from "
+            f"the surface: they belong to other pieces, of which only the largest was kept, or to none."
+        )
+    if quality["holes"]:
+        said.append(f"The surface has {quality['holes']} holes in its wall.")
+    if not (quality["manifold"] and quality["oriented"]):
+        said.append("The surface crosses or doubles itself: what lies inside is not certain everywhere.")
+    if found.centerline is None:
+        said.append(f"There is no centerline: {found.refusal}.")
+    return tuple(said)
+
+
+def scene(found: Reconstructed, told: Mapping[str, Any], name: str) -> Scene:
+    """The page: cloud, surface and centerline in the sweep's world frame."""
+    layers: list[Layer] = [
+        SurfaceLayer("surface", found.surface),
+        CloudLayer("points", found.cloud.points_mm, shown=False),
+    ]
+    if found.centerline is not None:
+        layers.append(LineLayer.of("centerline", found.centerline))
+    return Scene(layers, f"Reconstruction of {name}", remarks(found, told), space="world")

@@ -1,0 +1,146 @@
+"""The chain from tracked masks to a vessel's surface and centerline, as the studies share it, each stage timed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from experiments.errors import InputError
+from registration.contours import ContourCloud, ContourExtractor
+from registration.errors import InputError as RegistrationInputError
+from registration.smoothing import Smoothed, TaubinSmoothing
+from registration.surface import SurfaceMethod
+
+if TYPE_CHECKING:
+    from registration.centerline import CenterlineExtractor
+    from registration.cloud_filters import Filtered
+    from registration.geometry import Centerline, Mesh
+
+STAGES = ("contours", "filters", "surface", "smoothing", "centerline")
+
+
+def _silent(text: str) -> None:
+    del text
+
+
+class CloudFilter(Protocol):
+    """What every filter is: a call from a cloud to what is left of it and what is not."""
+
+    def __call__(self, cloud: ContourCloud) -> Filtered[ContourCloud]:
+        """Leave points out."""
+        ...
+
+
+@dataclass(frozen=True)
+class Gathered:
+    """The points of a sweep's masks, in the world, and how long each stage took.
+
+    ``contours`` are all points found, ``cloud`` those that the filters left; ``removed`` counts the others by filter.
+    ``seconds`` has an entry a stage.
+    """
+
+    contours: ContourCloud
+    cloud: ContourCloud
+    removed: Mapping[str, int]
+    seconds: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Reconstructed(Gathered):
+    """What was gathered, and the surface and centerline made of it.
+
+    ``rough`` is the surface as reconstructed and ``smoothed`` the one after. ``centerline`` is None where none was
+    asked for, or where the surface has none: ``refusal`` says why.
+    """
+
+    rough: Mesh
+    smoothed: Smoothed
+    centerline: Centerline | None
+    refusal: str
+
+    @property
+    def surface(self) -> Mesh:
+        """The surface, smoothed."""
+        return self.smoothed.mesh
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """Masks to contours to a filtered cloud to a smoothed surface to its centerline.
+
+    ``filters`` are applied in their order. Without ``centerline`` the chain ends with the surface.
+    """
+
+    contours: ContourExtractor
+    filters: Mapping[str, CloudFilter]
+    surface: SurfaceMethod
+    smoothing: TaubinSmoothing
+    centerline: CenterlineExtractor | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.filters, Mapping) or not all(callable(one) for one in self.filters.values()):
+            raise InputError(f"filters: expected filters by name, received {self.filters!r}")
+
+    def __call__(
+        self, masks: np.ndarray, world_A_pixel: np.ndarray, note: Callable[[str], None] = _silent
+    ) -> Reconstructed:
+        """Reconstruct from masks (k, height, width), bool or probabilities, and their transforms (k, 4, 4).
+
+        ``note`` is told what begins. Raises InputError where no mask shows a vessel, and what the stages refuse.
+        """
+        return self.build(self.gather(masks, world_A_pixel, note), note)
+
+    def gather(
+        self, masks: np.ndarray, world_A_pixel: np.ndarray, note: Callable[[str], None] = _silent
+    ) -> Gathered:
+        """The first half: the filtered cloud of all contours."""
+        seconds: dict[str, float] = {}
+        note(f"contours of {len(masks)} masks")
+        with timed(seconds, "contours"):
+            contours = self.contours(masks, world_A_pixel)
+        if not len(contours):
+            raise InputError(f"masks: expected a vessel in some of them, received {len(masks)} without any")
+        cloud, removed = contours, {}
+        with timed(seconds, "filters"):
+            for name, leave_out in self.filters.items():
+                left = leave_out(cloud)
+                cloud, removed[name] = left.cloud, len(left.removed)
+        return Gathered(contours, cloud, removed, seconds)
+
+    def build(self, gathered: Gathered, note: Callable[[str], None] = _silent) -> Reconstructed:
+        """The second half: surface and centerline of a cloud."""
+        seconds = dict(gathered.seconds)
+        note(f"surface through {len(gathered.cloud)} points")
+        with timed(seconds, "surface"):
+            rough = self.surface(gathered.cloud)
+        with timed(seconds, "smoothing"):
+            smoothed = self.smoothing(rough)
+        centerline, refusal = None, "none was asked for"
+        if self.centerline is not None:
+            note(f"centerline of {len(smoothed.mesh.triangles)} triangles")
+            with timed(seconds, "centerline"):
+                centerline, refusal = _centerline(self.centerline, smoothed.mesh)
+        return Reconstructed(
+            gathered.contours, gathered.cloud, gathered.removed, seconds, rough, smoothed, centerline, refusal
+        )
+
+
+def _centerline(extract: CenterlineExtractor, surface: Mesh) -> tuple[Centerline | None, str]:
+    """The centerline, or none and why: a surface is of use without one."""
+    try:
+        return extract(surface), ""
+    except RegistrationInputError as refusal:
+        return None, str(refusal)
+
+
+@contextmanager
+def timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
+    """Put the seconds that the block takes into ``seconds`` under the name of the stage."""
+    begin_s = time.perf_counter()
+    yield
+    seconds[stage] = time.perf_counter() - begin_s

@@ -1,0 +1,125 @@
+"""A model of a vessel from a file of any kind, label map or mesh, as one surface in mm in LPS."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from registration.errors import InputError
+from registration.file_checks import require_file
+from registration.geometry import Mesh
+from registration.geometry_io import read_surface
+from registration.label_files import READERS, volume_suffix
+from registration.label_maps import SPACES, LabelMap, read_label_map
+from registration.label_surface import LabelSurface
+from registration.mesh_repair import Repaired, repair
+from registration.model_files import lps_from, stated_space
+from registration.model_units import MM_PER_UNIT, to_millimetres
+from registration.vessel_mask import VesselMask, vessel_mask
+
+MESHES = (".stl", ".ply", ".obj", ".vtp")
+
+
+@dataclass(frozen=True)
+class ModelInput:
+    """The surface of a vessel in mm in LPS, and where it came from.
+
+    ``units`` (mm, cm or m) is what the file's numbers were taken for, ``space`` the axes it has: lps or ras, or
+    ``header`` for a volume that says so itself. A label map leaves its ``mask``, its ``label_name`` and how far
+    from the surface its voxels lie at most (``lost_mm``), a mesh what was ``repaired``.
+    """
+
+    mesh: Mesh
+    units: str
+    space: str
+    mask: VesselMask | None = None
+    label_name: str = ""
+    lost_mm: float = 0.0
+    repaired: Repaired | None = None
+
+
+def read_model(
+    path: Path,
+    surface: LabelSurface,
+    label: int | None = None,
+    space: str | None = None,
+    units: str | None = None,
+) -> ModelInput:
+    """Read a label map or a mesh; ``surface`` makes the surface of a label.
+
+    ``label`` chooses among several labels, ``space`` (lps or ras) is needed where the file does not state its axes,
+    ``units`` (mm, cm or m) overrides the check of the vessel's size. Raises InputError for what cannot be read, for
+    a missing choice, and for a model that is no vessel's size.
+    """
+    path = check_model(path, label, space, units)
+    if volume_suffix(path):
+        return _from_labels(path, surface, label, space, units)
+    return _from_mesh(path, space, units)
+
+
+def check_model(path: Path, label: int | None, space: str | None, units: str | None) -> Path:
+    """Return the path, or raise InputError for what is wrong without reading all of the file."""
+    path = require_file(Path(path))
+    if space is not None and space not in SPACES:
+        raise InputError(f"space: expected lps or ras, received {space!r}")
+    if units is not None and units not in MM_PER_UNIT:
+        raise InputError(f"units: expected one of {', '.join(MM_PER_UNIT)}, received {units!r}")
+    if volume_suffix(path):
+        return path
+    if path.suffix.lower() not in MESHES:
+        known = ", ".join((*READERS, *MESHES))
+        raise InputError(f"{path}: expected one of {known}, received {path.suffix or 'no suffix'}")
+    if label is not None:
+        raise InputError(f"label: expected none, because {path} is a mesh, received {label}")
+    return path
+
+
+def _from_labels(
+    path: Path, surface: LabelSurface, label: int | None, space: str | None, units: str | None
+) -> ModelInput:
+    found = _scaled(read_label_map(path, space), MM_PER_UNIT[units or "mm"])
+    try:
+        mask = vessel_mask(found, label)
+        smooth = surface(mask)
+    except InputError as refusal:
+        raise InputError(f"{path}: {refusal}") from refusal
+    if units is None:
+        to_millimetres(smooth.mesh, None, str(path))
+    name = found.names.get(mask.label, "")
+    return ModelInput(
+        smooth.mesh,
+        units or "mm",
+        space or "header",
+        mask=mask,
+        label_name=name,
+        lost_mm=smooth.lost_mm,
+    )
+
+
+def _from_mesh(path: Path, space: str | None, units: str | None) -> ModelInput:
+    raw = read_surface(path)
+    if not isinstance(raw, Mesh):
+        raise InputError(f"{path}: expected a mesh with triangles, received {len(raw)} points alone")
+    stated = stated_space(path)
+    if stated is None and space is None:
+        raise InputError(
+            f"space: expected lps or ras, because {path} does not say how its axes lie in the patient, received none"
+        )
+    if stated is not None and space not in (None, stated):
+        raise InputError(f"space: expected {stated}, as the header of {path} says, received {space}")
+    used = stated or str(space)
+    try:
+        repaired = repair(raw)
+    except InputError as refusal:
+        raise InputError(f"{path}: {refusal}") from refusal
+    whole = to_millimetres(repaired.mesh, units, str(path))
+    mesh = Mesh(lps_from(whole.vertices_mm, used), whole.triangles)
+    return ModelInput(mesh, units or "mm", used, repaired=replace(repaired, mesh=mesh))
+
+
+def _scaled(found: LabelMap, scale: float) -> LabelMap:
+    names: Mapping[int, str] = found.names
+    return LabelMap(found.labels, np.diag([scale, scale, scale, 1.0]) @ found.ct_A_voxel, names)

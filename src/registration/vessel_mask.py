@@ -1,0 +1,106 @@
+"""One vessel out of a label map: its voxels, where they lie, and where the scan cut it off."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float64
+
+from registration import frames
+from registration.errors import InputError
+from registration.label_maps import LabelMap
+
+# Segmentations of the whole body have a hundred labels or two, a CT itself has thousands of values.
+MOST_LABELS = 300
+LISTED_LABELS = 20
+
+
+@dataclass(frozen=True)
+class VesselMask:
+    """The voxels of one vessel: its largest piece, cavities filled, cropped to the box around it.
+
+    ``inside`` (i, j, k) with the map ``ct_A_voxel`` of its own indices to mm in LPS. ``cut`` (3, 2) says for the low
+    and the high side of each axis whether the vessel reaches the border of the volume there: it was cut off by the
+    scan, and goes on. ``pieces_dropped`` and ``voxels_dropped`` count what was not in the largest piece,
+    ``voxels_filled`` those in cavities.
+    """
+
+    inside: Bool[np.ndarray, "i j k"]
+    ct_A_voxel: Float64[np.ndarray, "4 4"]
+    cut: Bool[np.ndarray, "3 2"]
+    label: int
+    pieces_dropped: int
+    voxels_dropped: int
+    voxels_filled: int
+
+    @property
+    def spacing_mm(self) -> Float64[np.ndarray, "3"]:
+        """The distance of neighbouring voxels along i, j and k."""
+        return np.asarray(np.linalg.norm(self.ct_A_voxel[:3, :3], axis=0))
+
+    @property
+    def volume_mm3(self) -> float:
+        """The volume of all voxels together."""
+        return float(self.inside.sum() * np.prod(self.spacing_mm))
+
+
+def vessel_mask(label_map: LabelMap, label: int | None = None) -> VesselMask:
+    """The vessel with that ``label``; it may be left out where there is only one.
+
+    The largest piece is by voxels that touch at least at a corner; cavities are what it encloses on all sides. Raises
+    InputError for an empty map, for a label that is not there, and for a choice that was not made.
+    """
+    from scipy.ndimage import binary_fill_holes
+    from scipy.ndimage import label as label_pieces
+
+    chosen = _choose(label_map, label)
+    there = label_map.labels == chosen
+    box = _box(there)
+    pieces, count = label_pieces(there[box], structure=np.ones((3, 3, 3)))
+    sizes = np.bincount(pieces.reshape(-1))[1:]
+    largest = pieces == 1 + int(sizes.argmax())
+    inner = _box(largest)
+    inside = binary_fill_holes(largest[inner])
+    start = np.array([outer.start + own.start for outer, own in zip(box, inner, strict=True)])
+    shape = np.array(label_map.labels.shape)
+    cut = np.stack([start == 0, start + inside.shape == shape], axis=1)
+    ct_A_voxel = frames.compose(label_map.ct_A_voxel, frames.translation(start.astype(np.float64)))
+    return VesselMask(
+        inside=inside,
+        ct_A_voxel=ct_A_voxel,
+        cut=cut,
+        label=chosen,
+        pieces_dropped=int(count) - 1,
+        voxels_dropped=int(sizes.sum() - sizes.max()),
+        voxels_filled=int(inside.sum() - sizes.max()),
+    )
+
+
+def _choose(label_map: LabelMap, label: int | None) -> int:
+    there = label_map.labels[label_map.labels != 0]
+    values = [int(value) for value in np.unique(there)]
+    if len(values) > MOST_LABELS:
+        raise InputError(
+            f"labels: expected a label map, received {len(values)} different values from {values[0]} to {values[-1]}: "
+            "a grey image?"
+        )
+    listed = ", ".join(label_map.describe(value) for value in values[:LISTED_LABELS])
+    listed += f" and {len(values) - LISTED_LABELS} more" if len(values) > LISTED_LABELS else ""
+    if not values:
+        raise InputError("labels: expected at least one voxel with a label, received a map of zeros")
+    if label is None and len(values) > 1:
+        raise InputError(f"label: expected one of {listed}, because there are {len(values)}, received none")
+    chosen = values[0] if label is None else label
+    if chosen not in values:
+        raise InputError(f"label: expected one of {listed}, received {chosen}")
+    return chosen
+
+
+def _box(inside: Bool[np.ndarray, "i j k"]) -> tuple[slice, ...]:
+    """The smallest box around all that is inside."""
+    slices = []
+    for axis in range(3):
+        used = np.flatnonzero(inside.any(axis=tuple(other for other in range(3) if other != axis)))
+        slices.append(slice(int(used[0]), int(used[-1]) + 1))
+    return tuple(slices)

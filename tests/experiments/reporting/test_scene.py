@@ -1,0 +1,147 @@
+"""The page as a whole: self-contained, not too large, and with its data where the script finds them."""
+
+from __future__ import annotations
+
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from vessels import bent_tube
+
+from experiments.errors import InputError
+from experiments.reporting.scene import CloudLayer, LineLayer, Scene, SurfaceLayer
+from registration.geometry import Mesh
+
+TUBE = bent_tube()
+LINE = LineLayer("centerline", [TUBE.vertices_mm[:4]])
+SURFACE = SurfaceLayer("CT", TUBE)
+
+
+class Parsed(HTMLParser):
+    """The page's elements and texts, and the content of each script."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.scripts: list[str] = []
+        self.text = ""
+        self._open: list[str] = []
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs)))
+        self._open.append(tag)
+        if tag == "script":
+            self.scripts.append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        while self._open and self._open.pop() != tag:
+            pass
+
+    def handle_data(self, data: str) -> None:
+        if self._open and self._open[-1] == "script":
+            self.scripts[-1] += data
+        elif not (self._open and self._open[-1] == "style"):
+            self.text += data
+
+
+def content(page: Parsed) -> dict[str, Any]:
+    place = [attributes for tag, attributes in page.elements if tag == "script"].index(
+        {"type": "application/json", "id": "content"}
+    )
+    found: dict[str, Any] = json.loads(page.scripts[place])
+    return found
+
+
+def test_the_page_holds_everything_it_needs(tmp_path: Path) -> None:
+    Scene([SURFACE, LINE], "A vessel", ["First note.", "Second note."]).write(tmp_path / "scene.html")
+    assert [path.name for path in tmp_path.iterdir()] == ["scene.html"]
+    text = (tmp_path / "scene.html").read_text(encoding="utf-8")
+    page = Parsed(text)
+    assert not [attributes for _, attributes in page.elements if "src" in attributes or "href" in attributes]
+    assert len(page.scripts) == 3
+    assert "plotly.js v" in page.scripts[0][:200]
+    assert 'Plotly.newPlot("scene", content.data, content.layout' in page.scripts[2]
+    assert {"id": "scene"} in [attributes for tag, attributes in page.elements if tag == "div"]
+    assert [trace["name"] for trace in content(page)["data"]] == ["CT", "centerline"]
+    for note in ("First note.", "Second note.", "Axes: ct (LPS), in mm."):
+        assert note in page.text
+    assert "@@" not in re.sub(r"<script>.*?</script>", "", text, flags=re.DOTALL)
+
+
+def test_axes_are_in_mm_at_one_scale_and_hold_every_layer() -> None:
+    hidden = CloudLayer("far", np.array([[400.0, 0, 0], [401, 1, 1]]), shown=False)
+    layout = content(Parsed(Scene([SURFACE, hidden], "A vessel").html()))["layout"]
+    assert layout["scene"]["aspectmode"] == "data"
+    assert [layout["scene"][f"{axis}axis"]["title"]["text"] for axis in "xyz"] == ["x_mm", "y_mm", "z_mm"]
+    low_mm, high_mm = np.array([layout["scene"][f"{axis}axis"]["range"] for axis in "xyz"]).T
+    assert (low_mm < TUBE.vertices_mm.min(axis=0)).all()
+    assert (high_mm > TUBE.vertices_mm.max(axis=0)).all()
+    assert 401 < high_mm[0] < 415
+    assert "coloraxis" not in layout
+
+
+def test_layers_with_values_share_one_scale() -> None:
+    values_mm = TUBE.vertices_mm[:, 2]
+    layers = [
+        SurfaceLayer("a", TUBE, values_mm=values_mm),
+        CloudLayer("b", TUBE.vertices_mm, values_mm=values_mm),
+    ]
+    page = content(Parsed(Scene(layers, "A vessel", values_range_mm=(0.0, 4.0)).html()))
+    scale = page["layout"]["coloraxis"]
+    assert (scale["cmin"], scale["cmax"], scale["colorbar"]["title"]["text"]) == (0.0, 4.0, "distance_mm")
+    assert page["data"][0]["coloraxis"] == page["data"][1]["marker"]["coloraxis"] == "coloraxis"
+
+
+def test_names_and_notes_can_not_break_the_page() -> None:
+    nasty = "</script><b>@@plotly@@ & 'x'"
+    page = Parsed(Scene([SurfaceLayer(nasty, TUBE)], nasty, [nasty], space=nasty).html())
+    assert content(page)["data"][0]["name"] == nasty
+    assert page.text.count(nasty) == 4
+    assert "b" not in [tag for tag, _ in page.elements]
+
+
+def test_a_large_scene_stays_small_and_says_what_it_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    from experiments.reporting import scene
+
+    monkeypatch.setitem(scene.MOST, "triangles", 6000)
+    monkeypatch.setitem(scene.MOST, "points", 1000)
+    second = SurfaceLayer("US", Mesh(TUBE.vertices_mm + 5.0, TUBE.triangles))
+    cloud = CloudLayer("cloud", TUBE.sample(3000, np.random.default_rng(0)))
+    page = Parsed(Scene([SURFACE, second, cloud, LINE], "A vessel").html())
+    for layer, unit, most in (
+        ("CT", "triangles", "3,000"),
+        ("US", "triangles", "3,000"),
+        ("cloud", "points", "1,000"),
+    ):
+        assert f"{layer}: shown with about {most} of " in page.text
+        assert unit in page.text
+    assert "centerline: shown" not in page.text
+
+
+def test_the_largest_scene_is_under_8_megabytes() -> None:
+    from experiments.reporting.scene import MOST
+
+    rng = np.random.default_rng(0)
+    # A closed surface has half as many vertices as triangles.
+    vertices_mm = rng.random((MOST["triangles"] // 2, 3))
+    corners = rng.integers(0, len(vertices_mm), (MOST["triangles"], 3)).astype(np.int64)
+    surface = SurfaceLayer("s", Mesh(vertices_mm, corners), values_mm=rng.random(len(vertices_mm)))
+    cloud = CloudLayer("c", rng.random((MOST["points"], 3)), values_mm=rng.random(MOST["points"]))
+    line = LineLayer(
+        "l", [rng.random((MOST["points of lines"], 3))], radius_mm=[rng.random(MOST["points of lines"])]
+    )
+    assert len(Scene([surface, cloud, line], "A vessel").html().encode()) < 8e6
+
+
+def test_scenes_that_can_not_be_are_refused() -> None:
+    with pytest.raises(InputError, match="layers: expected at least one, received none"):
+        Scene([], "A vessel")
+    with pytest.raises(InputError, match="layers: expected names that differ, received CT, CT"):
+        Scene([SURFACE, SURFACE], "A vessel")
+    with pytest.raises(InputError, match="values_range_mm: expected a lower and a higher value"):
+        Scene([SURFACE], "A vessel", values_range_mm=(1.0, 1.0))

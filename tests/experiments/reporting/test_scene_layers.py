@@ -1,0 +1,151 @@
+"""What a layer puts into a page: the numbers themselves, read back from the page's binary form."""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+
+import numpy as np
+import pytest
+from vessels import bent_tube
+
+from experiments.errors import InputError
+from experiments.reporting.scene_layers import CloudLayer, LineLayer, SurfaceLayer
+from registration.geometry import Centerline, Mesh, Polyline
+from registration.metrics import surface_residuals
+
+TUBE = bent_tube()
+HEIGHTS_MM = TUBE.vertices_mm[:, 2]
+
+
+def numbers(packed: dict[str, str]) -> np.ndarray:
+    return np.frombuffer(base64.b64decode(packed["bdata"]), dtype=f"<{packed['dtype']}")
+
+
+def places(trace: dict[str, Any]) -> np.ndarray:
+    return np.stack([numbers(trace[axis]) for axis in "xyz"], axis=1)
+
+
+def shown_mesh(trace: dict[str, Any]) -> Mesh:
+    corners = np.stack([numbers(trace[axis]) for axis in "ijk"], axis=1)
+    return Mesh(places(trace).astype(np.float64), corners.astype(np.int64))
+
+
+def test_a_small_surface_goes_in_whole() -> None:
+    trace = SurfaceLayer("vessel", TUBE, color="#123456", opacity=0.3).trace(len(TUBE.triangles))
+    np.testing.assert_array_equal(places(trace), TUBE.vertices_mm.astype(np.float32))
+    np.testing.assert_array_equal(shown_mesh(trace).triangles, TUBE.triangles)
+    assert (trace["type"], trace["name"], trace["color"], trace["opacity"]) == (
+        "mesh3d",
+        "vessel",
+        "#123456",
+        0.3,
+    )
+    assert (trace["showlegend"], trace["visible"]) == (True, True)
+    assert "intensity" not in trace
+
+
+def test_more_than_65536_vertices_keep_their_numbers() -> None:
+    count = 70_000
+    vertices_mm = np.random.default_rng(0).random((count, 3))
+    trace = SurfaceLayer("v", Mesh(vertices_mm, np.array([[0, 1, count - 1]]))).trace(10)
+    assert shown_mesh(trace).triangles.tolist() == [[0, 1, count - 1]]
+
+
+def test_values_colour_a_surface() -> None:
+    trace = SurfaceLayer("vessel", TUBE, values_mm=HEIGHTS_MM).trace(10**6)
+    np.testing.assert_array_equal(numbers(trace["intensity"]), HEIGHTS_MM.astype(np.float32))
+    assert trace["coloraxis"] == "coloraxis"
+    assert "color" not in trace
+
+
+@pytest.mark.parametrize("most", [2000, 600])
+def test_a_large_surface_is_thinned_with_its_values(most: int) -> None:
+    # 5120 triangles: up to four times the wanted number by edges alone, beyond by cubes first.
+    trace = SurfaceLayer("vessel", TUBE, values_mm=HEIGHTS_MM).trace(most)
+    thin = shown_mesh(trace)
+    assert 0.3 * most < len(thin.triangles) <= most
+    apart = surface_residuals(thin, TUBE, np.eye(4), inlier_mm=1.0, keep=1.0)
+    assert apart.hd95_mm < 0.8
+    values = numbers(trace["intensity"])
+    assert len(values) == len(thin.vertices_mm)
+    np.testing.assert_allclose(values, thin.vertices_mm[:, 2], atol=2.0)
+
+
+def test_a_cloud_is_thinned_to_points_of_it() -> None:
+    layer = CloudLayer("cloud", TUBE.vertices_mm, values_mm=HEIGHTS_MM, size_px=3.0)
+    trace = layer.trace(500)
+    found = places(trace)
+    assert len(found) == 500
+    known = {tuple(row) for row in TUBE.vertices_mm.astype(np.float32).tolist()}
+    assert {tuple(row) for row in found.tolist()} <= known
+    np.testing.assert_array_equal(numbers(trace["marker"]["color"]), found[:, 2])
+    assert (trace["mode"], trace["marker"]["size"], trace["marker"]["coloraxis"]) == (
+        "markers",
+        3.0,
+        "coloraxis",
+    )
+    assert layer.trace(500) == trace
+    plain = CloudLayer("cloud", TUBE.vertices_mm, color="#abcdef", shown=False).trace(10**6)
+    np.testing.assert_array_equal(places(plain), TUBE.vertices_mm.astype(np.float32))
+    assert (plain["marker"]["color"], plain["visible"]) == ("#abcdef", "legendonly")
+
+
+def test_lines_are_kept_apart_and_carry_their_radius() -> None:
+    first = Polyline(np.array([[0.0, 0, 0], [0, 0, 1], [0, 0, 2]]), np.array([3.0, 2.5, 2.0]))
+    second = Polyline(np.array([[5.0, 0, 0], [6, 0, 0]]), np.array([1.0, 0.5]))
+    trace = LineLayer.of("centerline", Centerline((first, second)), color="#111111").trace(100)
+    found = places(trace)
+    np.testing.assert_array_equal(np.isnan(found).all(axis=1), [False, False, False, True, False, False])
+    np.testing.assert_array_equal(found[[0, 2, 4, 5]], [[0, 0, 0], [0, 0, 2], [5, 0, 0], [6, 0, 0]])
+    assert trace["customdata"] == [3.0, 2.5, 2.0, None, 1.0, 0.5]
+    assert (trace["mode"], trace["line"]["color"]) == ("lines", "#111111")
+    plain = LineLayer("path", [first.points_mm]).trace(100)
+    assert "customdata" not in plain
+
+
+def test_a_long_line_keeps_its_ends() -> None:
+    line = np.column_stack([np.arange(1000.0), np.zeros(1000), np.zeros(1000)])
+    found = places(LineLayer("path", [line]).trace(100))
+    assert len(found) <= 101
+    assert (found[0, 0], found[-1, 0]) == (0, 999)
+
+
+def test_bounds_and_sizes() -> None:
+    points_mm = np.array([[1.0, -2, 3], [4, 5, -6]])
+    for layer, size, unit in (
+        (CloudLayer("c", points_mm), 2, "points"),
+        (LineLayer("l", [points_mm[:1], points_mm[1:]]), 2, "points of lines"),
+        (SurfaceLayer("s", TUBE), len(TUBE.triangles), "triangles"),
+    ):
+        assert (layer.size, layer.unit, layer.has_values) == (size, unit, False)
+    np.testing.assert_array_equal(CloudLayer("c", points_mm).bounds_mm(), [[1, -2, -6], [4, 5, 3]])
+    np.testing.assert_array_equal(LineLayer("l", [points_mm]).bounds_mm(), [[1, -2, -6], [4, 5, 3]])
+
+
+@pytest.mark.parametrize(
+    "make, message",
+    [
+        (
+            lambda: SurfaceLayer("s", TUBE, opacity=0.0),
+            "opacity: expected more than 0 and at most 1, received 0.0",
+        ),
+        (
+            lambda: SurfaceLayer("s", Mesh(np.eye(3), np.empty((0, 3), dtype=np.int64))),
+            "s: expected a mesh with tri",
+        ),
+        (lambda: SurfaceLayer("s", TUBE, values_mm=np.zeros(3)), "s: expected 2562 finite values, received"),
+        (lambda: SurfaceLayer("s", TUBE, values_mm=np.full(2562, np.nan)), "s: expected 2562 finite values"),
+        (lambda: CloudLayer("c", np.empty((0, 3))), "c: expected points, received none"),
+        (lambda: CloudLayer("c", np.full((4, 3), np.nan)), "c: expected finite points"),
+        (
+            lambda: CloudLayer("c", np.zeros((4, 2))),
+            r"c: expected finite points \(n, 3\), received .*\(4, 2\)",
+        ),
+        (lambda: LineLayer("l", []), "l: expected lines with points, received none"),
+        (lambda: LineLayer("l", [np.eye(3)], radius_mm=[np.ones(2)]), "l: expected one radius a point"),
+    ],
+)
+def test_layers_that_can_not_be_shown_are_refused(make: Any, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        make()
