@@ -62,7 +62,7 @@ def same(first: dict[str, torch.Tensor], second: dict[str, torch.Tensor]) -> boo
 
 def test_a_network_learns_to_find_drawn_vessels(tmp_path) -> None:
     unseen = drawn_frames(8, seed=2, size=(60, 44))
-    result = trained(tmp_path, epochs=14)
+    result = trained(tmp_path, epochs=20)
     rows = score_cases(unseen, dict(predict(Predictor.load(result.checkpoint), unseen)), {})
     assert sum(row["dsc"] for row in rows) / len(rows) > 0.8
     assert result.history[-1]["train_loss"] < result.history[0]["train_loss"]
