@@ -4,46 +4,25 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from experiments.errors import InputError
 from experiments.outcome import CellResult, Outcome, Progress
-from experiments.studies.consistency_report import COMMON, PAIR, TRUTH, describe, figures, metrics, tables
+from experiments.studies.consistency_repeats import common, pair, tried
+from experiments.studies.consistency_report import PAIR, describe, figures, metrics, tables
 from experiments.studies.reconstruction import CloudFilter, Reconstruction
-from registration import frames
-from registration.agreement import counterparts, surface_agreement
 from registration.contours import ContourExtractor
-from registration.geometry import Mesh
-from registration.phantom.scan import SimulatedSweep, simulate_sweep
+from registration.phantom.scan import simulate_sweep
 from registration.phantom.settings import MESH, PhantomSettings
 from registration.smoothing import TaubinSmoothing
 from registration.surface import SurfaceMethod
-from registration.synchronisation import synchronise
 
 if TYPE_CHECKING:
     from models.predictor import Predictor
 
 MASKS = ("exact", "model")
-# In place of the number of a sweep, where a row has none.
-NONE = -1
-
-
-@dataclass(frozen=True)
-class _Repeat:
-    """One reconstructed sweep: as tracked (``seen``) and with the known deformation taken out (``material``), in ct.
-
-    ``offset_mm`` is how far it lies outside the truth at each of many places of the truth, NaN where it has no
-    counterpart; ``row`` is its row of the table.
-    """
-
-    seen: Mesh
-    material: Mesh
-    offset_mm: np.ndarray
-    row: dict[str, Any]
 
 
 def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -92,7 +71,8 @@ def run(
 
     Pairs are compared as tracked, without any registration, as the sweeps share their world; and once more with the
     known deformation taken out. The truth is the undeformed anatomy, so what is compared with it is each place of the
-    tissue. Raises InputError for settings that allow no comparison.
+    tissue. A sweep that cannot be reconstructed is infinitely far from all others. Raises InputError for settings that
+    allow no comparison, and where no sweep can be reconstructed.
     """
     import pandas as pd
 
@@ -104,12 +84,18 @@ def run(
     repeats = []
     for number in progress.track(range(sweeps), f"{settings.subset}: sweeps", sweeps):
         truth = simulate_sweep(settings, number, pictures=predictor is not None)
-        repeats.append(_repeat(truth, chain, predictor, max_gap_s, (samples, seed)))
+        repeats.append(tried(truth, chain, predictor, max_gap_s, (samples, seed)))
+    known = [repeat for repeat in repeats if repeat.row["error"] == ""]
+    if not known:
+        raise InputError(
+            f"sweeps: expected some that can be reconstructed, received none ({repeats[0].row['error']})"
+        )
     pairs = list(itertools.combinations(range(sweeps), 2))
     rows = [{**repeat.row, "first": number} for number, repeat in enumerate(repeats)]
-    rows.append(_common([repeat.offset_mm for repeat in repeats]))
+    rows.append(common([repeat.offset_mm for repeat in known]))
     for first, second in progress.track(pairs, f"{settings.subset}: pairs", len(pairs)):
-        rows.append(_pair(repeats[first], repeats[second], (first, second), (samples, seed)))
+        numbers = {"kind": PAIR, "first": first, "second": second}
+        rows.append(numbers | pair(repeats[first], repeats[second], (samples, seed)))
     cases = pd.DataFrame(rows).assign(phantom=settings.subset, masks=masks, simulated=True)
     return Outcome(
         metrics=metrics(cases),
@@ -155,79 +141,3 @@ def _predictor(model_path: str | None) -> Predictor | None:
     from models.predictor import Predictor
 
     return Predictor.load(model_path)
-
-
-def _repeat(
-    truth: SimulatedSweep,
-    chain: Reconstruction,
-    predictor: Predictor | None,
-    max_gap_s: float,
-    drawn: tuple[int, int],
-) -> _Repeat:
-    masks = truth.masks if predictor is None else predictor.probability(truth.sweep.images)
-    posed = synchronise(truth.sweep, max_gap_s)
-    found = chain(masks[posed.kept], posed.world_A_pixel)
-    seen_mm = frames.apply(truth.ct_T_world, found.surface.vertices_mm)
-    seen = Mesh(seen_mm, found.surface.triangles)
-    material = Mesh(truth.deformation.material(seen_mm), found.surface.triangles)
-    samples, seed = drawn
-    offset_mm = _offset_mm(material, truth.anatomy, samples, seed)
-    row = {
-        "kind": TRUTH,
-        "second": NONE,
-        **asdict(surface_agreement(material, truth.anatomy, samples=samples, seed=seed)),
-        "bias_mm": float(np.nanmean(offset_mm)),
-        "frames": len(posed.kept),
-        "points": len(found.cloud),
-        "frames_dropped": sum(posed.dropped.values()),
-        "runtime_s": sum(found.seconds.values()),
-    }
-    return _Repeat(seen, material, offset_mm, row)
-
-
-def _offset_mm(found: Mesh, truth: Mesh, samples: int, seed: int) -> np.ndarray:
-    """How far ``found`` lies outside the truth, along its normal, at places of the truth that all sweeps share."""
-    rng = np.random.default_rng([seed, 2])
-    corners_mm = truth.corners_mm[
-        rng.choice(len(truth.triangles), samples, p=truth.areas_mm2 / truth.areas_mm2.sum())
-    ]
-    outwards = np.cross(corners_mm[:, 1] - corners_mm[:, 0], corners_mm[:, 2] - corners_mm[:, 0])
-    outwards /= np.linalg.norm(outwards, axis=1, keepdims=True)
-    places_mm = corners_mm.mean(axis=1)
-    there = counterparts(places_mm, found)
-    along_mm = np.einsum("pi,pi->p", there.points_mm - places_mm, outwards)
-    return np.where(there.covered, along_mm, np.nan)
-
-
-def _common(offsets_mm: Sequence[np.ndarray]) -> dict[str, Any]:
-    """The row of the error that all sweeps share: at each place of the truth, the mean over the sweeps that show it."""
-    stacked_mm = np.stack(offsets_mm)
-    shown = np.isfinite(stacked_mm).all(axis=0)
-    if not shown.any():
-        raise InputError("sweeps: expected a part of the vessel that all sweeps show, received none")
-    mean_mm = stacked_mm[:, shown].mean(axis=0)
-    return {
-        "kind": COMMON,
-        "first": NONE,
-        "second": NONE,
-        "msd_covered_mm": float(np.abs(mean_mm).mean()),
-        "hd95_covered_mm": float(np.percentile(np.abs(mean_mm), 95)),
-        "bias_mm": float(mean_mm.mean()),
-        "covered_second": float(shown.mean()),
-    }
-
-
-def _pair(
-    first: _Repeat, second: _Repeat, numbers: tuple[int, int], drawn: tuple[int, int]
-) -> dict[str, Any]:
-    samples, seed = drawn
-    seen = surface_agreement(first.seen, second.seen, samples=samples, seed=seed)
-    material = surface_agreement(first.material, second.material, samples=samples, seed=seed)
-    return {
-        "kind": PAIR,
-        "first": numbers[0],
-        "second": numbers[1],
-        **asdict(seen),
-        "msd_tissue_mm": material.msd_covered_mm,
-        "hd95_tissue_mm": material.hd95_covered_mm,
-    }

@@ -31,10 +31,14 @@ def metrics(cases: pd.DataFrame) -> dict[str, float]:
     found: dict[str, float] = {}
     for name in ("msd_mm", "hd95_mm", "msd_covered_mm", "hd95_covered_mm", "msd_tissue_mm", "hd95_tissue_mm"):
         found |= summary(name, pairs[name].tolist())
-    for name in ("msd_covered_mm", "hd95_covered_mm", "bias_mm", "covered_second"):
+    for name in ("msd_covered_mm", "hd95_covered_mm"):
         found |= summary(f"truth_{name}", truths[name].tolist())
-    found["common_mm"] = float(common["msd_covered_mm"].mean())
-    return found | summary("runtime_s", truths["runtime_s"].tolist())
+    # Without a surface there is no bias and no coverage to speak of, good or bad.
+    answered = truths["error"] == ""
+    for name in ("bias_mm", "covered_second"):
+        found |= summary(f"truth_{name}", truths.loc[answered, name].tolist())
+    found |= {"common_mm": float(common["msd_covered_mm"].mean()), "sweeps_failed": float((~answered).sum())}
+    return found | summary("runtime_s", truths.loc[answered, "runtime_s"].tolist())
 
 
 def tables(cases: pd.DataFrame) -> dict[str, pd.DataFrame]:
@@ -73,6 +77,7 @@ def _to_truth(name: str, cases: pd.DataFrame) -> dict[str, object]:
     return {
         "phantom": name,
         "sweeps": int((cases["kind"] == TRUTH).sum()),
+        "failed": int(found["sweeps_failed"]),
         "msd_covered_mm_mean": found["truth_msd_covered_mm_mean"],
         "hd95_covered_mm_median": found["truth_hd95_covered_mm_median"],
         "bias_mm_mean": found["truth_bias_mm_mean"],
@@ -86,7 +91,7 @@ def median_of_pairs(cases: pd.DataFrame, column: str, level: float = 0.95) -> In
 
     Sweeps are drawn with replacement, and all pairs of different sweeps among them count (the bootstrap of
     U-statistics: Arcones and Gine, Ann. Stat. 20(2), 1992): pairs that share a sweep are not independent. The bounds
-    are NaN for fewer than 3 sweeps.
+    are NaN for fewer than 3 sweeps. Pairs with a failed sweep are infinitely far apart and rank worst.
     """
     pairs = cases[cases["kind"] == PAIR]
     count = int(pairs["second"].max()) + 1
@@ -100,9 +105,10 @@ def median_of_pairs(cases: pd.DataFrame, column: str, level: float = 0.95) -> In
     for _ in range(RESAMPLES):
         drawn = rng.integers(0, count, count)
         values = apart[np.ix_(drawn, drawn)][upper]
-        if np.isfinite(values).any():
+        if not np.isnan(values).all():
             medians.append(np.nanmedian(values))
-    low, high = np.quantile(medians, [0.5 - level / 2, 0.5 + level / 2])
+    # Order statistics: between infinities there is nothing to interpolate.
+    low, high = np.quantile(medians, [0.5 - level / 2, 0.5 + level / 2], method="nearest")
     return Interval(estimate, float(low), float(high), level, count)
 
 
@@ -120,6 +126,12 @@ def describe(cases: pd.DataFrame) -> tuple[str, ...]:
             f"which no pair shows, and on average a surface lies {abs(found['truth_bias_mm_mean']):.3f} mm too far "
             f"{'out' if found['truth_bias_mm_mean'] > 0 else 'in'}."
         )
+        if found["sweeps_failed"]:
+            reason = group.loc[(group["kind"] == TRUTH) & (group["error"] != ""), "error"].iloc[0]
+            said.append(
+                f"{name}: {found['sweeps_failed']:.0f} of {int((group['kind'] == TRUTH).sum())} sweeps could not be "
+                f"reconstructed and count as infinitely far from all others (first: {reason})."
+            )
     value = published("consistency", "hd95_mm_median")
     said.append(
         f"Published: median HD95 {value.text} mm on {value.data} ({value.place})"
@@ -156,12 +168,14 @@ def _boxes(axes: Axes, cases: pd.DataFrame, columns: tuple[str, str, str], label
     for offset, (kind, column, color, text) in enumerate(series):
         places = np.arange(len(names)) + 0.27 * (offset - 1)
         groups = [group.loc[group["kind"] == kind, column].to_numpy() for _, group in _phantoms(cases)]
+        # What failed is in the table; a box has no place for it.
+        groups = [values[np.isfinite(values)] for values in groups]
         drawn = axes.boxplot(groups, positions=places, widths=0.2, patch_artist=True, showfliers=False)
         for box, middle in zip(drawn["boxes"], drawn["medians"], strict=True):
             box.set(facecolor=color, alpha=0.35)
             middle.set(color="black")
         for place, values in zip(places, groups, strict=True):
-            aside = np.linspace(-0.07, 0.07, len(values)) if len(values) > 1 else np.zeros(1)
+            aside = np.linspace(-0.07, 0.07, len(values)) if len(values) != 1 else np.zeros(1)
             axes.plot(place + aside, values, ".", color=color, markersize=4)
         axes.plot([], [], "s", color=color, label=text)
     axes.set_xticks(range(len(names)), names)

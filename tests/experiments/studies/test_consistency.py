@@ -14,7 +14,10 @@ from experiments.errors import InputError
 from experiments.outcome import CellResult, Outcome, Silent
 from experiments.studies import consistency
 from registration.cloud_filters import VoxelDownsampling
+from registration.clouds import OrientedCloud
 from registration.contours import ContourExtractor
+from registration.errors import InputError as RegistrationInputError
+from registration.geometry import Mesh
 from registration.phantom.acoustics import Scanner
 from registration.phantom.conditions import Deformation, Motion
 from registration.phantom.scan import SimulatedSweep
@@ -105,6 +108,31 @@ def test_a_network_sees_the_pictures(monkeypatch: pytest.MonkeyPatch, tmp_path: 
     # Stairs of pixels are all that such probabilities leave.
     assert found.metrics["truth_hd95_covered_mm_median"] < 0.5
     assert found.tags["masks"] == "model"
+
+
+def test_a_sweep_without_a_surface_has_failed() -> None:
+    poisson, calls = PoissonSurface(cell_mm=0.9, bridge_mm=3.0), []
+
+    def sometimes(cloud: OrientedCloud) -> Mesh:
+        calls.append(cloud)
+        if len(calls) == 1:
+            raise RegistrationInputError("cloud: expected points that a surface fits, received others")
+        return poisson(cloud)
+
+    found = run(PHANTOM, surface=sometimes)
+    assert found.cases is not None
+    truths = found.cases[found.cases["kind"] == "truth"]
+    assert truths["hd95_mm"].tolist()[0] == np.inf
+    assert np.isfinite(truths["hd95_mm"].tolist()[1])
+    assert "expected points that a surface fits" in truths["error"].tolist()[0]
+    assert found.metrics["hd95_mm_median"] == np.inf
+    assert found.metrics["sweeps_failed"] == 1
+
+    def never(cloud: OrientedCloud) -> Mesh:
+        raise RegistrationInputError("cloud: expected points that a surface fits, received others")
+
+    with pytest.raises(InputError, match="sweeps: expected some that can be reconstructed, received none"):
+        run(PHANTOM, surface=never)
 
 
 def test_cells_are_phantoms() -> None:

@@ -23,7 +23,7 @@ def cases(apart_mm: np.ndarray, phantom: str = "vein") -> pd.DataFrame:
     }  # fmt: skip
     rows += [{"kind": "truth", "first": number, "second": -1} | truth for number in range(len(apart_mm))]
     rows.append({"kind": "common", "first": -1, "second": -1, "msd_covered_mm": 0.4})
-    return pd.DataFrame(rows).assign(phantom=phantom, simulated=True)
+    return pd.DataFrame(rows).assign(phantom=phantom, simulated=True, error="")
 
 
 def test_sweeps_that_are_all_as_far_apart_leave_no_doubt() -> None:
@@ -38,6 +38,28 @@ def test_one_bad_sweep_among_eight_widens_the_interval_upwards() -> None:
     # 7 of 28 pairs are far apart; drawn three times or more, they are the majority.
     assert found.estimate == 0.3
     assert (found.low, found.high) == (0.3, 2.0)
+
+
+def test_a_failed_sweep_ranks_worst_and_is_counted() -> None:
+    apart_mm = np.full((4, 4), 0.3)
+    apart_mm[0] = apart_mm[:, 0] = np.inf
+    table = cases(apart_mm)
+    failed = (table["kind"] == "truth") & (table["first"] == 0)
+    table.loc[failed, ["msd_covered_mm", "hd95_covered_mm"]] = np.inf
+    table.loc[failed, ["bias_mm", "covered_second", "runtime_s"]] = np.nan
+    table.loc[failed, "error"] = "cloud: too few points"
+    found = metrics(table)
+    # Three of six pairs have it: the median lies between a number and infinity.
+    assert found["hd95_mm_median"] == np.inf
+    assert found["truth_hd95_covered_mm_median"] == 0.9
+    assert found["truth_msd_covered_mm_mean"] == np.inf
+    assert found["truth_bias_mm_mean"] == pytest.approx(-0.1)
+    assert found["sweeps_failed"] == 1
+    interval = median_of_pairs(table, "hd95_mm")
+    assert (interval.low, interval.high) == (0.3, np.inf)
+    assert "1 of 4 sweeps could not be reconstructed" in describe(table)[1]
+    assert tables(table)["to the truth, simulated"]["failed"].tolist() == [1]
+    assert figures(table)["consistency"].axes
 
 
 def test_two_sweeps_have_no_interval() -> None:
