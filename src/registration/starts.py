@@ -4,10 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float64
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
+from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
 from registration import frames
+from registration.correspondence import TreeTarget
 from registration.geometry import PrincipalFrame, principal_frame
+from registration.icp import align
+from registration.search_cone import SearchCone
+from registration.selection import distinct
 
 # Below this share of the moving cloud's length there is no room to slide: the whole is one window.
 NO_ROOM_SHARE = 0.05
@@ -15,6 +22,10 @@ NO_ROOM_SHARE = 0.05
 WINDOW_POINTS = 10
 # A sliver of a long vessel would otherwise ask for more starts than anyone waits for.
 MOST_WINDOWS = 40
+# Places of a centerline that move it alike within this share of its radius are one.
+SAME_PLACE_SHARE = 0.1
+# A sparse matrix takes a distance of 0 for no connection.
+TOUCHING_MM = 1e-9
 
 
 def symmetry_starts(
@@ -23,6 +34,9 @@ def symmetry_starts(
     rolls: int,
     slide_share: float,
     axis_share: float,
+    *,
+    invert: bool = True,
+    slide: bool = True,
 ) -> Float64[np.ndarray, "s 4 4"]:
     """Every start worth trying without prior knowledge, as fixed_T_moving.
 
@@ -32,34 +46,122 @@ def symmetry_starts(
     piece of the whole, not those of the whole. A moving cloud as long as the fixed one has one window.
 
     A short piece with a bifurcation is as wide as it is long, and noise decides which axis comes first: every axis
-    with a spread of at least ``axis_share`` of the first is therefore taken for the principal one in turn.
+    with a spread of at least ``axis_share`` of the first is therefore taken for the principal one in turn. Without
+    ``invert`` or ``slide`` there is one way round, or one window.
     """
     moving = principal_frame(moving_mm)
-    turns = Rotation.from_rotvec(np.arange(rolls)[:, None] * [2 * np.pi / rolls, 0.0, 0.0])
-    inverted = turns * Rotation.from_rotvec([0.0, np.pi, 0.0])
-    local = np.concatenate([turns.as_matrix(), inverted.as_matrix()])
+    local = _turns(rolls, invert)
     starts = []
     for first in np.flatnonzero(moving.spread_mm >= axis_share * moving.spread_mm[0]):
         axes = np.roll(moving.axes, -int(first), axis=1)
         length_mm = float(np.ptp((moving_mm - moving.centre_mm) @ axes[:, 0]))
-        for window in _windows(fixed_mm, length_mm, slide_share):
-            rotation = Rotation.from_matrix(window.axes @ local @ axes.T)
-            starts.append(frames.from_rotation(rotation, window.centre_mm - rotation.apply(moving.centre_mm)))
+        for window in _windows(fixed_mm, length_mm, slide_share) if slide else [principal_frame(fixed_mm)]:
+            starts.append(_laid(moving.centre_mm, axes, window, local))
     return np.concatenate(starts)
 
 
-def cone_starts(
-    moving_mm: Float64[np.ndarray, "m 3"], initial: Float64[np.ndarray, "4 4"], cone_deg: float
+def centerline_starts(
+    moving_mm: Float64[np.ndarray, "p 3"],
+    fixed_mm: Float64[np.ndarray, "q 3"],
+    rolls: int,
+    slide_share: float,
+    places: int,
+    *,
+    invert: bool = True,
+    slide: bool = True,
 ) -> Float64[np.ndarray, "s 4 4"]:
-    """A known pose, and the same pose turned about each principal axis of the moving cloud, within a cone.
+    """Starts for the surfaces from ICP on their centerlines: the best ``places`` of these, rolled about the vessel.
 
-    Thirteen starts, the known pose first; the others are turned by half and by all of ``cone_deg``, both ways.
+    Slides are steps along the fixed centerline's arc length: a window holds the points within half the moving
+    centerline's length of its middle, measured along the lines, so that both limbs of an arch are never in one. A
+    straight centerline leaves the roll open, a symmetric one the inversion: every place is rolled in ``rolls`` steps.
     """
     moving = principal_frame(moving_mm)
-    angles = np.deg2rad(cone_deg) * np.array([-1.0, -0.5, 0.5, 1.0])
-    rotations = Rotation.from_rotvec((angles[:, None, None] * moving.axes.T[None]).reshape(-1, 3))
+    local = _turns(rolls, invert)
+    length_mm = arc_length_mm(moving_mm)
+    windows = arc_windows(fixed_mm, length_mm, slide_share) if slide else [principal_frame(fixed_mm)]
+    starts = [_laid(moving.centre_mm, moving.axes, window, local) for window in windows]
+    found = align(
+        moving_mm, TreeTarget(fixed_mm), np.concatenate(starts), keep=0.9, max_iterations=30, tolerance=1e-3
+    )
+    order = np.argsort(found.rmse_mm, kind="stable")
+    reach_mm = SAME_PLACE_SHARE * float(np.sqrt(moving_mm.var(axis=0).sum()))
+    groups = distinct(found.fixed_T_moving[order], moving_mm, reach_mm)[:places]
+    rolled = Rotation.from_matrix(moving.axes @ local[:rolls] @ moving.axes.T)
+    about = frames.from_rotation(rolled, moving.centre_mm - rolled.apply(moving.centre_mm))
+    return np.concatenate([found.fixed_T_moving[order[group[0]]] @ about for group in groups])
+
+
+def cone_starts(
+    moving_mm: Float64[np.ndarray, "m 3"], initial: Float64[np.ndarray, "4 4"], cone: SearchCone
+) -> Float64[np.ndarray, "s 4 4"]:
+    """A known pose, and the same pose turned about each principal axis of the moving cloud and slid along the first.
+
+    The known pose comes first. Turns are by half and by all of the cone's angle, both ways; slides by half and by all
+    of its radius, at most half the cloud's length.
+    """
+    moving = principal_frame(moving_mm)
+    angles = np.deg2rad(cone.angle_deg) * np.array([-1.0, -0.5, 0.5, 1.0])
+    rotations = Rotation.from_rotvec(
+        np.concatenate([np.zeros((1, 3)), (angles[:, None, None] * moving.axes.T[None]).reshape(-1, 3)])
+    )
     turned = frames.from_rotation(rotations, moving.centre_mm - rotations.apply(moving.centre_mm))
-    return np.concatenate([initial[None], initial @ turned])
+    farthest_mm = min(cone.radius_mm, 0.5 * float(np.ptp((moving_mm - moving.centre_mm) @ moving.axes[:, 0])))
+    slid = np.tile(np.eye(4), (5, 1, 1))
+    slid[:, :3, 3] = farthest_mm * np.array([0.0, -1.0, -0.5, 0.5, 1.0])[:, None] * moving.axes[:, 0]
+    return (initial @ slid[:, None] @ turned[None]).reshape(-1, 4, 4)
+
+
+def arc_length_mm(points_mm: Float64[np.ndarray, "p 3"]) -> float:
+    """The longest way along the lines that the points lie on."""
+    tree = _spanning(points_mm)
+    first = dijkstra(tree, directed=False, indices=0)
+    return float(dijkstra(tree, directed=False, indices=int(first.argmax())).max())
+
+
+def arc_windows(
+    points_mm: Float64[np.ndarray, "p 3"], length_mm: float, slide_share: float
+) -> list[PrincipalFrame]:
+    """The principal frames of pieces of a centerline, ``length_mm`` long, at steps of a share of it along the lines."""
+    tree = _spanning(points_mm)
+    half_mm = 0.5 * length_mm
+    whole = principal_frame(points_mm)
+    ends = dijkstra(tree, directed=False, indices=int(dijkstra(tree, directed=False, indices=0).argmax()))
+    if ends.max() <= (1 + NO_ROOM_SHARE) * length_mm:
+        return [whole]
+    away_mm = np.full(len(points_mm), np.inf)
+    # The first middle is where a window just fits at one end; the next is always the point farthest from all so far.
+    pick = int(np.abs(ends - half_mm).argmin())
+    windows = []
+    for _ in range(MOST_WINDOWS):
+        reached_mm = dijkstra(tree, directed=False, indices=pick)
+        inside = reached_mm <= half_mm
+        # A middle too close to an end has half a window: the others hold its points already.
+        if inside.sum() >= WINDOW_POINTS and np.ptp(ends[inside]) >= 0.6 * length_mm:
+            windows.append(principal_frame(points_mm[inside]))
+        away_mm = np.minimum(away_mm, reached_mm)
+        pick = int(away_mm.argmax())
+        if away_mm[pick] <= slide_share * length_mm:
+            break
+    return windows or [whole]
+
+
+def _spanning(points_mm: np.ndarray) -> csr_matrix:
+    """The shortest tree that connects all points: along the lines, and once across wherever two meet."""
+    return minimum_spanning_tree(csr_matrix(cdist(points_mm, points_mm) + TOUCHING_MM))
+
+
+def _turns(rolls: int, invert: bool) -> np.ndarray:
+    """Rolls about the first axis in equal steps, then the same with that axis inverted if asked."""
+    turns = Rotation.from_rotvec(np.arange(rolls)[:, None] * [2 * np.pi / rolls, 0.0, 0.0])
+    inverted = turns * Rotation.from_rotvec([0.0, np.pi, 0.0])
+    return np.concatenate([turns.as_matrix(), inverted.as_matrix()]) if invert else turns.as_matrix()
+
+
+def _laid(centre_mm: np.ndarray, axes: np.ndarray, window: PrincipalFrame, local: np.ndarray) -> np.ndarray:
+    """The moving cloud's axes laid on those of a window, turned by each of the local rotations."""
+    rotation = Rotation.from_matrix(window.axes @ local @ axes.T)
+    return frames.from_rotation(rotation, window.centre_mm - rotation.apply(centre_mm))
 
 
 def _windows(

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from symmetric_shapes import frustum, straight_tube, torus_piece, twisted_fork
 from vessels import bent_tube
 
 from registration import frames
@@ -16,7 +18,9 @@ from registration.geometry import Mesh
 from registration.geometry_io import read_centerline, read_surface
 from registration.metrics import pose_error
 from registration.perturbation import Perturbation, Piece, Trial
+from registration.rejection import NormalRejection
 from registration.rigid import MultiStartICP
+from registration.search_cone import SearchCone
 
 TUBE = bent_tube()
 METHOD = MultiStartICP()
@@ -79,7 +83,7 @@ def test_the_result_carries_all_candidates_best_first() -> None:
     # Every start is in exactly one basin.
     assert sum(candidate.starts for candidate in result.candidates) == 24
     stages = [candidate.stage for candidate in result.candidates]
-    assert stages == sorted(stages, key=["fine", "middle", "coarse"].index)
+    assert stages == sorted(stages, key=["fine", "middle", "coarse", "first"].index)
     for stage in set(stages):
         residuals = [candidate.rmse_mm for candidate in result.candidates if candidate.stage == stage]
         assert residuals == sorted(residuals)
@@ -92,13 +96,21 @@ def test_the_result_carries_all_candidates_best_first() -> None:
     assert result.converged
     assert result.rmse_trimmed_mm < result.rmse_mm < 1.5
     assert result.inlier_share > 0.95
+    assert result.verdict == "accepted", result.reason
+    assert result.ambiguity_gap > METHOD.judge.least_gap
+    best = result.candidates[0]
+    assert (best.inlier_share, best.coverage) == (result.inlier_share, result.coverage)
+    assert result.coverage > 0.95
+    assert result.rmse_bidirectional_mm == best.rmse_bidirectional_mm < 1.5
+    for candidate in result.candidates:
+        frames.require_rigid(candidate.start_fixed_T_moving, "start")
 
 
 def test_two_candidates_of_a_stage_are_different_poses() -> None:
     trial = problem(number=5)
     result = METHOD(trial.moving_mm, trial.fixed_mm)
     radius_mm = np.sqrt(trial.moving_mm.var(axis=0).sum())
-    coarse = [candidate for candidate in result.candidates if candidate.stage == "coarse"]
+    coarse = [candidate for candidate in result.candidates if candidate.stage in ("coarse", "first")]
     placed = np.stack([frames.apply(candidate.fixed_T_moving, trial.moving_mm) for candidate in coarse])
     for index in range(1, len(placed)):
         apart = np.sqrt(((placed[:index] - placed[index]) ** 2).sum(axis=2).mean(axis=1))
@@ -117,6 +129,130 @@ def test_a_known_pose_keeps_the_search_near_it() -> None:
     assert error_mm(narrow(trial.moving_mm, trial.fixed_mm, wrong).fixed_T_moving, trial) > 10
     near = frames.compose(frames.translation((2.0, -2.0, 1.0)), trial.fixed_T_moving)
     assert error_mm(narrow(trial.moving_mm, trial.fixed_mm, near).fixed_T_moving, trial) < 0.2
+
+
+def test_no_answer_lies_outside_a_search_cone() -> None:
+    trial = problem(number=6)
+    off = frames.compose(frames.translation((3.0, -2.0, 1.0)), trial.fixed_T_moving)
+    found = METHOD(trial.moving_mm, trial.fixed_mm, off, search_cone=SearchCone(30.0, 15.0))
+    assert error_mm(found.fixed_T_moving, trial) < 0.2
+    assert found.verdict == "accepted"
+    away = frames.compose(frames.translation((60.0, 0, 0)), trial.fixed_T_moving)
+    with pytest.raises(InputError, match="search_cone: expected a cone that holds an answer"):
+        METHOD(trial.moving_mm, trial.fixed_mm, away, search_cone=SearchCone(5.0, 1.0))
+
+
+def test_centerlines_give_the_same_answer_from_other_starts() -> None:
+    trial = problem(piece=Piece(0.45, "end"), number=7)
+    middle = TUBE.vertices_mm[:-2].reshape(-1, 32, 3).mean(axis=1)
+    inside = Piece(0.45, "end").contains(middle, TUBE)
+    back = frames.invert_rigid(trial.fixed_T_moving)
+    lines = {"moving_centerline_mm": frames.apply(back, middle[inside]), "fixed_centerline_mm": middle}
+    found = METHOD(trial.moving_mm, trial.fixed_mm, **lines)
+    assert error_mm(found.fixed_T_moving, trial) < 0.5
+    alone = METHOD(trial.moving_mm, trial.fixed_mm)
+    ignoring = dataclasses.replace(METHOD, use_centerline=False)(trial.moving_mm, trial.fixed_mm, **lines)
+    np.testing.assert_array_equal(ignoring.fixed_T_moving, alone.fixed_T_moving)
+    assert found.iterations != alone.iterations
+
+
+def test_an_ablated_search_has_fewer_starts() -> None:
+    trial = problem(number=2)
+    lone = dataclasses.replace(METHOD, rolls=1, invert=False, slide=False)(trial.moving_mm, trial.fixed_mm)
+    assert sum(candidate.starts for candidate in lone.candidates) == 1
+
+
+@pytest.mark.parametrize("refine_by", ["plane", "symmetric"])
+def test_every_refinement_finds_a_noisy_vessel(refine_by: str) -> None:
+    trial = problem(number=9, noise_mm=0.3)
+    method = dataclasses.replace(METHOD, refine_by=refine_by, rejections=(NormalRejection(60.0),))
+    found = method(trial.moving_mm, trial.fixed_mm)
+    assert error_mm(found.fixed_T_moving, trial) < 0.8
+    assert found.verdict == "accepted", found.reason
+
+
+def disturbed(cloud: np.ndarray, seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    pose = frames.from_rotation(Rotation.random(random_state=seed), rng.uniform(-30, 30, 3))
+    return frames.apply(pose, cloud + rng.normal(scale=0.2, size=cloud.shape))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_straight_tube_slides_and_rolls(seed: int) -> None:
+    """A piece from the middle of a longer tube: the residual is low wherever it lies along it."""
+    rng = np.random.default_rng(seed)
+    moving = disturbed(straight_tube(20, 55, 1200, rng), seed)
+    result = METHOD(moving, straight_tube(0, 90, 3000, rng))
+    assert result.rmse_mm < 1
+    assert result.verdict == "ambiguous"
+    assert {"slide", "roll"} <= set(result.weak_directions)
+    assert result.ambiguity_gap < METHOD.judge.least_gap
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    "shape, weak",
+    [
+        (lambda rng, piece: frustum(1200 if piece else 3000, rng), "roll"),
+        (
+            lambda rng, piece: torus_piece(60, 130, 1200, rng) if piece else torus_piece(0, 200, 3000, rng),
+            "slide",
+        ),
+    ],
+    ids=["frustum", "torus"],
+)
+def test_a_shape_with_a_free_motion_is_ambiguous_in_it(shape: Callable, weak: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    result = METHOD(disturbed(shape(rng, True), seed), shape(rng, False))
+    assert result.rmse_mm < 1
+    assert result.verdict == "ambiguous", result.reason
+    assert weak in result.weak_directions
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_twisted_fork_has_two_poses_and_says_so(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    cloud = twisted_fork(1500, rng)
+    result = METHOD(disturbed(cloud, seed), twisted_fork(3000, rng))
+    assert result.verdict == "ambiguous", result.reason
+    half = frames.compose(
+        result.candidates[1].fixed_T_moving, frames.invert_rigid(result.candidates[0].fixed_T_moving)
+    )
+    np.testing.assert_allclose(half[:3, :3], np.diag([-1.0, -1, 1]), atol=0.05)
+
+
+def test_clouds_of_different_vessels_do_not_match() -> None:
+    rng = np.random.default_rng(0)
+    ball = rng.normal(size=(1500, 3))
+    ball *= 25 / np.linalg.norm(ball, axis=1, keepdims=True)
+    result = METHOD(ball, problem().fixed_mm)
+    assert result.verdict == "failed"
+    assert not result.converged
+    assert "of the moving points lie on the fixed cloud" in result.reason
+
+
+def test_the_predicted_error_holds_for_most_problems() -> None:
+    """Eight problems: the 90 % interval may miss one of them or two, not more."""
+    held = 0
+    for number in range(8):
+        trial = problem(number=20 + number, noise_mm=0.3)
+        result = METHOD(trial.moving_mm, trial.fixed_mm)
+        low_mm, high_mm = result.tre_interval_mm(TUBE.vertices_mm)
+        held += low_mm <= error_mm(result.fixed_T_moving, trial) <= high_mm
+        assert 0 < low_mm < high_mm < 2
+    assert held >= 6
+
+
+def test_frames_make_the_blocks_of_the_bootstrap() -> None:
+    trial = problem(number=3, noise_mm=0.3)
+    along = trial.moving_mm @ np.linalg.svd(trial.moving_mm - trial.moving_mm.mean(axis=0))[2][0]
+    frame = np.digitize(along, np.linspace(along.min(), along.max(), 60)).astype(np.int64)
+    by_frame = METHOD(trial.moving_mm, trial.fixed_mm, moving_frame=frame)
+    by_place = METHOD(trial.moving_mm, trial.fixed_mm)
+    np.testing.assert_array_equal(by_frame.fixed_T_moving, by_place.fixed_T_moving)
+    targets = TUBE.vertices_mm
+    assert by_frame.tre_interval_mm(targets) != by_place.tre_interval_mm(targets)
+    assert by_frame.tre_interval_mm(targets)[1] < 1
 
 
 def test_clouds_that_are_no_surface_go_point_to_point() -> None:
@@ -143,6 +279,13 @@ def test_few_points_are_enough_to_run() -> None:
         {"rolls": 0},
         {"slide_share": 0.0},
         {"axis_share": 1.5},
+        {"first_points": 2},
+        {"first_iterations": 0},
+        {"first_share": 0.0},
+        {"centerline_places": 0},
+        {"blocks": 1},
+        {"replicates": 5},
+        {"inflation": 0.0},
         {"coarse_points": 2},
         {"coarse_cells": 4},
         {"coarse_iterations": 0},
@@ -178,6 +321,16 @@ def test_clouds_and_poses_that_are_none_are_refused() -> None:
         METHOD(np.outer(np.arange(50.0), [1, 2, 3]), cloud)
     with pytest.raises(InputError, match="initial: expected orthonormal"):
         METHOD(cloud, cloud, np.diag([1.0, 1, 1.2, 1]))
+    with pytest.raises(InputError, match="search_cone: expected an initial pose"):
+        METHOD(cloud, cloud, search_cone=SearchCone())
+    with pytest.raises(
+        InputError, match="moving_frame: expected one frame for each of 1200 points, received 3"
+    ):
+        METHOD(cloud, cloud, moving_frame=np.zeros(3, dtype=np.int64))
+    with pytest.raises(
+        InputError, match="fixed_centerline_mm: expected at least 2 finite points, received 1"
+    ):
+        METHOD(cloud, cloud, moving_centerline_mm=cloud[:9], fixed_centerline_mm=cloud[:1])
 
 
 @pytest.mark.parametrize("share, place", [(1.0, "middle"), (0.6, "middle"), (0.4, "start"), (0.4, "end")])

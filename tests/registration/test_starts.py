@@ -10,7 +10,15 @@ from vessels import bent_tube
 from registration import frames
 from registration.geometry import principal_frame
 from registration.perturbation import Piece, draw
-from registration.starts import MOST_WINDOWS, cone_starts, symmetry_starts
+from registration.search_cone import SearchCone
+from registration.starts import (
+    MOST_WINDOWS,
+    arc_length_mm,
+    arc_windows,
+    centerline_starts,
+    cone_starts,
+    symmetry_starts,
+)
 
 TUBE = bent_tube()
 FIXED = draw(TUBE, 3000, Piece(), np.random.default_rng(0))
@@ -78,11 +86,66 @@ def test_a_longer_moving_cloud_and_a_sliver_have_bounded_starts() -> None:
     assert 0 < len(starts) <= 12 * MOST_WINDOWS
 
 
-def test_a_cone_holds_the_known_pose_first_and_turns_about_the_cloud() -> None:
+def test_inversion_and_slides_can_be_left_out() -> None:
+    piece = frames.apply(POSE, draw(TUBE, 900, Piece(0.4, "end"), np.random.default_rng(1)))
+    settings = {"rolls": 6, "slide_share": 0.25, "axis_share": 1.0}
+    every = symmetry_starts(piece, FIXED, **settings)
+    one_way = symmetry_starts(piece, FIXED, **settings, invert=False)
+    assert 2 * len(one_way) == len(every)
+    moved = one_way[:, :3, :3] @ principal_frame(piece).axes[:, 0]
+    assert (moved @ principal_frame(FIXED).axes[:, 0] > 0).all()
+    unslid = symmetry_starts(piece, FIXED, **settings, slide=False)
+    assert len(unslid) == 12
+    np.testing.assert_allclose(
+        [frames.apply(start, piece.mean(axis=0)) for start in unslid], np.tile(FIXED.mean(axis=0), (12, 1))
+    )
+
+
+def test_a_cone_holds_the_known_pose_first_turned_and_slid() -> None:
     moving = draw(TUBE, 500, Piece(), np.random.default_rng(1))
-    starts = cone_starts(moving, POSE, 40.0)
-    np.testing.assert_array_equal(starts[0], POSE)
+    starts = cone_starts(moving, POSE, SearchCone(40.0, 8.0))
+    np.testing.assert_allclose(starts[0], POSE)
+    assert len(starts) == 5 * 13
     turned = frames.rotation_angle_deg(frames.compose(frames.invert_rigid(POSE), starts))
-    np.testing.assert_allclose(np.sort(turned), [0] + 6 * [20] + 6 * [40], atol=1e-4)
+    np.testing.assert_allclose(np.sort(turned), 5 * [0] + 30 * [20] + 30 * [40], atol=1e-4)
     centres = np.stack([frames.apply(start, moving.mean(axis=0)) for start in starts])
-    np.testing.assert_allclose(centres - centres[0], 0, atol=1e-9)
+    slid = (centres - centres[0]) @ POSE[:3, :3] @ principal_frame(moving).axes[:, 0]
+    np.testing.assert_allclose(np.unique(slid.round(6)), [-8, -4, 0, 4, 8])
+
+
+def arch() -> np.ndarray:
+    """A hairpin: two limbs of 60 mm beside each other, joined by half a ring of 10 mm radius."""
+    turn = np.linspace(0, np.pi, 33)[1:-1]
+    limb = np.arange(0.0, 60.5)
+    first = np.stack([np.full(61, 10.0), np.zeros(61), limb], axis=1)
+    bow = np.stack([10 * np.cos(turn), np.zeros(31), 60 + 10 * np.sin(turn)], axis=1)
+    second = np.stack([np.full(61, -10.0), np.zeros(61), limb[::-1]], axis=1)
+    return np.concatenate([first, bow, second])
+
+
+def test_arc_length_follows_the_line_in_any_order() -> None:
+    points = np.random.default_rng(4).permutation(arch(), axis=0)
+    assert arc_length_mm(points) == pytest.approx(120 + 10 * np.pi, rel=0.01)
+
+
+def test_windows_along_an_arch_never_hold_both_limbs() -> None:
+    windows = arc_windows(arch(), 30.0, 0.25)
+    sides = np.array([window.centre_mm for window in windows])
+    low = sides[sides[:, 2] < 40]
+    assert len(low) >= 6
+    np.testing.assert_allclose(np.abs(low[:, 0]), 10, atol=1e-6)
+    assert set(np.sign(low[:, 0])) == {-1.0, 1.0}
+    assert max(window.spread_mm[0] for window in windows) < 10
+
+
+def test_a_piece_of_an_arch_starts_on_the_limb_it_is_from() -> None:
+    """A radius that changes along the line is not needed: the bend tells the place."""
+    line = arch()
+    piece = line[45:80]
+    moving = frames.apply(POSE, piece)
+    starts = centerline_starts(moving, line, rolls=8, slide_share=0.25, places=16)
+    assert closest_mm(starts, moving) < 5
+
+
+def test_a_line_as_long_as_the_other_has_one_window() -> None:
+    assert len(arc_windows(arch(), 151.0, 0.25)) == 1

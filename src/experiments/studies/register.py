@@ -2,33 +2,26 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments import files
-from experiments.outcome import InputData, Outcome, Progress
-from experiments.studies.registration_inputs import (
-    one_method,
-    read_mm,
-    read_pose,
-    refuse_metres,
-    require_path,
-)
-from registration import frames
+from experiments.outcome import Outcome, Progress
+from experiments.studies.register_record import Registered
+from experiments.studies.register_report import outcome, write
+from experiments.studies.registration_centerlines import bends
+from experiments.studies.registration_inputs import one_method
+from experiments.studies.registration_pair import Pair, SideFiles, read_pair
 from registration.geometry import Mesh
-from registration.geometry_io import write_surface
-from registration.metrics import Surface, SurfaceResiduals, surface_residuals
+from registration.metrics import Surface, surface_residuals
 
 if TYPE_CHECKING:
     from registration.results import RigidResult
 
-LENGTHS = ("rmse_mm", "rmse_trimmed_mm", "rmse_bidirectional_mm", "msd_mm", "hd95_mm")
-SHARES = ("inlier_share", "coverage")
+# Points of a centerline that a method is given.
+CENTERLINE_POINTS = 300
 
 
 def check(
@@ -37,12 +30,26 @@ def check(
     fixed: str,
     rigid: Mapping[str, Any],
     initial: str | None,
+    search_cone_deg: float | None,
+    search_radius_mm: float | None,
+    moving_landmarks: str | None,
+    fixed_landmarks: str | None,
+    moving_centerline: str | None,
+    fixed_centerline: str | None,
     moving_unit: str | None,
     fixed_unit: str | None,
+    moving_space: str | None,
+    fixed_space: str | None,
 ) -> None:
     """Raise InputError for files and settings that cannot be registered."""
     one_method(rigid)
-    _read(moving, fixed, initial, moving_unit, fixed_unit)
+    read_pair(
+        SideFiles("moving", moving, moving_unit, moving_space, moving_centerline, moving_landmarks),
+        SideFiles("fixed", fixed, fixed_unit, fixed_space, fixed_centerline, fixed_landmarks),
+        initial,
+        search_cone_deg,
+        search_radius_mm,
+    )
 
 
 def run(
@@ -51,8 +58,16 @@ def run(
     fixed: str,
     rigid: Mapping[str, Any],
     initial: str | None,
+    search_cone_deg: float | None,
+    search_radius_mm: float | None,
+    moving_landmarks: str | None,
+    fixed_landmarks: str | None,
+    moving_centerline: str | None,
+    fixed_centerline: str | None,
     moving_unit: str | None,
     fixed_unit: str | None,
+    moving_space: str | None,
+    fixed_space: str | None,
     moving_points: int,
     fixed_points: int,
     inlier_mm: float,
@@ -61,117 +76,53 @@ def run(
     workspace: Path,
     progress: Progress,
 ) -> Outcome:
-    """Bring ``moving`` onto ``fixed`` and leave registration.json and moved.ply (in mm) in ``workspace``.
+    """Bring ``moving`` onto ``fixed`` and leave the pose, the moved surface and a page to look at in ``workspace``.
 
-    Meshes are sampled uniformly by area for the method; residuals are measured on the surfaces themselves. Raises
-    InputError for files that cannot be registered, or for one that looks like metres beside millimetres.
+    Files: registration.json, moved.ply (mm, LPS), fixed_T_moving.h5 (in ITK's direction) and scene.html. Meshes are
+    sampled uniformly by area for the method; residuals are measured on the surfaces themselves. Raises InputError for
+    files that cannot be registered.
     """
     name, method = one_method(rigid)
-    pair = _read(moving, fixed, initial, moving_unit, fixed_unit)
-    draws = np.random.default_rng(seed).spawn(2)
-    progress.note(f"registering {pair.moving_path.name} to {pair.fixed_path.name} by {name}")
-    result: RigidResult = method(
-        _cloud(pair.moving, moving_points, draws[0]), _cloud(pair.fixed, fixed_points, draws[1]), pair.initial
+    pair = read_pair(
+        SideFiles("moving", moving, moving_unit, moving_space, moving_centerline, moving_landmarks),
+        SideFiles("fixed", fixed, fixed_unit, fixed_space, fixed_centerline, fixed_landmarks),
+        initial,
+        search_cone_deg,
+        search_radius_mm,
     )
+    progress.note(f"registering {pair.moving.path.name} to {pair.fixed.path.name} by {name}")
+    result = _registered(method, pair, moving_points, fixed_points, seed)
     residuals = surface_residuals(
-        pair.moving, pair.fixed, result.fixed_T_moving, inlier_mm=inlier_mm, keep=keep, seed=seed
+        pair.moving.surface,
+        pair.fixed.surface,
+        result.fixed_T_moving,
+        inlier_mm=inlier_mm,
+        keep=keep,
+        seed=seed,
     )
-    record = json.dumps(_record(result, residuals, name, pair), indent=2, allow_nan=False)
-    files.write_text(workspace / "registration.json", record + "\n")
-    write_surface(workspace / "moved.ply", _moved(pair.moving, result.fixed_T_moving))
-    return _outcome(result, residuals, name, pair)
+    found = Registered(name, pair, result, residuals)
+    write(found, workspace)
+    return outcome(found)
 
 
-@dataclass(frozen=True)
-class _Pair:
-    """Both surfaces in mm, where they came from, and the pose to search around, if there is one."""
-
-    moving_path: Path
-    fixed_path: Path
-    moving: Surface
-    fixed: Surface
-    initial: np.ndarray | None
-
-
-def _read(
-    moving: str, fixed: str, initial: str | None, moving_unit: str | None, fixed_unit: str | None
-) -> _Pair:
-    pair = _Pair(
-        moving_path=require_path(moving, "moving", "the file of the cloud or mesh to move"),
-        fixed_path=require_path(fixed, "fixed", "the file of the cloud or mesh to register to"),
-        moving=read_mm(Path(moving), "moving", moving_unit),
-        fixed=read_mm(Path(fixed), "fixed", fixed_unit),
-        initial=None if initial is None else read_pose(Path(initial), "initial"),
+def _registered(method: Any, pair: Pair, moving_points: int, fixed_points: int, seed: int) -> RigidResult:
+    """The method's answer for clouds drawn from both surfaces, with all that is known beside them."""
+    draws = np.random.default_rng(seed).spawn(2)
+    lines_mm = [side.centerline_mm(CENTERLINE_POINTS) for side in (pair.moving, pair.fixed)]
+    # A straight line says no more than the axis of its surface, and a search along it has nothing to hold on to.
+    if any(line_mm is not None and not bends(line_mm) for line_mm in lines_mm):
+        lines_mm = [None, None]
+    result: RigidResult = method(
+        _cloud(pair.moving.surface, moving_points, draws[0]),
+        _cloud(pair.fixed.surface, fixed_points, draws[1]),
+        None if pair.initial is None else pair.initial.fixed_T_moving,
+        search_cone=None if pair.initial is None else pair.initial.search_cone,
+        moving_centerline_mm=lines_mm[0],
+        fixed_centerline_mm=lines_mm[1],
+        moving_frame=pair.moving.frame,
     )
-    for name, surface, other, unit in (
-        ("moving", pair.moving, pair.fixed, moving_unit),
-        ("fixed", pair.fixed, pair.moving, fixed_unit),
-    ):
-        hint = f"pass {name}_unit=m to convert it or {name}_unit=mm to take it as it is"
-        refuse_metres(surface, other, name, unit, hint)
-    return pair
+    return result
 
 
 def _cloud(surface: Surface, count: int, rng: np.random.Generator) -> np.ndarray:
     return surface.sample(count, rng) if isinstance(surface, Mesh) else surface
-
-
-def _moved(surface: Surface, fixed_T_moving: np.ndarray) -> Surface:
-    if isinstance(surface, Mesh):
-        return Mesh(frames.apply(fixed_T_moving, surface.vertices_mm), surface.triangles)
-    return frames.apply(fixed_T_moving, surface)
-
-
-def _record(result: RigidResult, residuals: SurfaceResiduals, name: str, pair: _Pair) -> dict[str, Any]:
-    measured = {key: getattr(residuals, key) for key in (*LENGTHS, *SHARES)}
-    return {
-        "moving": str(pair.moving_path),
-        "fixed": str(pair.fixed_path),
-        "rigid": name,
-        "units": {"length": "mm", "time": "s"},
-        "fixed_T_moving": result.fixed_T_moving.tolist(),
-        **measured,
-        "distances_to": "triangles" if isinstance(pair.fixed, Mesh) else "points",
-        "iterations": result.iterations,
-        "converged": result.converged,
-        "candidates": [
-            {
-                "fixed_T_moving": candidate.fixed_T_moving.tolist(),
-                "rmse_mm": candidate.rmse_mm,
-                "basin": candidate.basin,
-                "starts": candidate.starts,
-                "stage": candidate.stage,
-            }
-            for candidate in result.candidates
-        ],
-        "runtime_s": result.runtime_s,
-    }
-
-
-def _outcome(result: RigidResult, residuals: SurfaceResiduals, name: str, pair: _Pair) -> Outcome:
-    import pandas as pd
-
-    metrics = {key: float(getattr(residuals, key)) for key in (*LENGTHS, *SHARES)}
-    metrics |= {"iterations": float(result.iterations), "runtime_s": result.runtime_s}
-    table = pd.DataFrame([{"rigid": name, "converged": result.converged, **metrics}])
-    findings = [
-        f"{name} left {residuals.rmse_mm:.3f} mm RMSE ({residuals.rmse_trimmed_mm:.3f} mm trimmed) after "
-        f"{result.runtime_s:.2f} s; a low residual alone does not prove the pose of a straight or symmetric vessel.",
-        "registration.json holds the pose and all candidates, moved.ply the moved surface in mm.",
-    ]
-    if not result.converged:
-        findings.insert(1, "The method stopped at its limit of iterations before it converged.")
-    return Outcome(
-        metrics={
-            **metrics,
-            "converged": float(result.converged),
-            "candidates": float(len(result.candidates)),
-        },
-        tables={"registration": table},
-        findings=tuple(findings),
-        tags={"rigid": name},
-        inputs=tuple(
-            InputData(path.name, files.digest(path), str(path))
-            for path in (pair.moving_path, pair.fixed_path)
-        ),
-    )

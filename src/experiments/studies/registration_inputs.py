@@ -1,8 +1,9 @@
-"""Files that the registration studies take from the user: surfaces in their unit, and poses."""
+"""Files that the registration studies take from the user: surfaces in their unit and axes, and poses."""
 
 from __future__ import annotations
 
-import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -10,16 +11,18 @@ import numpy as np
 
 from experiments.errors import InputError
 from registration import errors as registration_errors
-from registration import frames
-from registration.geometry import Mesh, diagonal_mm
+from registration.geometry import LINE_SHARE, Mesh, diagonal_mm, principal_frame
 from registration.geometry_io import read_surface
 from registration.metrics import Surface
+from registration.model_files import lps_from, stated_space
+from registration.transform_files import read_transform
 
-# A vessel model is tens to hundreds of millimetres long. A diagonal under 1 beside one over 10 is metres beside
-# millimetres: no two views of one vessel differ ten times in size.
+# A vessel model is tens to hundreds of millimetres long: a diagonal under 1 is metres, and so is one that is a hundred
+# times smaller than the other, for no two views of one vessel differ so.
 METRES_BELOW = 1.0
-MILLIMETRES_ABOVE = 10.0
+HUNDREDFOLD = 100.0
 MM_PER_UNIT = {"mm": 1.0, "m": 1000.0}
+SPACES = ("lps", "ras")
 
 
 def require_path(value: str | Path | None, name: str, what: str) -> Path:
@@ -29,24 +32,42 @@ def require_path(value: str | Path | None, name: str, what: str) -> Path:
     return Path(value)
 
 
-def read_mm(path: Path, name: str, unit: str | None) -> Surface:
-    """Read a surface and convert it from ``unit`` (mm, m, or none for mm) to millimetres."""
+def read_mm(path: Path, name: str, unit: str | None, space: str | None = "lps") -> Surface:
+    """Read a surface and convert it from ``unit`` (mm, m, or none for mm) and ``space`` to millimetres in LPS.
+
+    ``space`` is lps, ras, or none for what the file's header says (lps if it says nothing).
+    """
     if unit is not None and unit not in MM_PER_UNIT:
         raise InputError(f"{name}_unit: expected mm, m or null, received {unit!r}")
-    try:
+    with naming(name):
         surface = read_surface(path)
-    except registration_errors.InputError as refusal:
-        raise InputError(f"{name}: {refusal}") from refusal
-    scale = MM_PER_UNIT[unit or "mm"]
+    points_mm = MM_PER_UNIT[unit or "mm"] * lps_from(points_of(surface), read_space(path, name, space))
+    return Mesh(points_mm, surface.triangles) if isinstance(surface, Mesh) else points_mm
+
+
+def read_space(path: Path, name: str, space: str | None) -> str:
+    """The axes of a file, lps or ras: as the user says, else as its header does, else lps."""
+    if space is None:
+        return stated_space(path) or "lps"
+    if space not in SPACES:
+        raise InputError(f"{name}_space: expected lps, ras or null, received {space!r}")
+    return space
+
+
+def require_solid(surface: Surface, name: str) -> None:
+    """Raise InputError if all points lie in one plane: a vessel does not, and its mirror image would fit as well."""
+    points_mm = points_of(surface)
     if isinstance(surface, Mesh):
-        return Mesh(scale * surface.vertices_mm, surface.triangles)
-    return scale * surface
+        points_mm = points_mm[np.unique(surface.triangles)]
+    spread_mm = principal_frame(points_mm).spread_mm
+    if spread_mm[2] <= LINE_SHARE * spread_mm[0]:
+        raise InputError(f"{name}: expected points around a vessel, received points in one plane")
 
 
 def refuse_metres(surface: Surface, other: Surface, name: str, unit: str | None, hint: str) -> None:
     """Raise InputError if ``surface``, whose unit was not stated, looks like metres beside ``other``."""
-    own, others = diagonal_mm(_points(surface)), diagonal_mm(_points(other))
-    if unit is None and own < METRES_BELOW and others > MILLIMETRES_ABOVE:
+    own, others = diagonal_mm(points_of(surface)), diagonal_mm(points_of(other))
+    if unit is None and (own < METRES_BELOW or HUNDREDFOLD * own <= others):
         raise InputError(
             f"{name}: expected millimetres, received a bounding box with a diagonal of {own:.3g} beside one of "
             f"{others:.3g}, which looks like metres; {hint}"
@@ -54,21 +75,22 @@ def refuse_metres(surface: Surface, other: Surface, name: str, unit: str | None,
 
 
 def read_pose(path: Path, name: str) -> np.ndarray:
-    """Read ``fixed_T_moving`` (4, 4), in mm, from a JSON file such as registration.json."""
-    if not path.is_file():
-        raise InputError(f"{name}: expected a JSON file with fixed_T_moving, received no file at {path}")
-    try:
-        matrix = np.array(json.loads(path.read_text(encoding="utf-8"))["fixed_T_moving"], dtype=np.float64)
-        if matrix.shape != (4, 4):
-            raise ValueError(f"an array of shape {matrix.shape}")
-    except (ValueError, KeyError, TypeError) as refusal:
-        raise InputError(
-            f"{name}: expected fixed_T_moving as 4 rows of 4 numbers in {path}, received {refusal}"
-        ) from refusal
-    try:
-        return frames.require_rigid(matrix, "fixed_T_moving")
-    except registration_errors.InputError as refusal:
-        raise InputError(f"{name}: {path}: {refusal}") from refusal
+    """Read ``fixed_T_moving`` (4, 4), in mm, from JSON such as registration.json, or from ITK's .tfm or .h5."""
+    with naming(name):
+        return read_transform(path)
+
+
+def read_frames(path: Path, surface: Surface) -> np.ndarray | None:
+    """The number of the frame that each point of a sweep's cloud was seen in, (n,), where a PLY file has it."""
+    if isinstance(surface, Mesh) or path.suffix.lower() != ".ply":
+        return None
+    import open3d
+
+    with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
+        cloud = open3d.t.io.read_point_cloud(path)
+    if "frame" not in cloud.point or len(cloud.point["frame"]) != len(surface):
+        return None
+    return cloud.point["frame"].numpy().ravel().astype(np.int64)
 
 
 def one_method(rigid: object) -> tuple[str, Any]:
@@ -79,5 +101,15 @@ def one_method(rigid: object) -> tuple[str, Any]:
     return next(iter(rigid.items()))
 
 
-def _points(surface: Surface) -> np.ndarray:
+def points_of(surface: Surface) -> np.ndarray:
+    """The vertices of a mesh, or the points of a cloud."""
     return surface.vertices_mm if isinstance(surface, Mesh) else surface
+
+
+@contextmanager
+def naming(setting: str) -> Iterator[None]:
+    """Put the name of the setting before what the reading of its file refuses."""
+    try:
+        yield
+    except registration_errors.InputError as refusal:
+        raise InputError(f"{setting}: {refusal}") from refusal

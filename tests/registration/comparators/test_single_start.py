@@ -14,6 +14,7 @@ from registration import frames
 from registration.comparators import SingleStartICP
 from registration.errors import InputError
 from registration.geometry import principal_frame
+from registration.search_cone import SearchCone
 
 TUBE = bent_tube()
 FIXED = TUBE.sample(2500, np.random.default_rng(0))
@@ -64,6 +65,56 @@ def test_a_near_start_succeeds_and_one_upside_down_does_not() -> None:
     assert method(moving, FIXED, frames.invert_rigid(known)).rmse_mm < 1
 
 
+def test_along_normals_it_settles_where_the_surfaces_meet() -> None:
+    """Point to plane slides along the surface where point to point creeps: nearer, in fewer steps."""
+    moving = displaced(0.2, 3.0, 0)
+    truth = np.linalg.lstsq(np.c_[moving, np.ones(len(moving))], MOVING, rcond=None)[0]
+    pose = np.eye(4)
+    pose[:3] = truth.T
+    plane = SingleStartICP(refine_by="plane")(moving, FIXED)
+    point = SingleStartICP(refine_by="point")(moving, FIXED)
+    plane_mm, point_mm = (
+        np.abs(frames.apply(found.fixed_T_moving, moving) - frames.apply(pose, moving)).max()
+        for found in (plane, point)
+    )
+    assert plane_mm < 0.1
+    assert plane_mm < point_mm
+    assert plane.iterations < point.iterations
+    assert plane.converged
+
+
+def test_along_normals_it_fails_upside_down_too() -> None:
+    frame = principal_frame(MOVING)
+    over = frames.rotate_about(Rotation.from_rotvec(np.pi * frame.axes[:, 1]), frame.centre_mm)
+    found = SingleStartICP(refine_by="plane")(frames.apply(over, MOVING), FIXED)
+    apart_mm = frames.apply(frames.compose(found.fixed_T_moving, over), MOVING) - MOVING
+    assert np.linalg.norm(apart_mm, axis=1).max() > 20
+
+
+def test_an_answer_outside_the_cone_has_failed() -> None:
+    moving = displaced(0.2, 3.0, 0)
+    method = SingleStartICP()
+    inside = method(moving, FIXED, np.eye(4), search_cone=SearchCone(30.0, 10.0))
+    assert inside.verdict == "accepted"
+    outside = method(moving, FIXED, np.eye(4), search_cone=SearchCone(5.0, 10.0))
+    assert outside.verdict == "failed"
+    assert "outside the search cone of 5 degrees and 10 mm" in outside.reason
+    np.testing.assert_array_equal(inside.fixed_T_moving, outside.fixed_T_moving)
+
+
+def test_centerlines_and_frames_change_nothing() -> None:
+    moving = displaced(0.2, 3.0, 0)
+    plain = SingleStartICP()(moving, FIXED)
+    told = SingleStartICP()(
+        moving,
+        FIXED,
+        moving_centerline_mm=moving[:5],
+        fixed_centerline_mm=FIXED[:7],
+        moving_frame=np.zeros(len(moving), dtype=np.int64),
+    )
+    np.testing.assert_array_equal(plain.fixed_T_moving, told.fixed_T_moving)
+
+
 def test_centroids_are_brought_together_only_when_asked() -> None:
     moving = MOVING + np.array([400.0, 0, 0])
     once = {"max_iterations": 1}
@@ -91,7 +142,15 @@ def test_the_result_says_what_was_done() -> None:
 
 
 @pytest.mark.parametrize(
-    "settings", [{"keep": 0.0}, {"max_iterations": 0}, {"tolerance": -1.0}, {"inlier_spacings": 0.0}]
+    "settings",
+    [
+        {"keep": 0.0},
+        {"max_iterations": 0},
+        {"tolerance": -1.0},
+        {"inlier_spacings": 0.0},
+        {"refine_by": "line"},
+        {"neighbours": 2},
+    ],
 )
 def test_settings_out_of_range_are_refused(settings: dict[str, object]) -> None:
     with pytest.raises(InputError, match=f"{next(iter(settings))}: expected"):

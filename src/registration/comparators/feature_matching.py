@@ -1,0 +1,176 @@
+"""Global registration by local features: fast point feature histograms, matched by RANSAC or all at once."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from registration import frames
+from registration.checks import require_count, require_positive
+from registration.comparators.answers import known_pose, refined
+from registration.comparators.features import FpfhFeatures, quiet_open3d
+from registration.comparators.single_start import SingleStartICP
+from registration.geometry import require_cloud
+from registration.results import RigidResult
+from registration.search_cone import SearchCone
+
+
+@dataclass(frozen=True)
+class FpfhRansac:
+    """Random triples of points with matching features propose poses, and the one with most inliers wins, by Open3D.
+
+    Fischler and Bolles, Commun. ACM 24(6), 1981, with Rusu's features. A triple is passed over if an edge is
+    shorter than ``edge_similarity`` times its counterpart; an inlier lies within ``max_distance_mm``. It stops after
+    ``max_iterations`` triples or once a better one is less likely than 1 - ``confidence``. ``refine`` takes the pose
+    to its optimum. Deterministic in ``seed``.
+    """
+
+    features: FpfhFeatures
+    max_distance_mm: float
+    edge_similarity: float = 0.9
+    max_iterations: int = 100_000
+    confidence: float = 0.999
+    refine: SingleStartICP = field(default_factory=lambda: SingleStartICP(refine_by="plane", keep=0.9))
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        require_positive("max_distance_mm", self.max_distance_mm)
+        require_positive("edge_similarity", self.edge_similarity, 1.0)
+        require_count("max_iterations", self.max_iterations, 1)
+        require_positive("confidence", self.confidence, 1.0)
+        require_count("seed", self.seed, 0)
+
+    def __call__(
+        self,
+        moving_mm: Float64[np.ndarray, "m 3"],
+        fixed_mm: Float64[np.ndarray, "n 3"],
+        initial: Float64[np.ndarray, "4 4"] | None = None,
+        *,
+        search_cone: SearchCone | None = None,
+        moving_centerline_mm: Float64[np.ndarray, "p 3"] | None = None,
+        fixed_centerline_mm: Float64[np.ndarray, "q 3"] | None = None,
+        moving_frame: Int64[np.ndarray, "m"] | None = None,
+    ) -> RigidResult:
+        """Register ``moving_mm`` to ``fixed_mm`` from anywhere; ``initial`` is refined beside what is found.
+
+        An answer outside ``search_cone`` around ``initial`` has failed. Centerlines and frames are not used. Raises
+        InputError for a cloud that is empty, not finite or degenerate, an ``initial`` that is not rigid, a cone
+        without one, or if no features match and there is no ``initial``.
+        """
+        del moving_centerline_mm, fixed_centerline_mm, moving_frame
+        return _registered(self, moving_mm, fixed_mm, initial, search_cone)
+
+    def search(self, moving: tuple[Any, Any], fixed: tuple[Any, Any]) -> Any:
+        """Open3D's result for two thinned clouds and their features."""
+        with quiet_open3d() as open3d:
+            registration = open3d.pipelines.registration
+            open3d.utility.random.seed(self.seed)
+            return registration.registration_ransac_based_on_feature_matching(
+                moving[0],
+                fixed[0],
+                moving[1],
+                fixed[1],
+                True,
+                self.max_distance_mm,
+                registration.TransformationEstimationPointToPoint(False),
+                3,
+                [
+                    registration.CorrespondenceCheckerBasedOnEdgeLength(self.edge_similarity),
+                    registration.CorrespondenceCheckerBasedOnDistance(self.max_distance_mm),
+                ],
+                registration.RANSACConvergenceCriteria(self.max_iterations, self.confidence),
+            )
+
+
+@dataclass(frozen=True)
+class FpfhFastGlobal:
+    """All matches of features at once, wrong ones switched off by a robust kernel that tightens, by Open3D.
+
+    Zhou, Park and Koltun, "Fast global registration", ECCV 2016. Pairs within ``max_distance_mm`` count in the end. A
+    triple of matches is left out if an edge is shorter than ``edge_similarity`` times its counterpart, and at most
+    ``most_triples`` are kept. ``refine`` takes the pose to its optimum. Deterministic in ``seed``.
+    """
+
+    features: FpfhFeatures
+    max_distance_mm: float
+    edge_similarity: float = 0.95
+    most_triples: int = 1000
+    iterations: int = 64
+    refine: SingleStartICP = field(default_factory=lambda: SingleStartICP(refine_by="plane", keep=0.9))
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        require_positive("max_distance_mm", self.max_distance_mm)
+        require_positive("edge_similarity", self.edge_similarity, 1.0)
+        require_count("most_triples", self.most_triples, 1)
+        require_count("iterations", self.iterations, 1)
+        require_count("seed", self.seed, 0)
+
+    def __call__(
+        self,
+        moving_mm: Float64[np.ndarray, "m 3"],
+        fixed_mm: Float64[np.ndarray, "n 3"],
+        initial: Float64[np.ndarray, "4 4"] | None = None,
+        *,
+        search_cone: SearchCone | None = None,
+        moving_centerline_mm: Float64[np.ndarray, "p 3"] | None = None,
+        fixed_centerline_mm: Float64[np.ndarray, "q 3"] | None = None,
+        moving_frame: Int64[np.ndarray, "m"] | None = None,
+    ) -> RigidResult:
+        """Register ``moving_mm`` to ``fixed_mm`` from anywhere; ``initial`` is refined beside what is found.
+
+        An answer outside ``search_cone`` around ``initial`` has failed. Centerlines and frames are not used. Raises
+        InputError for a cloud that is empty, not finite or degenerate, an ``initial`` that is not rigid, a cone
+        without one, or if no features match and there is no ``initial``.
+        """
+        del moving_centerline_mm, fixed_centerline_mm, moving_frame
+        return _registered(self, moving_mm, fixed_mm, initial, search_cone)
+
+    def search(self, moving: tuple[Any, Any], fixed: tuple[Any, Any]) -> Any:
+        """Open3D's result for two thinned clouds and their features."""
+        with quiet_open3d() as open3d:
+            registration = open3d.pipelines.registration
+            open3d.utility.random.seed(self.seed)
+            # Lengths are in mm and stay so: Open3D would scale the distance by the clouds' size otherwise.
+            option = registration.FastGlobalRegistrationOption(
+                use_absolute_scale=True,
+                decrease_mu=True,
+                maximum_correspondence_distance=self.max_distance_mm,
+                iteration_number=self.iterations,
+                tuple_scale=self.edge_similarity,
+                maximum_tuple_count=self.most_triples,
+            )
+            return registration.registration_fgr_based_on_feature_matching(
+                moving[0], fixed[0], moving[1], fixed[1], option
+            )
+
+
+def _registered(
+    method: FpfhRansac | FpfhFastGlobal,
+    moving_mm: np.ndarray,
+    fixed_mm: np.ndarray,
+    initial: np.ndarray | None,
+    search_cone: SearchCone | None,
+) -> RigidResult:
+    """Features of both clouds about their centres, the method's search, and the refinement of what it found."""
+    begin_s = time.perf_counter()
+    require_cloud(moving_mm, "moving_mm")
+    require_cloud(fixed_mm, "fixed_mm")
+    initial = known_pose(initial, search_cone)
+    moving_centre_mm, fixed_centre_mm = moving_mm.mean(axis=0), fixed_mm.mean(axis=0)
+    moving = method.features(moving_mm - moving_centre_mm, "moving_mm")
+    fixed = method.features(fixed_mm - fixed_centre_mm, "fixed_mm")
+    found = method.search(moving, fixed)
+    pose = None
+    # Without a single inlier Open3D answers with the identity.
+    if found.fitness > 0:
+        pose = frames.compose(
+            frames.translation(fixed_centre_mm),
+            frames.nearest_rigid(np.array(found.transformation)),
+            frames.translation(-moving_centre_mm),
+        )
+    return refined(pose, method.refine, moving_mm, fixed_mm, initial, search_cone, begin_s)

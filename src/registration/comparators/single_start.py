@@ -1,0 +1,94 @@
+"""Iterative closest points from one pose, point-to-point or point-to-plane, as it is commonly run."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from registration import frames
+from registration.checks import require_count, require_positive
+from registration.comparators.answers import known_pose, one_answer
+from registration.correspondence import TreeTarget
+from registration.errors import InputError
+from registration.geometry import require_cloud
+from registration.icp import align
+from registration.results import RigidResult
+from registration.search_cone import SearchCone
+
+
+@dataclass(frozen=True)
+class SingleStartICP:
+    """ICP from one pose: Besl and McKay, IEEE PAMI 14(2), 1992 (``refine_by`` point), or Chen and Medioni, Image Vision
+    Comput. 10(3), 1992 (``refine_by`` plane, with normals estimated from ``neighbours`` fixed points).
+
+    ``align_centroids`` first brings the centroids together. ``keep`` is the share of closest pairs that counts in
+    each step. It stops once the residual changes by less than ``tolerance`` of itself, or after ``max_iterations``.
+    """
+
+    align_centroids: bool = False
+    refine_by: str = "point"
+    neighbours: int = 20
+    keep: float = 1.0
+    max_iterations: int = 100
+    tolerance: float = 1e-6
+    inlier_spacings: float = 3.0
+
+    def __post_init__(self) -> None:
+        if self.refine_by not in ("plane", "point"):
+            raise InputError(f"refine_by: expected plane or point, received {self.refine_by!r}")
+        require_count("neighbours", self.neighbours, 3)
+        require_positive("keep", self.keep, 1.0)
+        require_count("max_iterations", self.max_iterations, 1)
+        require_positive("tolerance", self.tolerance, 1.0)
+        require_positive("inlier_spacings", self.inlier_spacings)
+
+    def __call__(
+        self,
+        moving_mm: Float64[np.ndarray, "m 3"],
+        fixed_mm: Float64[np.ndarray, "n 3"],
+        initial: Float64[np.ndarray, "4 4"] | None = None,
+        *,
+        search_cone: SearchCone | None = None,
+        moving_centerline_mm: Float64[np.ndarray, "p 3"] | None = None,
+        fixed_centerline_mm: Float64[np.ndarray, "q 3"] | None = None,
+        moving_frame: Int64[np.ndarray, "m"] | None = None,
+    ) -> RigidResult:
+        """Register ``moving_mm`` to ``fixed_mm`` from ``initial`` (a fixed_T_moving), or from where they lie.
+
+        An answer outside ``search_cone`` has failed. Centerlines and frames are not used. Raises InputError for a
+        cloud that is empty, not finite or degenerate, an ``initial`` that is not rigid, or a cone without one.
+        """
+        del moving_centerline_mm, fixed_centerline_mm, moving_frame
+        begin_s = time.perf_counter()
+        require_cloud(moving_mm, "moving_mm")
+        require_cloud(fixed_mm, "fixed_mm")
+        initial = known_pose(initial, search_cone)
+        start = np.eye(4) if initial is None else initial
+        if self.align_centroids:
+            centre_mm = frames.apply(start, moving_mm.mean(axis=0))
+            start = frames.compose(frames.translation(fixed_mm.mean(axis=0) - centre_mm), start)
+        target = TreeTarget(fixed_mm, self.neighbours if self.refine_by == "plane" else 0)
+        found = align(
+            moving_mm,
+            target,
+            start[None],
+            keep=self.keep,
+            max_iterations=self.max_iterations,
+            tolerance=self.tolerance,
+        )
+        return one_answer(
+            moving_mm,
+            target,
+            found.fixed_T_moving[0],
+            start=start,
+            keep=self.keep,
+            inlier_spacings=self.inlier_spacings,
+            iterations=int(found.iterations[0]),
+            converged=bool(found.converged[0]),
+            initial=initial,
+            search_cone=search_cone,
+            begin_s=begin_s,
+        )

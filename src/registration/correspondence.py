@@ -1,0 +1,152 @@
+"""Correspondence: the fixed cloud prepared for the question which of its points is closest, exactly or by a table."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float64, Int64
+from scipy.ndimage import distance_transform_edt
+from scipy.spatial import cKDTree
+
+# Normals are estimated for so many points at a time, which bounds the memory for large clouds.
+NORMALS_BLOCK = 50_000
+# A quadric through scattered points is held flat by this share of what the points say.
+FLATTENING = 1e-6
+
+
+@runtime_checkable
+class Target(Protocol):
+    """The fixed cloud: its points, their normals where known, and which of them is closest."""
+
+    points_mm: np.ndarray
+    normals: np.ndarray | None
+
+    def closest(self, points_mm: Float64[np.ndarray, "m 3"]) -> Int64[np.ndarray, "m"]:
+        """Index into ``points_mm`` of the fixed point closest to each of the given ones."""
+        ...
+
+
+class TreeTarget:
+    """Exact closest points by a k-d tree; ``neighbours`` above 0 also estimates a normal for every fixed point.
+
+    Points that occur several times are kept once: they say nothing about the surface around them. The sign of a
+    normal is arbitrary.
+    """
+
+    def __init__(self, points_mm: Float64[np.ndarray, "n 3"], neighbours: int = 0) -> None:
+        self.points_mm: np.ndarray = np.unique(points_mm, axis=0)
+        self._tree = cKDTree(self.points_mm)
+        self.normals: np.ndarray | None = self.normals_at(self.points_mm, neighbours) if neighbours else None
+
+    def normals_at(
+        self, points_mm: Float64[np.ndarray, "m 3"], neighbours: int
+    ) -> Float64[np.ndarray, "m 3"]:
+        """The direction in which the fixed points nearest to each given point spread least (Hoppe et al., 1992)."""
+        blocks = np.array_split(points_mm, max(-(-len(points_mm) // NORMALS_BLOCK), 1))
+        return np.concatenate([self._axes(self.patches(block, neighbours)[0])[:, :, 0] for block in blocks])
+
+    def patches(
+        self, points_mm: Float64[np.ndarray, "m 3"], neighbours: int
+    ) -> tuple[Float64[np.ndarray, "m k 3"], Float64[np.ndarray, "m k"]]:
+        """The fixed points nearest to each given point, and how far they are from it, in mm."""
+        away_mm, index = self._tree.query(points_mm, k=min(neighbours, len(self.points_mm)))
+        return self.points_mm[np.asarray(index)], np.asarray(away_mm)
+
+    @staticmethod
+    def _axes(patches_mm: np.ndarray) -> np.ndarray:
+        """Principal axes of each patch in columns, the one of least spread first."""
+        centred_mm = patches_mm - patches_mm.mean(axis=1, keepdims=True)
+        return np.linalg.eigh(np.swapaxes(centred_mm, 1, 2) @ centred_mm)[1]
+
+    def smoothed_at(
+        self, points_mm: Float64[np.ndarray, "m 3"], neighbours: int
+    ) -> tuple[Float64[np.ndarray, "m 3"], Float64[np.ndarray, "m 3"], float]:
+        """The smoothed surface beside each given point, its normal there, and the reach it was smoothed over, in mm.
+
+        A quadric is fitted to the fixed points around each given one (moving least squares: Alexa et al., IEEE TVCG
+        9(1), 2003): it takes the noise out and leaves the curvature in.
+        """
+        patches_mm, away_mm = self.patches(points_mm, neighbours)
+        axes = self._axes(patches_mm)
+        height_mm, one, two = np.moveaxis((patches_mm - points_mm[:, None]) @ axes, 2, 0)
+        terms = np.stack([np.ones_like(one), one, two, one * one, one * two, two * two], axis=2)
+        across = np.swapaxes(terms, 1, 2)
+        equations = across @ terms
+        # Patches that lie on a line leave the quadric open across it; the flattest one is taken.
+        equations += FLATTENING * np.trace(equations, axis1=1, axis2=2)[:, None, None] * np.eye(6)
+        fitted = np.linalg.solve(equations, across @ height_mm[..., None])[..., 0]
+        slopes = np.stack([np.ones(len(axes)), -fitted[:, 1], -fitted[:, 2]], axis=1)
+        normals = (axes @ slopes[..., None])[..., 0]
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        return points_mm + fitted[:, :1] * axes[:, :, 0], normals, float(np.median(away_mm[:, -1]))
+
+    def closest(self, points_mm: Float64[np.ndarray, "m 3"]) -> Int64[np.ndarray, "m"]:
+        """Index of the closest fixed point."""
+        return np.asarray(self._tree.query(points_mm)[1], dtype=np.int64)
+
+    def distances_mm(self, points_mm: Float64[np.ndarray, "m 3"]) -> Float64[np.ndarray, "m"]:
+        """Distance from each given point to the closest fixed one."""
+        return np.asarray(self._tree.query(points_mm)[0])
+
+    @cached_property
+    def spacing_mm(self) -> float:
+        """Median distance from a fixed point to its nearest neighbour."""
+        distances_mm = np.asarray(self._tree.query(self.points_mm, k=2)[0])
+        return float(np.median(distances_mm[:, 1]))
+
+
+class SmoothedTarget(TreeTarget):
+    """The fixed cloud without its noise: every point of ``exact`` brought onto the smooth surface through those around.
+
+    ``reach_mm`` is how far the smoothing over ``neighbours`` points reaches.
+    """
+
+    def __init__(self, exact: TreeTarget, neighbours: int) -> None:
+        self.points_mm, self.normals, self.reach_mm = exact.smoothed_at(exact.points_mm, neighbours)
+        self._tree = cKDTree(self.points_mm)
+
+
+class VoxelTarget:
+    """Closest points looked up in a table over a voxel grid: wrong by up to a voxel's diagonal, and far faster.
+
+    The fixed points are averaged within each voxel; the table holds for every voxel the average nearest to it (exact
+    Euclidean feature transform). Points outside the grid are answered by its border. ``cells`` is the number of
+    voxels along the longest side of the cloud, ``margin`` the share of that side added around it. An average has the
+    normal of the point of ``exact`` closest to it, if ``exact`` is given and has normals.
+    """
+
+    def __init__(
+        self,
+        points_mm: Float64[np.ndarray, "n 3"],
+        cells: int,
+        margin: float = 0.25,
+        exact: TreeTarget | None = None,
+    ) -> None:
+        extent_mm = np.ptp(points_mm, axis=0)
+        self._step_mm = float(extent_mm.max()) / cells
+        pad_mm = margin * float(extent_mm.max())
+        self._origin_mm = points_mm.min(axis=0) - pad_mm
+        self._shape = np.ceil((extent_mm + 2 * pad_mm) / self._step_mm).astype(np.int64) + 1
+        flat = self._flat(points_mm)
+        occupied, owner, count = np.unique(flat, return_inverse=True, return_counts=True)
+        sums = np.stack([np.bincount(owner, points_mm[:, axis]) for axis in range(3)], axis=1)
+        self.points_mm: np.ndarray = sums / count[:, None]
+        self.normals: np.ndarray | None = None
+        if exact is not None and exact.normals is not None:
+            self.normals = exact.normals[exact.closest(self.points_mm)]
+        grid = np.full(int(self._shape.prod()), -1, dtype=np.int64)
+        grid[occupied] = np.arange(len(occupied))
+        grid = grid.reshape(self._shape)
+        nearest = distance_transform_edt(grid < 0, return_distances=False, return_indices=True)
+        self._table = grid[tuple(nearest)].ravel()
+
+    def _flat(self, points_mm: np.ndarray) -> np.ndarray:
+        cell = ((points_mm - self._origin_mm) / self._step_mm).astype(np.int64)
+        np.clip(cell, 0, self._shape - 1, out=cell)
+        return (cell[:, 0] * self._shape[1] + cell[:, 1]) * self._shape[2] + cell[:, 2]
+
+    def closest(self, points_mm: Float64[np.ndarray, "m 3"]) -> Int64[np.ndarray, "m"]:
+        """Index of the averaged fixed point that is nearest to the voxel each point lies in."""
+        return self._table[self._flat(points_mm)]

@@ -1,0 +1,170 @@
+"""Estimation: the rigid motion that brings weighted pairs closer, for many poses at once.
+
+Kabsch, Acta Cryst. A32, 1976 and Umeyama, IEEE PAMI 13(4), 1991 (point to point); Chen and Medioni, Image Vision
+Comput. 10(3), 1992 (point to plane); Rusinkiewicz, ACM Trans. Graph. 38(4), 2019 (symmetric).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.spatial.transform import Rotation
+
+from registration import frames
+from registration.checks import require_at_least
+from registration.errors import InputError
+from registration.pairs import Pairs
+
+# Directions of motion whose stiffness is below this share of the stiffest are left alone by a step along normals.
+STIFFNESS_SHARE = 1e-6
+# A step along normals is linear in the rotation: it moves the cloud by at most this share of its radius.
+LONGEST_STEP = 0.5
+
+
+@runtime_checkable
+class Estimation(Protocol):
+    """What a step makes small, and the step."""
+
+    def residuals_mm(self, pairs: Pairs) -> Float64[np.ndarray, "s n"]:
+        """What is left between each pair, in mm."""
+        ...
+
+    def motion(self, pairs: Pairs, weights: Float64[np.ndarray, "s n"]) -> Float64[np.ndarray, "s 4 4"]:
+        """The rigid motion (fixed_T_fixed) of the moved points that makes the weighted residuals smaller."""
+        ...
+
+
+@dataclass(frozen=True)
+class PointToPoint:
+    """Brings each point onto its paired one."""
+
+    def residuals_mm(self, pairs: Pairs) -> Float64[np.ndarray, "s n"]:
+        """The distance of each pair."""
+        return np.sqrt(pairs.squared_mm2)
+
+    def motion(self, pairs: Pairs, weights: Float64[np.ndarray, "s n"]) -> Float64[np.ndarray, "s 4 4"]:
+        """The least-squares motion."""
+        return kabsch(pairs.moved_mm, pairs.fixed_mm, weights)
+
+
+@dataclass(frozen=True)
+class PointToPlane:
+    """Brings each point onto the plane through its paired one.
+
+    ``damping`` (Levenberg) is a share of the mean stiffness: it keeps a step far from the answer from running along a
+    direction that the normals leave almost free.
+    """
+
+    damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_at_least("damping", self.damping, 0.0)
+
+    def residuals_mm(self, pairs: Pairs) -> Float64[np.ndarray, "s n"]:
+        """The distance along the fixed point's normal."""
+        return _along(pairs, _fixed_normals(pairs))
+
+    def motion(self, pairs: Pairs, weights: Float64[np.ndarray, "s n"]) -> Float64[np.ndarray, "s 4 4"]:
+        """One Gauss-Newton step; a direction that the normals leave free is not moved along."""
+        return _newton(pairs, _fixed_normals(pairs), weights, self.damping)
+
+
+@dataclass(frozen=True)
+class Symmetric:
+    """Brings both points onto the plane between them, which is right to second order where both surfaces are curved.
+
+    The plane's normal is the mean of both normals, whose signs are made to agree. ``damping`` as for PointToPlane.
+    """
+
+    damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_at_least("damping", self.damping, 0.0)
+
+    def residuals_mm(self, pairs: Pairs) -> Float64[np.ndarray, "s n"]:
+        """The distance along the mean normal."""
+        return _along(pairs, _mean_normals(pairs))
+
+    def motion(self, pairs: Pairs, weights: Float64[np.ndarray, "s n"]) -> Float64[np.ndarray, "s 4 4"]:
+        """One Gauss-Newton step."""
+        return _newton(pairs, _mean_normals(pairs), weights, self.damping)
+
+
+def kabsch(
+    moving_mm: Float64[np.ndarray, "*s n 3"],
+    fixed_mm: Float64[np.ndarray, "*s n 3"],
+    weights: Float64[np.ndarray, "*s n"],
+) -> Float64[np.ndarray, "*s 4 4"]:
+    """The rigid transforms that bring paired points closest in weighted least squares, never a mirrored one."""
+    share = (weights / weights.sum(axis=-1, keepdims=True))[..., None]
+    moving_centre_mm = (share * moving_mm).sum(axis=-2)
+    fixed_centre_mm = (share * fixed_mm).sum(axis=-2)
+    covariance = np.swapaxes(share * (moving_mm - moving_centre_mm[..., None, :]), -1, -2) @ (
+        fixed_mm - fixed_centre_mm[..., None, :]
+    )
+    left, _, right = np.linalg.svd(covariance)
+    left[..., :, 2] *= np.sign(np.linalg.det(left) * np.linalg.det(right))[..., None]
+    rotation = np.swapaxes(left @ right, -1, -2)
+    fixed_T_moving = np.zeros((*rotation.shape[:-2], 4, 4))
+    fixed_T_moving[..., :3, :3] = rotation
+    fixed_T_moving[..., :3, 3] = fixed_centre_mm - (rotation @ moving_centre_mm[..., None])[..., 0]
+    fixed_T_moving[..., 3, 3] = 1.0
+    return fixed_T_moving
+
+
+def motion_jacobian(
+    arms: Float64[np.ndarray, "*s n 3"], normals: Float64[np.ndarray, "*s n 3"]
+) -> Float64[np.ndarray, "*s n 6"]:
+    """How far each point moves along its normal in a small rotation (first three) or translation (last three).
+
+    ``arms`` are the points about the centre of rotation, in whatever unit the rotations are to be measured.
+    """
+    jacobian = np.empty((*arms.shape[:-1], 6))
+    # Written out: np.cross takes several times as long.
+    for axis, (one, two) in enumerate(((1, 2), (2, 0), (0, 1))):
+        jacobian[..., axis] = arms[..., one] * normals[..., two] - arms[..., two] * normals[..., one]
+    jacobian[..., 3:] = normals
+    return jacobian
+
+
+def _newton(
+    pairs: Pairs, normals: np.ndarray, weights: np.ndarray, damping: float
+) -> Float64[np.ndarray, "s 4 4"]:
+    centre_mm = pairs.moved_mm.mean(axis=1, keepdims=True)
+    arms_mm = pairs.moved_mm - centre_mm
+    # Angles are scaled by the cloud's radius so that all six unknowns are lengths and one cut-off serves them.
+    radius_mm = np.sqrt(np.einsum("snk,snk->s", arms_mm, arms_mm) / arms_mm.shape[1])[:, None]
+    jacobian = motion_jacobian(arms_mm / radius_mm[..., None], normals)
+    weighted = np.swapaxes(jacobian * weights[..., None], 1, 2)
+    stiffness = weighted @ jacobian
+    mean = np.trace(stiffness, axis1=1, axis2=2)[:, None, None] / 6
+    pull = weighted @ _along(pairs, normals)[..., None]
+    inverse = np.linalg.pinv(stiffness + damping * mean * np.eye(6), rcond=STIFFNESS_SHARE, hermitian=True)
+    motion_mm = (inverse @ pull)[..., 0]
+    longest_mm = np.abs(motion_mm).max(axis=1, keepdims=True)
+    motion_mm *= np.minimum(LONGEST_STEP * radius_mm / np.maximum(longest_mm, np.finfo(float).tiny), 1.0)
+    turn = Rotation.from_rotvec(motion_mm[:, :3] / radius_mm)
+    centre_mm = centre_mm[:, 0]
+    return frames.from_rotation(turn, centre_mm + motion_mm[:, 3:] - turn.apply(centre_mm))
+
+
+def _along(pairs: Pairs, normals: np.ndarray) -> Float64[np.ndarray, "s n"]:
+    return np.einsum("snk,snk->sn", pairs.offset_mm, normals)
+
+
+def _fixed_normals(pairs: Pairs) -> np.ndarray:
+    if pairs.normals is None:
+        raise InputError("pairs: expected normals of the fixed cloud for a step along them, received none")
+    return pairs.normals
+
+
+def _mean_normals(pairs: Pairs) -> np.ndarray:
+    fixed = _fixed_normals(pairs)
+    if pairs.moved_normals is None:
+        raise InputError("pairs: expected normals of both clouds for a symmetric step, received none")
+    agree = np.sign(np.einsum("snk,snk->sn", fixed, pairs.moved_normals))[..., None]
+    summed = fixed + np.where(agree == 0, 1.0, agree) * pairs.moved_normals
+    return summed / np.linalg.norm(summed, axis=2, keepdims=True)

@@ -1,0 +1,153 @@
+"""Rigid transforms to and from files: JSON as this package writes it, and ITK's .tfm and .h5, which 3D Slicer opens.
+
+An ITK transform maps points of the fixed image to points of the moving one, because that is the way a resampler asks;
+both in LPS. In a file of ITK's, a ``fixed_T_moving`` is therefore its inverse, ``moving_T_fixed``. 3D Slicer inverts
+what it reads again, so that a moving model put under the transform lies on the fixed one (Slicer developer guide,
+"Transforms").
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64
+
+from registration import frames
+from registration.errors import InputError
+from registration.file_checks import require_file
+from registration.whole import written_beside
+
+ITK_SUFFIXES = (".tfm", ".txt", ".h5", ".hdf5")
+WRITABLE = (".tfm", ".h5")
+KEY = "fixed_T_moving"
+HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+
+
+def read_transform(path: Path) -> Float64[np.ndarray, "4 4"]:
+    """Read a ``fixed_T_moving``, in mm: from JSON under that name, or from an ITK file (.tfm, .h5), turned round.
+
+    Raises InputError for a file that is missing, unreadable or of another kind, and for a transform that is not rigid.
+    """
+    path = require_file(path)
+    suffix = path.suffix.lower()
+    if suffix == ".json":
+        fixed_T_moving = _rigid(path, _read_json(path), KEY)
+    elif suffix in ITK_SUFFIXES:
+        fixed_T_moving = frames.invert_rigid(_rigid(path, _read_itk(path), "transform"))
+    else:
+        raise InputError(
+            f"{path}: expected a transform as .json, {', '.join(ITK_SUFFIXES)}, received {suffix or 'no suffix'}"
+        )
+    return fixed_T_moving
+
+
+def write_transform(path: Path, fixed_T_moving: Float64[np.ndarray, "4 4"]) -> None:
+    """Write a rigid transform as an ITK file (.tfm or .h5) in ITK's direction; its folder must exist."""
+    path = Path(path)
+    if path.suffix.lower() not in WRITABLE:
+        raise InputError(
+            f"{path}: expected one of {', '.join(WRITABLE)} to write, received {path.suffix or 'none'}"
+        )
+    moving_T_fixed = frames.invert_rigid(frames.require_rigid(fixed_T_moving, KEY))
+    sitk = _sitk()
+    transform = sitk.AffineTransform(3)
+    transform.SetMatrix(moving_T_fixed[:3, :3].ravel().tolist())
+    transform.SetTranslation(moving_T_fixed[:3, 3].tolist())
+    with written_beside(path) as temporary:
+        sitk.WriteTransform(transform, str(temporary))
+
+
+def _rigid(path: Path, matrix: np.ndarray, name: str) -> np.ndarray:
+    try:
+        return frames.require_rigid(matrix, name)
+    except InputError as refusal:
+        raise InputError(f"{path}: {refusal}") from refusal
+
+
+def _read_json(path: Path) -> np.ndarray:
+    try:
+        matrix = np.array(json.loads(path.read_text(encoding="utf-8"))[KEY], dtype=np.float64)
+        if matrix.shape != (4, 4):
+            raise ValueError(f"an array of shape {matrix.shape}")
+    except (ValueError, KeyError, TypeError) as refusal:
+        raise InputError(f"{path}: expected {KEY} as 4 rows of 4 numbers, received {refusal}") from refusal
+    return matrix
+
+
+def _read_itk(path: Path) -> np.ndarray:
+    """The 4x4 matrix of a linear transform, found from where it takes four points, whatever class wrote it."""
+    if path.suffix.lower() in (".h5", ".hdf5"):
+        _require_whole_hdf5(path)
+    sitk = _sitk()
+    try:
+        transform = sitk.ReadTransform(str(path))
+    except RuntimeError as refusal:
+        # ITK's own report has several lines, with places in its sources.
+        raise InputError(
+            f"{path}: expected a complete ITK transform, received a file that cannot be read as one"
+        ) from refusal
+    if path.suffix.lower() in (".tfm", ".txt"):
+        _require_whole_text(path, transform)
+    if transform.GetDimension() != 3 or not transform.IsLinear():
+        raise InputError(
+            f"{path}: expected a linear transform in three dimensions, received {transform.GetName()} "
+            f"in {transform.GetDimension()}"
+        )
+    origin = np.array(transform.TransformPoint((0.0, 0.0, 0.0)))
+    columns = [np.array(transform.TransformPoint(unit)) - origin for unit in np.eye(3).tolist()]
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = np.stack(columns, axis=1), origin
+    return matrix
+
+
+def _require_whole_hdf5(path: Path) -> None:
+    """Refuse what is no HDF5 file or shorter than it says, on which the library prints a page before it fails.
+
+    HDF5 File Format Specification, superblock: the version follows the signature, and the address of the end of the
+    file is the third of four addresses that begin at byte 24 (versions 0 and 1), 28 (1) or 12 (2 and 3).
+    """
+    data = path.read_bytes()
+    if not data.startswith(HDF5_SIGNATURE) or len(data) < 64:
+        raise InputError(
+            f"{path}: expected an HDF5 file, received {len(data)} bytes of another kind or cut short"
+        )
+    version = data[8]
+    width = data[13] if version < 2 else data[9]
+    place = {0: 24, 1: 28}.get(version, 12) + 2 * width
+    end = int.from_bytes(data[place : place + width], "little")
+    if len(data) < end:
+        raise InputError(f"{path}: expected an HDF5 file of {end} bytes, received {len(data)}: cut short")
+
+
+def _require_whole_text(path: Path, transform: Any) -> None:
+    """Refuse a text file that lacks a line or a number, in whose place ITK puts the identity without a word."""
+    parts = [transform]
+    if transform.GetName() == "CompositeTransform":
+        composite = _sitk().CompositeTransform(transform)
+        parts = [composite.GetNthTransform(number) for number in range(composite.GetNumberOfTransforms())]
+    expected = [
+        (key, len(values))
+        for part in parts
+        for key, values in (
+            ("Parameters", part.GetParameters()),
+            ("FixedParameters", part.GetFixedParameters()),
+        )
+    ]
+    lines = [line.partition(":") for line in path.read_text(encoding="utf-8", errors="replace").splitlines()]
+    found = [(key, len(values.split())) for key, _, values in lines if key.endswith("Parameters")]
+    if found != expected:
+        raise InputError(
+            f"{path}: expected {sum(count for _, count in expected)} numbers in {len(expected)} lines of parameters, "
+            f"received {sum(count for _, count in found)} in {len(found)}: cut short"
+        )
+
+
+def _sitk() -> Any:
+    """SimpleITK, imported only where a transform is read or written, with its reports kept off the terminal."""
+    import SimpleITK
+
+    SimpleITK.ProcessObject.SetGlobalWarningDisplay(False)
+    return SimpleITK
