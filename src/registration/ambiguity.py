@@ -28,11 +28,11 @@ class Judge:
 
     At least ``least_inliers`` of the moving points near the fixed ones; every pose that puts the model elsewhere by
     more than ``tolerated_mm`` worse by ``least_gap`` standard errors (by default, worse by chance in one case of
-    twenty); and a predicted error below ``tolerated_mm``.
+    forty); and a predicted error below ``tolerated_mm``.
     """
 
     tolerated_mm: float = 2.0
-    least_gap: float = 1.645
+    least_gap: float = 2.0
     least_inliers: float = 0.5
 
     def __post_init__(self) -> None:

@@ -11,7 +11,7 @@ from jaxtyping import Float64
 
 from registration import frames
 from registration.ambiguity import DIRECTIONS, displacement_mm, named_motion, probes, weak_motion
-from registration.correspondence import SmoothedTarget, TreeTarget
+from registration.correspondence import TreeTarget
 from registration.errors import InputError
 from registration.geometry import PrincipalFrame, principal_frame
 from registration.icp import align
@@ -19,6 +19,7 @@ from registration.results import FAILED, Candidate, RigidResult, fit
 from registration.robust_kernels import Tukey
 from registration.search import EARLY_TOLERANCE, Found
 from registration.selection import Evidence, two_way
+from registration.smoothed_target import SmoothedTarget
 from registration.uncertainty import bootstrap_motions, local_fit
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 # The answer is slid along the vessel by so many tolerated errors to see whether the clouds object.
 PROBED_SLIDE = 1.5
-PROBED_ITERATIONS = 8
+PROBED_ITERATIONS = 6
 # Rivals that are within so many standard errors of the best one are as good as it, and named beside it.
 ALIKE_GAPS = 2.0
 # The error is predicted at this many points of the fixed cloud.
@@ -100,6 +101,7 @@ def answer(
         ambiguity_gap=gap,
         weak_directions=directions,
         pose_samples=spread.samples,
+        wall_offset_mm=evidence.wall_offset_mm(pose),
     )
 
 
@@ -121,7 +123,9 @@ def _spread(
 ) -> _Spread:
     if not isinstance(evidence.smoothed, SmoothedTarget):
         return _Spread(None, float("nan"), np.eye(4))
-    local = local_fit(evidence.moving_mm, evidence.smoothed, pose, evidence.block, method.kernel or Tukey())
+    local = local_fit(
+        evidence.moving_mm, evidence.smoothed, pose, evidence.block, method.kernel or Tukey(), evidence.offset
+    )
     motions_mm = bootstrap_motions(local, method.replicates, method.inflation, rng)
     samples = local.motions(motions_mm)
     expected_mm = float(np.quantile(displacement_mm(samples, places_mm), UPPER))
@@ -159,7 +163,7 @@ def _others(
     back = frames.invert_rigid(pose)
     motions = [frames.compose(one.fixed_T_moving, back) for one in found.candidates[: len(found.gap)]]
     settled = align(
-        evidence.moving_mm[: method.middle_points],
+        evidence.moving_mm[: method.coarse_points],
         evidence.target,
         probes(frame, PROBED_SLIDE * method.judge.tolerated_mm) @ pose,
         max_iterations=PROBED_ITERATIONS,

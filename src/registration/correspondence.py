@@ -12,8 +12,6 @@ from scipy.spatial import cKDTree
 
 # Normals are estimated for so many points at a time, which bounds the memory for large clouds.
 NORMALS_BLOCK = 50_000
-# A quadric through scattered points is held flat by this share of what the points say.
-FLATTENING = 1e-6
 
 
 @runtime_checkable
@@ -32,55 +30,57 @@ class TreeTarget:
     """Exact closest points by a k-d tree; ``neighbours`` above 0 also estimates a normal for every fixed point.
 
     Points that occur several times are kept once: they say nothing about the surface around them. The sign of a
-    normal is arbitrary.
+    normal is arbitrary. ``around`` neighbours of every point are remembered, unless the cloud is large, for whoever
+    asks for its patches later.
     """
 
-    def __init__(self, points_mm: Float64[np.ndarray, "n 3"], neighbours: int = 0) -> None:
+    def __init__(self, points_mm: Float64[np.ndarray, "n 3"], neighbours: int = 0, around: int = 0) -> None:
         self.points_mm: np.ndarray = np.unique(points_mm, axis=0)
         self._tree = cKDTree(self.points_mm)
+        self._around: tuple[np.ndarray, np.ndarray] | None = None
+        if around and len(self.points_mm) <= NORMALS_BLOCK:
+            self._around = self._nearest(self.points_mm, max(around, neighbours))
         self.normals: np.ndarray | None = self.normals_at(self.points_mm, neighbours) if neighbours else None
 
     def normals_at(
         self, points_mm: Float64[np.ndarray, "m 3"], neighbours: int
     ) -> Float64[np.ndarray, "m 3"]:
         """The direction in which the fixed points nearest to each given point spread least (Hoppe et al., 1992)."""
-        blocks = np.array_split(points_mm, max(-(-len(points_mm) // NORMALS_BLOCK), 1))
-        return np.concatenate([self._axes(self.patches(block, neighbours)[0])[:, :, 0] for block in blocks])
+        count = -(-len(points_mm) // NORMALS_BLOCK)
+        blocks = np.array_split(points_mm, count) if count > 1 else [points_mm]
+        return np.concatenate(
+            [principal_axes(self.patches(block, neighbours)[0])[:, :, 0] for block in blocks]
+        )
 
     def patches(
         self, points_mm: Float64[np.ndarray, "m 3"], neighbours: int
     ) -> tuple[Float64[np.ndarray, "m k 3"], Float64[np.ndarray, "m k"]]:
         """The fixed points nearest to each given point, and how far they are from it, in mm."""
-        away_mm, index = self._tree.query(points_mm, k=min(neighbours, len(self.points_mm)))
-        return self.points_mm[np.asarray(index)], np.asarray(away_mm)
+        if (
+            self._around is not None
+            and points_mm is self.points_mm
+            and neighbours <= self._around[0].shape[1]
+        ):
+            away_mm, index = (known[:, :neighbours] for known in self._around)
+        else:
+            away_mm, index = self._nearest(points_mm, neighbours)
+        return self.points_mm[index], away_mm
 
-    @staticmethod
-    def _axes(patches_mm: np.ndarray) -> np.ndarray:
-        """Principal axes of each patch in columns, the one of least spread first."""
-        centred_mm = patches_mm - patches_mm.mean(axis=1, keepdims=True)
-        return np.linalg.eigh(np.swapaxes(centred_mm, 1, 2) @ centred_mm)[1]
+    def _nearest(self, points_mm: np.ndarray, neighbours: int) -> tuple[np.ndarray, np.ndarray]:
+        away_mm, index = self._tree.query(points_mm, k=np.arange(1, min(neighbours, len(self.points_mm)) + 1))
+        return np.asarray(away_mm), np.asarray(index)
 
-    def smoothed_at(
-        self, points_mm: Float64[np.ndarray, "m 3"], neighbours: int
-    ) -> tuple[Float64[np.ndarray, "m 3"], Float64[np.ndarray, "m 3"], float]:
-        """The smoothed surface beside each given point, its normal there, and the reach it was smoothed over, in mm.
+    def neighbours_of(self, count: int) -> Int64[np.ndarray, "n k"]:
+        """The fixed points nearest to each fixed point, itself the first."""
+        if self._around is not None and count <= self._around[1].shape[1]:
+            return self._around[1][:, :count]
+        return self._nearest(self.points_mm, count)[1]
 
-        A quadric is fitted to the fixed points around each given one (moving least squares: Alexa et al., IEEE TVCG
-        9(1), 2003): it takes the noise out and leaves the curvature in.
-        """
-        patches_mm, away_mm = self.patches(points_mm, neighbours)
-        axes = self._axes(patches_mm)
-        height_mm, one, two = np.moveaxis((patches_mm - points_mm[:, None]) @ axes, 2, 0)
-        terms = np.stack([np.ones_like(one), one, two, one * one, one * two, two * two], axis=2)
-        across = np.swapaxes(terms, 1, 2)
-        equations = across @ terms
-        # Patches that lie on a line leave the quadric open across it; the flattest one is taken.
-        equations += FLATTENING * np.trace(equations, axis1=1, axis2=2)[:, None, None] * np.eye(6)
-        fitted = np.linalg.solve(equations, across @ height_mm[..., None])[..., 0]
-        slopes = np.stack([np.ones(len(axes)), -fitted[:, 1], -fitted[:, 2]], axis=1)
-        normals = (axes @ slopes[..., None])[..., 0]
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        return points_mm + fitted[:, :1] * axes[:, :, 0], normals, float(np.median(away_mm[:, -1]))
+    def face_like(self, normals: Float64[np.ndarray, "n 3"]) -> None:
+        """Turn the normals to the side that the given ones point to."""
+        if self.normals is not None:
+            facing = np.einsum("nk,nk->n", self.normals, normals)
+            self.normals = self.normals * np.where(facing < 0, -1.0, 1.0)[:, None]
 
     def closest(self, points_mm: Float64[np.ndarray, "m 3"]) -> Int64[np.ndarray, "m"]:
         """Index of the closest fixed point."""
@@ -97,15 +97,10 @@ class TreeTarget:
         return float(np.median(distances_mm[:, 1]))
 
 
-class SmoothedTarget(TreeTarget):
-    """The fixed cloud without its noise: every point of ``exact`` brought onto the smooth surface through those around.
-
-    ``reach_mm`` is how far the smoothing over ``neighbours`` points reaches.
-    """
-
-    def __init__(self, exact: TreeTarget, neighbours: int) -> None:
-        self.points_mm, self.normals, self.reach_mm = exact.smoothed_at(exact.points_mm, neighbours)
-        self._tree = cKDTree(self.points_mm)
+def principal_axes(patches_mm: Float64[np.ndarray, "m k 3"]) -> Float64[np.ndarray, "m 3 3"]:
+    """Principal axes of each patch in columns, the one of least spread first."""
+    centred_mm = patches_mm - patches_mm.mean(axis=1, keepdims=True)
+    return np.linalg.eigh(np.swapaxes(centred_mm, 1, 2) @ centred_mm)[1]
 
 
 class VoxelTarget:

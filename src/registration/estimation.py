@@ -55,42 +55,47 @@ class PointToPlane:
     """Brings each point onto the plane through its paired one.
 
     ``damping`` (Levenberg) is a share of the mean stiffness: it keeps a step far from the answer from running along a
-    direction that the normals leave almost free.
+    direction that the normals leave almost free. With ``offset`` one wall may lie outside the other by the same
+    distance everywhere, as the borders of two modalities do: it is estimated with the motion, and no residual. On a
+    vessel that tapers it would otherwise be taken for a slide. Normals must then all point to the same side.
     """
 
     damping: float = 0.0
+    offset: bool = False
 
     def __post_init__(self) -> None:
         require_at_least("damping", self.damping, 0.0)
 
     def residuals_mm(self, pairs: Pairs) -> Float64[np.ndarray, "s n"]:
         """The distance along the fixed point's normal."""
-        return _along(pairs, _fixed_normals(pairs))
+        return _along(pairs, _fixed_normals(pairs), self.offset)
 
     def motion(self, pairs: Pairs, weights: Float64[np.ndarray, "s n"]) -> Float64[np.ndarray, "s 4 4"]:
         """One Gauss-Newton step; a direction that the normals leave free is not moved along."""
-        return _newton(pairs, _fixed_normals(pairs), weights, self.damping)
+        return _newton(pairs, _fixed_normals(pairs), weights, self.damping, self.offset)
 
 
 @dataclass(frozen=True)
 class Symmetric:
     """Brings both points onto the plane between them, which is right to second order where both surfaces are curved.
 
-    The plane's normal is the mean of both normals, whose signs are made to agree. ``damping`` as for PointToPlane.
+    The plane's normal is the mean of both normals, whose signs are made to agree. ``damping`` and ``offset`` as for
+    PointToPlane.
     """
 
     damping: float = 0.0
+    offset: bool = False
 
     def __post_init__(self) -> None:
         require_at_least("damping", self.damping, 0.0)
 
     def residuals_mm(self, pairs: Pairs) -> Float64[np.ndarray, "s n"]:
         """The distance along the mean normal."""
-        return _along(pairs, _mean_normals(pairs))
+        return _along(pairs, _mean_normals(pairs), self.offset)
 
     def motion(self, pairs: Pairs, weights: Float64[np.ndarray, "s n"]) -> Float64[np.ndarray, "s 4 4"]:
         """One Gauss-Newton step."""
-        return _newton(pairs, _mean_normals(pairs), weights, self.damping)
+        return _newton(pairs, _mean_normals(pairs), weights, self.damping, self.offset)
 
 
 def kabsch(
@@ -131,19 +136,23 @@ def motion_jacobian(
 
 
 def _newton(
-    pairs: Pairs, normals: np.ndarray, weights: np.ndarray, damping: float
+    pairs: Pairs, normals: np.ndarray, weights: np.ndarray, damping: float, offset: bool
 ) -> Float64[np.ndarray, "s 4 4"]:
     centre_mm = pairs.moved_mm.mean(axis=1, keepdims=True)
     arms_mm = pairs.moved_mm - centre_mm
     # Angles are scaled by the cloud's radius so that all six unknowns are lengths and one cut-off serves them.
     radius_mm = np.sqrt(np.einsum("snk,snk->s", arms_mm, arms_mm) / arms_mm.shape[1])[:, None]
     jacobian = motion_jacobian(arms_mm / radius_mm[..., None], normals)
+    if offset:
+        jacobian = with_offset(jacobian)
     weighted = np.swapaxes(jacobian * weights[..., None], 1, 2)
     stiffness = weighted @ jacobian
-    mean = np.trace(stiffness, axis1=1, axis2=2)[:, None, None] / 6
+    unknowns = stiffness.shape[1]
+    mean = np.trace(stiffness, axis1=1, axis2=2)[:, None, None] / unknowns
     pull = weighted @ _along(pairs, normals)[..., None]
-    inverse = np.linalg.pinv(stiffness + damping * mean * np.eye(6), rcond=STIFFNESS_SHARE, hermitian=True)
-    motion_mm = (inverse @ pull)[..., 0]
+    damped = stiffness + damping * mean * np.eye(unknowns)
+    inverse = np.linalg.pinv(damped, rcond=STIFFNESS_SHARE, hermitian=True)
+    motion_mm = (inverse @ pull)[:, :6, 0]
     longest_mm = np.abs(motion_mm).max(axis=1, keepdims=True)
     motion_mm *= np.minimum(LONGEST_STEP * radius_mm / np.maximum(longest_mm, np.finfo(float).tiny), 1.0)
     turn = Rotation.from_rotvec(motion_mm[:, :3] / radius_mm)
@@ -151,8 +160,14 @@ def _newton(
     return frames.from_rotation(turn, centre_mm + motion_mm[:, 3:] - turn.apply(centre_mm))
 
 
-def _along(pairs: Pairs, normals: np.ndarray) -> Float64[np.ndarray, "s n"]:
-    return np.einsum("snk,snk->sn", pairs.offset_mm, normals)
+def with_offset(jacobian: Float64[np.ndarray, "*s n 6"]) -> Float64[np.ndarray, "*s n 7"]:
+    """The same for one unknown more, by which all points are displaced along their normals."""
+    return np.concatenate([jacobian, np.ones_like(jacobian[..., :1])], axis=-1)
+
+
+def _along(pairs: Pairs, normals: np.ndarray, offset: bool = False) -> Float64[np.ndarray, "s n"]:
+    gap_mm = np.einsum("snk,snk->sn", pairs.offset_mm, normals)
+    return gap_mm - np.median(gap_mm, axis=1, keepdims=True) if offset else gap_mm
 
 
 def _fixed_normals(pairs: Pairs) -> np.ndarray:

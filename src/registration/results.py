@@ -56,6 +56,7 @@ class RigidResult:
     candidate of another basin is worse, in standard errors; infinite if there is none, NaN if nobody looked.
     ``weak_directions`` names the motions that the clouds leave open (``slide``, ``roll``, ...). ``pose_samples``
     (b, 4, 4) are fixed_T_fixed, where the answer might as well lie; they carry the prediction of its error.
+    ``wall_offset_mm`` is by how much the moved wall lies outside the fixed one everywhere, NaN if nobody looked.
     """
 
     fixed_T_moving: Float64[np.ndarray, "4 4"]
@@ -73,6 +74,7 @@ class RigidResult:
     ambiguity_gap: float = float("nan")
     weak_directions: tuple[str, ...] = ()
     pose_samples: Float64[np.ndarray, "b 4 4"] | None = None
+    wall_offset_mm: float = float("nan")
 
     def __post_init__(self) -> None:
         if self.verdict not in VERDICTS:

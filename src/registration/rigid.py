@@ -12,7 +12,7 @@ from registration import frames
 from registration.ambiguity import Judge
 from registration.answer import answer
 from registration.checks import require_count, require_positive
-from registration.correspondence import SmoothedTarget, TreeTarget
+from registration.correspondence import TreeTarget
 from registration.errors import InputError
 from registration.geometry import require_cloud
 from registration.rejection import NormalRejection, Rejection
@@ -21,6 +21,7 @@ from registration.robust_kernels import RobustKernel, Tukey
 from registration.search import EARLY_TOLERANCE, CoarseToFine, Stage, estimation_by
 from registration.search_cone import Bound, SearchCone
 from registration.selection import Evidence, blocks_of, blocks_of_frames
+from registration.smoothed_target import outward_targets
 from registration.starts import centerline_starts, cone_starts, symmetry_starts
 
 # The surface that poses are judged on is smoothed over so many times the points that a normal is estimated from.
@@ -44,7 +45,9 @@ class MultiStartICP:
 
     ``refine_by`` is the residual of the last two stages: ``plane`` (along normals estimated from ``neighbours``
     points: exact on sampled surfaces, whose points never coincide), ``symmetric`` (normals of both) or ``point`` (for
-    clouds that are no surface). Along normals the ``kernel`` weighs the pairs; without one, and from point to point,
+    clouds that are no surface). With ``wall_offset`` one wall may lie outside the other by the same distance
+    everywhere, for the borders that two modalities show are not one: it is estimated with the pose and reported, and
+    is no residual. Along normals the ``kernel`` weighs the pairs; without one, and from point to point,
     the closest ``keep`` share counts. ``rejections`` can leave out more. ``cone_deg`` bounds the starts around a given
     initial pose. The ``judge`` decides whether the answer is accepted, from the candidates and from a bootstrap of
     ``replicates`` over ``blocks`` blocks of points, its spread enlarged by ``inflation``: this was set so that the
@@ -81,6 +84,7 @@ class MultiStartICP:
     keep: float = 0.9
     refine_by: str = "plane"
     neighbours: int = 20
+    wall_offset: bool = True
     kernel: RobustKernel | None = field(default_factory=Tukey)
     rejections: tuple[Rejection, ...] = ()
     basin_share: float = 0.1
@@ -88,7 +92,7 @@ class MultiStartICP:
     inlier_spacings: float = 3.0
     blocks: int = 48
     replicates: int = 400
-    inflation: float = 1.35
+    inflation: float = 1.25
     judge: Judge = field(default_factory=Judge)
     seed: int = 0
 
@@ -149,9 +153,7 @@ class MultiStartICP:
         if moving_centerline_mm is not None and fixed_centerline_mm is not None and self.use_centerline:
             centerlines = (moving_centerline_mm, fixed_centerline_mm)
         starts = self._starts(moving_mm, fixed_mm, initial, search_cone, centerlines)
-        along_normals = self.refine_by != "point"
-        target = TreeTarget(fixed_mm, self.neighbours if along_normals else 0)
-        evidence = self._evidence(moving_mm, target, moving_frame)
+        evidence = self._evidence(moving_mm, fixed_mm, moving_frame)
         normals = None
         if self.refine_by == "symmetric" or any(
             isinstance(rule, NormalRejection) for rule in self.rejections
@@ -194,7 +196,7 @@ class MultiStartICP:
         )
 
     def _evidence(
-        self, moving_mm: np.ndarray, target: TreeTarget, moving_frame: np.ndarray | None
+        self, moving_mm: np.ndarray, fixed_mm: np.ndarray, moving_frame: np.ndarray | None
     ) -> Evidence:
         order = np.random.default_rng(self.seed).permutation(len(moving_mm))[: self.fine_points]
         shuffled_mm = moving_mm[order]
@@ -202,8 +204,11 @@ class MultiStartICP:
             block = blocks_of(shuffled_mm, self.blocks)
         else:
             block = blocks_of_frames(moving_frame[order], self.blocks)
-        smoothed = target if target.normals is None else SmoothedTarget(target, SMOOTHING * self.neighbours)
-        return Evidence(shuffled_mm, block, target, smoothed)
+        if self.refine_by == "point":
+            target = TreeTarget(fixed_mm)
+            return Evidence(shuffled_mm, block, target, target)
+        exact, smoothed = outward_targets(fixed_mm, self.neighbours, SMOOTHING * self.neighbours)
+        return Evidence(shuffled_mm, block, exact, smoothed, self.wall_offset)
 
     def _search(self, shuffled_mm: np.ndarray) -> CoarseToFine:
         return CoarseToFine(
@@ -223,7 +228,7 @@ class MultiStartICP:
             cells=self.coarse_cells,
             keep=self.keep,
             basin_share=self.basin_share,
-            estimation=estimation_by(self.refine_by),
+            estimation=estimation_by(self.refine_by, self.wall_offset),
             kernel=None if self.refine_by == "point" else self.kernel,
             rejections=self.rejections,
         )

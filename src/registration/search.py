@@ -189,11 +189,11 @@ class CoarseToFine:
         return self.basin_share * float(np.sqrt(evidence.moving_mm.var(axis=0).sum()))
 
 
-def estimation_by(refine_by: str) -> Estimation:
+def estimation_by(refine_by: str, offset: bool) -> Estimation:
     """The step of the last stages by its name in the configuration."""
     steps: dict[str, Estimation] = {
-        "plane": PointToPlane(),
-        "symmetric": Symmetric(),
+        "plane": PointToPlane(offset=offset),
+        "symmetric": Symmetric(offset=offset),
         "point": PointToPoint(),
     }
     return steps[refine_by]

@@ -8,7 +8,7 @@ their residuals hang together.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -78,13 +78,17 @@ class Evidence:
     """What the moving points say about poses: points (m, 3), the block of each, and the fixed cloud.
 
     Poses are found on ``target`` and judged on ``smoothed``, which tells them apart better where there is noise; both
-    are one for a cloud without normals.
+    are one for a cloud without normals. With ``offset`` a distance that all points have along the normals, which point
+    outwards then, counts for no pose and against none.
     """
 
     moving_mm: Float64[np.ndarray, "m 3"]
     block: Int64[np.ndarray, "m"]
     target: TreeTarget
     smoothed: TreeTarget
+    offset: bool = False
+    # A search asks about the same pose several times.
+    _known: dict[bytes, np.ndarray] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def squared_mm2(self, poses: Float64[np.ndarray, "s 4 4"]) -> Float64[np.ndarray, "s m"]:
         """The squared distance from every moved point to the fixed surface.
@@ -92,14 +96,27 @@ class Evidence:
         Along the normal of the closest fixed point, and beside its patch; to the point itself where there are no
         normals.
         """
-        squared = np.empty((len(poses), len(self.moving_mm)))
-        reach_mm = PATCH_SPACINGS * self.smoothed.spacing_mm
-        for place, pose in enumerate(poses):
+        return np.stack([self._squared_mm2(pose) for pose in poses])
+
+    def _squared_mm2(self, pose: np.ndarray) -> Float64[np.ndarray, "m"]:
+        key = pose.tobytes()
+        if key not in self._known:
             pairs = closest_pairs(self.moving_mm, self.smoothed, pose[None])
-            along_mm2 = pairs.gap_mm[0] ** 2
-            beside_mm = np.sqrt(np.maximum(pairs.squared_mm2[0] - along_mm2, 0.0))
-            squared[place] = along_mm2 + np.maximum(beside_mm - reach_mm, 0.0) ** 2
-        return squared
+            gap_mm = pairs.gap_mm[0]
+            beside_mm = np.sqrt(np.maximum(pairs.squared_mm2[0] - gap_mm**2, 0.0))
+            along_mm2 = (gap_mm - np.median(gap_mm) if self.offset else gap_mm) ** 2
+            reach_mm = PATCH_SPACINGS * self.smoothed.spacing_mm
+            self._known[key] = along_mm2 + np.maximum(beside_mm - reach_mm, 0.0) ** 2
+        return self._known[key]
+
+    def wall_offset_mm(self, pose: Float64[np.ndarray, "4 4"]) -> float:
+        """By how much the moved wall lies outside the fixed one, as a rule: the median along the normals.
+
+        NaN where it is not looked for.
+        """
+        if not self.offset:
+            return float("nan")
+        return float(-np.median(closest_pairs(self.moving_mm, self.smoothed, pose[None]).gap_mm))
 
     def bounded_mm2(self, poses: Float64[np.ndarray, "s 4 4"]) -> Float64[np.ndarray, "s m"]:
         """The squared distances, bounded, so that an outlier weighs the same under every pose.

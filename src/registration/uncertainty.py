@@ -9,11 +9,11 @@ from jaxtyping import Float64, Int64
 from scipy.spatial.transform import Rotation
 
 from registration import frames
-from registration.correspondence import SmoothedTarget
 from registration.errors import InputError
-from registration.estimation import motion_jacobian
+from registration.estimation import motion_jacobian, with_offset
 from registration.pairs import closest_pairs
 from registration.robust_kernels import RobustKernel, usual_size
+from registration.smoothed_target import SmoothedTarget
 
 # A direction with less than this share of the mean stiffness is as good as free.
 FREE_SHARE = 1e-6
@@ -29,14 +29,15 @@ class LocalFit:
     """The quadratic that the residuals follow around the answer, block by block.
 
     Motions are (rotation vector times ``radius_mm``, translation), in mm, about ``centre_mm`` in the fixed frame.
-    ``stiffness`` (b, 6, 6) and ``pull_mm`` (b, 6) are the blocks' shares of the normal equations. ``roughness`` is the
-    usual residual over the reach that normals are estimated from: by about this angle (rad) they are wrong.
+    ``stiffness`` (b, u, u) and ``pull_mm`` (b, u) are the blocks' shares of the normal equations in these six unknowns,
+    and a seventh where the walls may be offset. ``roughness`` is the usual residual over the reach that normals are
+    estimated from: by about this angle (rad) they are wrong.
     """
 
     centre_mm: Float64[np.ndarray, "3"]
     radius_mm: float
-    stiffness: Float64[np.ndarray, "b 6 6"]
-    pull_mm: Float64[np.ndarray, "b 6"]
+    stiffness: Float64[np.ndarray, "b u u"]
+    pull_mm: Float64[np.ndarray, "b u"]
     roughness: float
 
     def motions(self, motion_mm: Float64[np.ndarray, "k 6"]) -> Float64[np.ndarray, "k 4 4"]:
@@ -51,20 +52,26 @@ def local_fit(
     fixed_T_moving: Float64[np.ndarray, "4 4"],
     block: Int64[np.ndarray, "m"],
     kernel: RobustKernel,
+    offset: bool = False,
 ) -> LocalFit:
     """Linearise the point-to-plane residuals at a pose.
 
     Residuals are to the smoothed surface: those to the closest point are too small, the more so the noisier the cloud,
-    for the closest point is one that the noise brought near.
+    for the closest point is one that the noise brought near. With ``offset`` the walls may lie apart by the same
+    distance everywhere.
     """
     pairs = closest_pairs(moving_mm, target, fixed_T_moving[None])
     if pairs.normals is None:
         raise InputError("target: expected normals of the fixed surface to linearise along, received none")
     moved_mm, gap_mm = pairs.moved_mm[0], pairs.gap_mm[0]
+    if offset:
+        gap_mm = gap_mm - np.median(gap_mm)
     centre_mm = moved_mm.mean(axis=0)
     radius_mm = float(np.sqrt(((moved_mm - centre_mm) ** 2).sum(axis=1).mean()))
     usual_mm = usual_size(gap_mm[None], FREE_SHARE * radius_mm)[0]
     jacobian = motion_jacobian((moved_mm - centre_mm) / radius_mm, pairs.normals[0])
+    if offset:
+        jacobian = with_offset(jacobian)
     weighted = jacobian * kernel(gap_mm / usual_mm)[:, None]
     count = int(block.max()) + 1
     order = np.argsort(block, kind="stable")
@@ -88,7 +95,8 @@ def bootstrap_motions(
     drawn = rng.multinomial(count, np.full(count, 1 / count), size=replicates).astype(np.float64)
     stiffness = np.tensordot(drawn, fit.stiffness, axes=1)
     pull_mm = drawn @ (fit.pull_mm - fit.pull_mm.mean(axis=0))
-    mean = np.trace(stiffness, axis1=1, axis2=2)[:, None, None] / 6
-    solved = np.linalg.solve(stiffness + FREE_SHARE * mean * np.eye(6), pull_mm[..., None])
+    unknowns = stiffness.shape[1]
+    mean = np.trace(stiffness, axis1=1, axis2=2)[:, None, None] / unknowns
+    solved = np.linalg.solve(stiffness + FREE_SHARE * mean * np.eye(unknowns), pull_mm[..., None])[:, :6]
     doubt = np.exp(SPREAD_DOUBT * rng.standard_normal((replicates, 1)))
     return inflation * (1 + STIFFENING * fit.roughness**2) * doubt * solved[..., 0]

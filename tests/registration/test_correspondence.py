@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.distance import cdist
 from vessels import bent_tube
 
-from registration.correspondence import SmoothedTarget, TreeTarget, VoxelTarget
+from registration.correspondence import TreeTarget, VoxelTarget
 
 FIXED = bent_tube().sample(3000, np.random.default_rng(0))
 
@@ -75,36 +75,22 @@ def test_distances_are_those_to_the_closest_point() -> None:
     np.testing.assert_allclose(TreeTarget(FIXED).distances_mm(asked), cdist(asked, FIXED).min(axis=1))
 
 
-def test_a_noisy_sphere_is_smoothed_without_being_flattened() -> None:
-    """The mean of the nearest points lies well inside the sphere; the quadric does not."""
-    rng = np.random.default_rng(6)
-    way = rng.normal(size=(8000, 3))
-    way /= np.linalg.norm(way, axis=1, keepdims=True)
-    target = TreeTarget(way * (10 + rng.normal(scale=0.1, size=(8000, 1))))
-    asked = 10.5 * way[:300]
-    foot, normals, reach_mm = target.smoothed_at(asked, 60)
-    radius = np.linalg.norm(foot, axis=1)
-    assert np.linalg.norm(target.patches(asked, 60)[0].mean(axis=1), axis=1).mean() < 9.94
-    assert abs(radius.mean() - 10) < 0.02
-    assert radius.std() < 0.1
-    assert np.abs((normals * way[:300]).sum(axis=1)).min() > 0.97
-    # Sixty points of eight thousand cover this much of a sphere of 10 mm, seen from half a millimetre above.
-    assert reach_mm == pytest.approx(np.hypot(20 * np.sqrt(60 / 8000), 0.5), rel=0.1)
+def test_remembered_neighbours_are_those_that_are_asked_for() -> None:
+    plain, remembering = TreeTarget(FIXED, 12), TreeTarget(FIXED, 12, around=20)
+    np.testing.assert_array_equal(np.abs(remembering.normals), np.abs(plain.normals))
+    for count in (5, 20, 25):
+        for one, two in zip(
+            plain.patches(plain.points_mm, count),
+            remembering.patches(remembering.points_mm, count),
+            strict=True,
+        ):
+            np.testing.assert_array_equal(one, two)
+        np.testing.assert_array_equal(remembering.neighbours_of(count), plain.neighbours_of(count))
+    np.testing.assert_array_equal(plain.neighbours_of(3)[:, 0], np.arange(len(plain.points_mm)))
 
 
-def test_a_smoothed_cloud_answers_with_its_smoothed_points() -> None:
-    rng = np.random.default_rng(7)
-    grid = np.stack(np.meshgrid(np.arange(20.0), np.arange(20.0), [0.0]), axis=-1).reshape(-1, 3)
-    noisy = grid + rng.normal(scale=0.3, size=grid.shape) * [0, 0, 1]
-    smooth = SmoothedTarget(TreeTarget(noisy), 40)
-    assert smooth.points_mm[:, 2].std() < 0.6 * noisy[:, 2].std()
-    found = smooth.points_mm[smooth.closest(np.array([[5.1, 6.2, 3.0]]))]
-    np.testing.assert_allclose(found[0, :2], [5, 6], atol=0.2)
-    assert np.abs(smooth.normals[:, 2]).min() > 0.9
-
-
-def test_points_on_a_line_are_smoothed_to_finite_places() -> None:
-    line = np.outer(np.arange(50.0), [1.0, 2.0, 3.0])
-    foot, normals, _ = TreeTarget(line).smoothed_at(line[10:20], 12)
-    np.testing.assert_allclose(foot, line[10:20], atol=1e-6)
-    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1)
+def test_normals_are_turned_to_a_given_side() -> None:
+    target = TreeTarget(FIXED, 12)
+    out = target.points_mm - target.points_mm.mean(axis=0)
+    target.face_like(out)
+    assert ((target.normals * out).sum(axis=1) >= 0).all()

@@ -117,3 +117,31 @@ def test_steps_along_normals_need_them() -> None:
 def test_negative_damping_is_refused(method: type) -> None:
     with pytest.raises(InputError, match="damping: expected a number of at least 0"):
         method(damping=-0.1)
+
+
+def trumpet(count: int = 900) -> tuple[np.ndarray, np.ndarray]:
+    """Points of a vessel that opens ever faster, from 3 to 9 mm in radius over 60 mm, and its outward normals.
+
+    A cone, which opens evenly, would be the same cone further along once it is grown: its slide stays open.
+    """
+    rng = np.random.default_rng(8)
+    along, angle = rng.uniform(0, 60, count), rng.uniform(0, 2 * np.pi, count)
+    rim = np.stack([np.cos(angle), np.sin(angle), np.zeros(count)], axis=1)
+    slope = along / 300
+    normals = (rim - slope[:, None] * [0, 0, 1.0]) / np.hypot(1, slope)[:, None]
+    return (3 + along**2 / 600)[:, None] * rim + np.outer(along, [0.0, 0, 1]), normals
+
+
+@pytest.mark.parametrize("kind", [PointToPlane, Symmetric])
+def test_an_offset_of_the_walls_is_no_slide(kind: type[PointToPlane | Symmetric]) -> None:
+    """Grown by 0.1 mm along its normals and shifted across: only the shift is to be undone."""
+    points, normals = trumpet()
+    grown = points + 0.1 * normals + np.array([0.05, -0.02, 0.0])
+    pairs = Pairs(grown[None], points[None], normals[None], normals[None])
+    weights = np.ones((1, len(points)))
+    with_offset, without = (kind(offset=offset).motion(pairs, weights)[0] for offset in (True, False))
+    np.testing.assert_allclose(with_offset[:3, 3], [-0.05, 0.02, 0], atol=2e-3)
+    # Without it the trumpet is pushed along its axis: its mean slope is 0.1.
+    assert abs(without[2, 3]) > 0.5
+    np.testing.assert_allclose(kind(offset=True).residuals_mm(pairs)[0], 0, atol=0.07)
+    assert np.abs(kind().residuals_mm(pairs)[0]).min() > 0.03

@@ -163,6 +163,32 @@ def test_an_ablated_search_has_fewer_starts() -> None:
 
 
 @pytest.mark.parametrize("refine_by", ["plane", "symmetric"])
+def test_walls_that_lie_apart_do_not_pull_the_pose(refine_by: str) -> None:
+    """The moving wall lies 0.4 mm outside the fixed one, as a mask drawn around the wall does."""
+    method = dataclasses.replace(METHOD, refine_by=refine_by)
+    corners = TUBE.vertices_mm[TUBE.triangles]
+    facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    outward = np.zeros_like(TUBE.vertices_mm)
+    for corner in range(3):
+        np.add.at(outward, TUBE.triangles[:, corner], facing)
+    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+    away = TUBE.vertices_mm + outward - TUBE.vertices_mm.mean(axis=0)
+    outward *= np.sign((away**2).sum() - ((TUBE.vertices_mm - TUBE.vertices_mm.mean(axis=0)) ** 2).sum())
+    wide = Mesh(TUBE.vertices_mm + 0.4 * outward, TUBE.triangles)
+    perturbation = Perturbation(180.0, 10.0, 0.1, 0.0, 1500, 3000)
+    trial = perturbation(wide, TUBE, np.eye(4), Piece(0.5, "end"), seed=3, trial=0)
+    found = method(trial.moving_mm, trial.fixed_mm)
+    assert found.wall_offset_mm == pytest.approx(0.4, abs=0.06)
+    back = method(trial.fixed_mm, trial.moving_mm).wall_offset_mm
+    assert back == pytest.approx(-0.4, abs=0.06)
+    error = error_mm(found.fixed_T_moving, trial)
+    assert error < 0.4
+    without = dataclasses.replace(method, wall_offset=False)(trial.moving_mm, trial.fixed_mm)
+    assert np.isnan(without.wall_offset_mm)
+    assert error < error_mm(without.fixed_T_moving, trial)
+
+
+@pytest.mark.parametrize("refine_by", ["plane", "symmetric"])
 def test_every_refinement_finds_a_noisy_vessel(refine_by: str) -> None:
     trial = problem(number=9, noise_mm=0.3)
     method = dataclasses.replace(METHOD, refine_by=refine_by, rejections=(NormalRejection(60.0),))

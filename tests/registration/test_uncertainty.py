@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from symmetric_shapes import frustum
 
 from registration import frames
-from registration.correspondence import SmoothedTarget, TreeTarget
+from registration.correspondence import TreeTarget
 from registration.robust_kernels import Tukey
 from registration.selection import blocks_of
+from registration.smoothed_target import SmoothedTarget, outward_targets
 from registration.uncertainty import SPREAD_DOUBT, STIFFENING, bootstrap_motions, local_fit
 
 GRID = np.stack(np.meshgrid(np.arange(30.0), np.arange(30.0), [0.0]), axis=-1).reshape(-1, 3)
@@ -67,3 +69,19 @@ def test_frames_that_err_together_spread_more_than_points_that_err_alone() -> No
         for cloud in (moving, shared)
     ]
     assert sizes[1] > 2.5 * sizes[0]
+
+
+def test_an_offset_that_is_unknown_leaves_the_slide_along_a_taper_less_sure() -> None:
+    """A cone 0.1 mm wider is the same cone 1 mm further: sin of its half angle is 0.1."""
+    rng = np.random.default_rng(5)
+    _, smooth = outward_targets(frustum(5000, rng), 20, 40)
+    moving = frustum(1500, rng) + rng.normal(scale=0.2, size=(1500, 3))
+    block = blocks_of(moving, 32)
+    sure, unsure = (
+        bootstrap_motions(
+            local_fit(moving, smooth, np.eye(4), block, Tukey(), offset), 1000, 1.0, np.random.default_rng(0)
+        )
+        for offset in (False, True)
+    )
+    assert unsure.shape == (1000, 6)
+    assert unsure[:, 5].std() > 3 * sure[:, 5].std()

@@ -70,8 +70,10 @@ def record(found: Registered) -> dict[str, Any]:
         "converged": result.converged,
         "verdict": result.verdict,
         "reason": result.reason,
-        "ambiguity_gap": _finite(result.ambiguity_gap),
+        # JSON has no infinity: no other pose was found at all, which is not the same as that nobody looked.
+        "ambiguity_gap": "inf" if result.ambiguity_gap == math.inf else _finite(result.ambiguity_gap),
         "weak_directions": list(result.weak_directions),
+        "wall_offset_mm": _finite(result.wall_offset_mm),
         "predicted_tre_mm": {"low": _finite(low_mm), "high": _finite(high_mm), "level": 0.9},
         "initial": _initial(pair),
         "centerlines": {

@@ -17,10 +17,13 @@ from registration import frames
 from registration.geometry import Mesh
 from registration.geometry_io import write_surface
 from registration.metrics import Surface, rms
+from registration.results import FAILED
 from registration.transform_files import write_transform
 
 # Landmarks whose error is this many times what they and the surfaces reach at best speak for another pose.
 LANDMARK_FACTOR = 5.0
+# An offset of the walls below this is what masks and models have anyway.
+NOTED_OFFSET_MM = 0.2
 
 
 def write(found: Registered, workspace: Path) -> None:
@@ -90,9 +93,15 @@ def _findings(found: Registered) -> tuple[str, ...]:
         sentences.append(
             f"Predicted target registration error around this pose: {low_mm:.2f} to {high_mm:.2f} mm (90 %)."
         )
+    if abs(result.wall_offset_mm) >= NOTED_OFFSET_MM:
+        side = "outside" if result.wall_offset_mm > 0 else "inside"
+        sentences.append(
+            f"The moving wall lies {abs(result.wall_offset_mm):.2f} mm {side} the fixed one everywhere: the borders were "
+            "drawn differently, or the scale differs; the pose allows for it."
+        )
     if result.weak_directions:
         sentences.append(f"The clouds leave open: {', '.join(result.weak_directions)}.")
-    if not result.converged:
+    if not result.converged and result.verdict != FAILED:
         sentences.append("The method stopped at its limit of iterations before it converged.")
     errors_mm = found.landmark_errors_mm
     if errors_mm is not None:
