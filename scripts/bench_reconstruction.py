@@ -1,8 +1,9 @@
 """How near reconstructions and centerlines come to what is known, and how long each stage takes.
 
-    python scripts/bench_reconstruction.py FOLDER [--frames 200] [--size-px 512]
+    python scripts/bench_reconstruction.py FOLDER [--frames 200] [--size-px 512] [--model MODEL.PT]
 
-FOLDER holds aorta-surface.stl, aorta-surface-open-ends.stl and aorta-centerline.vtp of VMTK's test data.
+FOLDER holds aorta-surface.stl, aorta-surface-open-ends.stl and aorta-centerline.vtp of VMTK's test data. With a network
+(model.pt), pictures of the sweep are made and the masks that the network finds in them are reconstructed too.
 """
 
 from __future__ import annotations
@@ -10,44 +11,54 @@ from __future__ import annotations
 import argparse
 import resource
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial import cKDTree
+from bench_centerline import (
+    NOISE_MM,
+    Reference,
+    centerlines_beside_vmtk,
+    heading,
+    line_distances_mm,
+    meshes,
+    row,
+)
 
 from registration import frames
 from registration.centerline import CenterlineExtractor
-from registration.cloud_filters import StatisticalOutlierRemoval, VoxelDownsampling
+from registration.cloud_filters import RadiusOutlierRemoval, StatisticalOutlierRemoval, VoxelDownsampling
 from registration.clouds import OrientedCloud
 from registration.contours import ContourExtractor
-from registration.geometry import Centerline, Mesh, Polyline
-from registration.geometry_io import read_centerline, read_surface
+from registration.geometry import Mesh
 from registration.mesh_quality import mesh_quality
 from registration.metrics import SurfaceDistance
 from registration.phantom.acoustics import Scanner
 from registration.phantom.conditions import Deformation, Motion
 from registration.phantom.settings import PhantomSettings
 from registration.phantom.simulator import SweepSimulator
-from registration.phantom.slicing import cut, rasterise
 from registration.phantom.trajectory import disturb
 from registration.smoothing import TaubinSmoothing
 from registration.surface import PoissonSurface, SurfaceMethod
 from registration.surface_volume import SignedDistanceSurface
 
 POISSON = PoissonSurface(cell_mm=0.7, bridge_mm=3.0)
+# Pictures for a network take longer than masks: fewer and smaller ones.
+PICTURES, PICTURE_PX = 100, 256
+LENGTH_MM = 95.0
 # A holder keeps the probe this far from the flange whose pose is recorded.
 LEVER_MM = 150.0
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """Exact masks, the frames' true and noisy transforms, and the surface behind them, all in one frame."""
+    """Exact masks, the frames' true and noisy transforms, the surface behind them and VMTK's lines, in one frame."""
 
     masks: np.ndarray
     true: np.ndarray
     noisy: np.ndarray
     truth: Mesh
+    reference: Reference
 
 
 def main() -> None:
@@ -56,68 +67,21 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--frames", type=int, default=200)
     parser.add_argument("--size-px", type=int, default=512)
+    parser.add_argument("--model", type=Path)
     given = parser.parse_args()
-    centerline_beside_vmtk(given.folder)
+    centerlines_beside_vmtk(given.folder)
     open_ends(given.folder)
-    sweep = simulated(given.folder / "aorta-surface.stl", given.frames, given.size_px)
+    sweep = simulated(given.folder, aorta(given.folder, given.frames, given.size_px))
     accuracy(sweep)
+    swept_centerlines(sweep)
     stages(sweep)
-
-
-def centerline_beside_vmtk(folder: Path) -> None:
-    """The aorta's centerline, between VMTK's ends and between those found, line by line."""
-    reference = read_centerline(folder / "aorta-centerline.vtp")
-    tips_mm = [line.points_mm[-1] for line in reference.lines]
-    ends_mm = np.stack([reference.lines[0].points_mm[0], *tips_mm])
-    closed = _mesh(folder / "aorta-surface.stl")
-    opened = _mesh(folder / "aorta-surface-open-ends.stl")
-    print("aorta's centerline against VMTK's (mm), where both run:")
-    for name, surface, ends in (
-        ("closed, ends given", closed, ends_mm),
-        ("open ends, found", opened, None),
-        ("closed, ends found", closed, None),
-    ):
-        begin_s = time.perf_counter()
-        found = CenterlineExtractor()(surface, ends)
-        seconds = time.perf_counter() - begin_s
-        for number, theirs in enumerate(reference.lines):
-            print(f"  {name:20s} line {number}: {_beside(found, theirs)}  {seconds:.2f} s for all")
-
-
-def _beside(found: Centerline, theirs: Polyline) -> str:
-    ours = min(found.lines, key=lambda line: float(np.linalg.norm(line.points_mm[-1] - theirs.points_mm[-1])))
-    place_mm, own_mm = np.arange(0.0, theirs.length_mm, 0.05), np.arange(0.0, ours.length_mm, 0.1)
-    apart_mm, nearest = cKDTree(theirs.at(place_mm)).query(ours.at(own_mm))
-    both = (nearest > 0) & (nearest < len(place_mm) - 1)
-    radius_mm = np.interp(own_mm, ours.arc_mm, ours.radius_mm)
-    radius_mm = np.abs(radius_mm - np.interp(place_mm, theirs.arc_mm, theirs.radius_mm)[nearest])
-    whole = ours.length_mm / theirs.length_mm - 1
-    shared = _stretch_mm(ours, theirs) / _stretch_mm(theirs, ours) - 1
-    ends_mm = np.linalg.norm(ours.points_mm[[0, -1]] - theirs.points_mm[[0, -1]], axis=1)
-    return (
-        f"mean {apart_mm[both].mean():.3f}  p95 {np.percentile(apart_mm[both], 95):.3f}  "
-        f"radius {radius_mm[both].mean():.3f}  length {100 * whole:+.2f} %, {100 * shared:+.2f} % where both run  "
-        f"ends {ends_mm[0]:.2f} {ends_mm[1]:.2f}"
-    )
-
-
-def _stretch_mm(line: Polyline, other: Polyline) -> float:
-    """The length of a line between the places nearest to the other's two ends."""
-    arc_mm = np.arange(0.0, line.length_mm, 0.01)
-    first, last = cKDTree(line.at(arc_mm)).query(other.points_mm[[0, -1]])[1]
-    return float(arc_mm[last] - arc_mm[first])
-
-
-def _mesh(path: Path) -> Mesh:
-    surface = read_surface(path)
-    if not isinstance(surface, Mesh):
-        raise SystemExit(f"{path}: expected a mesh, received points alone")
-    return surface
+    if given.model is not None:
+        network_masks(given.folder, given.model)
 
 
 def open_ends(folder: Path) -> None:
     """Poisson surfaces of points drawn from the open aorta: closed, trimmed, and cut where the points end."""
-    truth = _mesh(folder / "aorta-surface-open-ends.stl")
+    truth = meshes(folder)[1]
     rng = np.random.default_rng(0)
     chosen = rng.choice(len(truth.triangles), 20_000, p=truth.areas_mm2 / truth.areas_mm2.sum())
     corners_mm = truth.corners_mm[chosen]
@@ -134,29 +98,35 @@ def open_ends(folder: Path) -> None:
         print(f"  {name:20s} {there_mm.max():.2f}  {back_mm.max():.2f}")
 
 
-def simulated(path: Path, count: int, size_px: int) -> Sweep:
-    """Masks of a sweep over a closed mesh that does not deform; poses true and with the simulator's default noise."""
-    motion = Motion(frames=count, length_mm=95.0)
+def aorta(folder: Path, count: int, size_px: int) -> SweepSimulator:
+    """A sweep along the closed aorta, which does not deform."""
     settings = PhantomSettings(
-        mesh=str(path),
+        mesh=str(folder / "aorta-surface.stl"),
         scanner=Scanner(height_px=size_px, width_px=size_px),
-        motion=motion,
+        motion=Motion(frames=count, length_mm=LENGTH_MM),
         deformation=Deformation(bend_mm=0.0, pressure_mm=0.0),
     )
-    maker = SweepSimulator(settings, 0)
-    beams = maker.imager.beams
-    corner_mm = np.array([axis[0, 0] for axis in beams.pixel_places_mm])
-    masks = []
-    for number in range(count):
-        segments_mm = cut(maker.view(number).pressed(maker.bent_surface_mm), maker.anatomy.surface.triangles)
-        shown_px = (beams.displayed(segments_mm) - corner_mm) / settings.scanner.pixel_mm
-        masks.append(rasterise(shown_px, size_px, size_px) & beams.seen)
+    return SweepSimulator(settings, 0)
+
+
+def simulated(folder: Path, maker: SweepSimulator) -> Sweep:
+    """The exact masks of a sweep; poses true and with the simulator's default noise."""
+    motion, beams = maker.settings.motion, maker.imager.beams
+    masks = np.stack([maker.mask(maker.view(number)) for number in range(motion.frames)])
     bed_T_probe = maker.path.at(maker.frame_times_s)
     ee_T_probe = frames.translation((0.0, 0.0, LEVER_MM))
     bed_T_ee = bed_T_probe @ frames.invert_rigid(ee_T_probe)
     noisy = disturb(bed_T_ee, motion.noise_mm, motion.noise_deg, np.random.default_rng(0)) @ ee_T_probe
+    bed_T_ct = frames.invert_rigid(maker.anatomy.ct_T_bed)
+    reference = Reference.of(folder, meshes(folder)[0]).moved(
+        lambda points_mm: frames.apply(bed_T_ct, points_mm)
+    )
     return Sweep(
-        np.stack(masks), bed_T_probe @ beams.probe_A_pixel, noisy @ beams.probe_A_pixel, maker.anatomy.surface
+        masks,
+        bed_T_probe @ beams.probe_A_pixel,
+        noisy @ beams.probe_A_pixel,
+        maker.anatomy.surface,
+        reference,
     )
 
 
@@ -176,6 +146,47 @@ def accuracy(sweep: Sweep) -> None:
                 f"HD95 {max(np.percentile(there_mm, 95), np.percentile(back_mm, 95)):.3f}  "
                 f"open ends {quality.open_ends}  holes {quality.holes}"
             )
+
+
+def swept_centerlines(sweep: Sweep) -> None:
+    """The centerline of a swept surface beside VMTK's: all frames, 30 % of them missing, and noise on the points."""
+    heading()
+    rng = np.random.default_rng(0)
+    kept = np.sort(rng.permutation(len(sweep.masks))[: round(0.7 * len(sweep.masks))])
+    cloud = _cloud(sweep.masks, sweep.noisy)
+    shifted = replace(cloud, points_mm=cloud.points_mm + rng.normal(0, NOISE_MM, cloud.points_mm.shape))
+    for name, points in (
+        ("sweep, all frames", cloud),
+        ("sweep, 30 % missing", _cloud(sweep.masks[kept], sweep.noisy[kept])),
+        (f"sweep, {NOISE_MM} mm noise", shifted),
+    ):
+        row(name, TaubinSmoothing()(POISSON(points)).mesh, sweep.reference)
+
+
+def network_masks(folder: Path, model: Path) -> None:
+    """Surfaces and centerlines from a network's masks beside those from exact masks of the same frames."""
+    from models.predictor import Predictor
+
+    maker = aorta(folder, PICTURES, PICTURE_PX)
+    sweep = simulated(folder, maker)
+    pictures = np.stack([maker.frame(number, maker.view(number))[0] for number in range(PICTURES)])
+    found = Predictor.load(model)(pictures)
+    both = (found & sweep.masks).sum(axis=(1, 2))
+    dsc = 2 * both / np.maximum(found.sum(axis=(1, 2)) + sweep.masks.sum(axis=(1, 2)), 1)
+    covered = _covered(sweep, sweep.truth.sample(20_000, np.random.default_rng(2)))
+    print(f"aorta from {PICTURES} pictures of {PICTURE_PX} px, poses with default noise; ", end="")
+    print(f"network's DSC mean {dsc.mean():.3f}, least {dsc.min():.3f} (mm, to the truth and from it)")
+    for name, masks in (("exact masks", sweep.masks), ("network's masks", found)):
+        cloud = RadiusOutlierRemoval(2.0, 4)(_cloud(masks, sweep.noisy)).cloud
+        mesh = TaubinSmoothing(volume_tolerance=0.1)(POISSON(cloud)).mesh
+        there_mm, back_mm = _both_ways(mesh, sweep.truth, covered)
+        lines = CenterlineExtractor()(mesh)
+        line_there_mm, line_back_mm = line_distances_mm(lines, sweep.reference)
+        print(f"  {name:16s} surface mean {there_mm.mean():.3f}  {back_mm.mean():.3f}  HD95 ", end="")
+        print(f"{np.percentile(there_mm, 95):.3f}  {np.percentile(back_mm, 95):.3f}")
+        print(f"  {'':16s} {len(lines.lines)} lines, mean {line_there_mm.mean():.3f}  ", end="")
+        print(f"{line_back_mm.mean():.3f}  p95 {np.percentile(line_there_mm, 95):.3f}  ", end="")
+        print(f"{np.percentile(line_back_mm, 95):.3f}")
 
 
 def stages(sweep: Sweep) -> None:

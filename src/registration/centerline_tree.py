@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from registration.errors import InputError
 from registration.medial_axis import SCALE, MedialAxis
 from registration.mesh_topology import Border
+from registration.vessel_ends import summits
 
 
 @dataclass(frozen=True)
@@ -26,35 +27,46 @@ class Tip:
 class Path:
     """A rough way through a vessel: ``points_mm`` (p, 3), from the source to a tip, and ``width_mm``, its radius.
 
-    The radius is the median of the spheres on the way.
+    The radius is the median of the spheres on the way. ``closed`` says of both ends whether the vessel is closed there
+    and the path stops at the last sphere that fills it.
     """
 
     points_mm: Float64[np.ndarray, "p 3"]
     width_mm: float
+    closed: tuple[bool, bool] = (False, False)
 
 
 def find_tips(axis: MedialAxis, ends: tuple[Border, ...], branch_reach: float) -> tuple[Tip, ...]:
     """Find all ends of a vessel tree, the widest first.
 
-    Every open end is one. More are found one after another, the farthest first, among the main spheres that lie more
-    than ``branch_reach`` radii from every path so far (the tree-structure extraction of Sato et al., Pacific Graphics
-    2000, on spheres in place of voxels). Raises InputError where fewer than two ends are found.
+    One is the sphere farthest from the widest of all; the others are the ``summits`` of the length of the way from
+    there, where a branch counts from ``branch_reach`` radii on. An end is exact where an opening is beside it, no
+    farther off than ``branch_reach`` of the opening's radii; other openings are none. Raises InputError where fewer
+    than two ends are found.
     """
-    free = axis.is_main()
-    tips = [Tip(_node_in(axis, end), end.centre_mm) for end in ends]
-    if not tips:
-        middle = int(axis.radius_mm.argmax())
-        tips.append(Tip(_farthest(axis, free, _lengths_mm(axis, middle))))
-    before, away_mm = _predecessors(axis, tips[0].node), _lengths_mm(axis, tips[0].node)
-    tree = cKDTree(axis.centres_mm)
-    for tip in tips:
-        _cover(axis, tree, _walk(before, tip.node), branch_reach, free)
-    while free.any():
-        tips.append(Tip(_farthest(axis, free, away_mm)))
-        _cover(axis, tree, _walk(before, tips[-1].node), branch_reach, free)
+    main = axis.is_main()
+    openings = {_node_in(axis, end): end for end in sorted(ends, key=lambda end: end.radius_mm)}
+    from_middle_mm = _lengths_mm(axis, int(axis.radius_mm.argmax()))
+    source = int(np.where(main, from_middle_mm, -1.0).argmax())
+    away_mm = _lengths_mm(axis, source)
+    near = [node for node, end in openings.items() if away_mm[node] <= branch_reach * end.radius_mm]
+    tips = [_tip(openings, near, _last(axis, main, from_middle_mm, source))]
+    openings.pop(tips[0].node, None)
+    for summit in summits(axis, main, away_mm, branch_reach, np.array(list(openings), dtype=np.int64)):
+        before_mm = away_mm[summit.node] - away_mm
+        near = [node for node in summit.marked if before_mm[node] <= branch_reach * openings[node].radius_mm]
+        tips.append(_tip(openings, near, _last(axis, main, away_mm, summit.node)))
     if len({tip.node for tip in tips}) < 2:
         raise InputError(f"surface: expected a vessel longer than wide, received one with {len(tips)} end")
     return tuple(sorted(tips, key=lambda tip: -_width_mm(axis, tip)))
+
+
+def _tip(openings: dict[int, Border], near: list[int], closed: int) -> Tip:
+    """The widest of the openings ``near`` an end, or the last sphere of a closed one."""
+    if not near:
+        return Tip(closed)
+    node = max(near, key=lambda one: openings[one].radius_mm)
+    return Tip(node, openings[node].centre_mm)
 
 
 def given_tips(axis: MedialAxis, ends_mm: Float64[np.ndarray, "k 3"]) -> tuple[Tip, ...]:
@@ -75,7 +87,8 @@ def paths_from(axis: MedialAxis, tips: tuple[Tip, ...]) -> tuple[Path, ...]:
             parts.insert(0, source.point_mm[None])
         if tip.point_mm is not None:
             parts.append(tip.point_mm[None])
-        paths.append(Path(np.concatenate(parts), float(np.median(axis.radius_mm[nodes]))))
+        closed = (source.point_mm is None, tip.point_mm is None)
+        paths.append(Path(np.concatenate(parts), float(np.median(axis.radius_mm[nodes])), closed))
     return tuple(paths)
 
 
@@ -85,20 +98,25 @@ def _node_in(axis: MedialAxis, end: Border) -> int:
     return int((np.minimum(axis.radius_mm, end.radius_mm) - apart_mm).argmax())
 
 
-def _farthest(axis: MedialAxis, allowed: Bool[np.ndarray, "n"], away_mm: Float64[np.ndarray, "n"]) -> int:
-    """The sphere where the vessel ends, near the one farthest away of those allowed.
+def _last(
+    axis: MedialAxis, main: Bool[np.ndarray, "n"], away_mm: Float64[np.ndarray, "n"], farthest: int
+) -> int:
+    """The sphere where the vessel ends, step by step from the one farthest away.
 
     In a flat vessel that one lies towards a corner of the cap. Growing spheres count more than way gained, as for
-    ``MedialAxis.is_main``.
+    ``MedialAxis.is_main``; each step goes at most two radii.
     """
-    last = int(np.where(allowed, away_mm, -1.0).argmax())
-    apart_mm = np.linalg.norm(axis.centres_mm - axis.centres_mm[last], axis=1)
-    near = allowed & (apart_mm <= 2 * axis.radius_mm[last])
-    return int(np.where(near, away_mm + SCALE * axis.radius_mm, -1.0).argmax())
+    worth_mm = np.where(main, away_mm + SCALE * axis.radius_mm, -1.0)
+    last, best = -1, farthest
+    while best != last:
+        last = best
+        apart_mm = np.linalg.norm(axis.centres_mm - axis.centres_mm[last], axis=1)
+        best = int(np.where(apart_mm <= 2 * axis.radius_mm[last], worth_mm, -1.0).argmax())
+    return best
 
 
 def _lengths_mm(axis: MedialAxis, node: int) -> Float64[np.ndarray, "n"]:
-    found: np.ndarray = dijkstra(axis.apart_mm, directed=False, indices=node)
+    found: np.ndarray = dijkstra(axis.shortcuts_mm, directed=False, indices=node)
     return found
 
 
@@ -112,18 +130,6 @@ def _walk(before: Int64[np.ndarray, "n"], node: int) -> Int64[np.ndarray, "p"]:
     while before[nodes[-1]] >= 0:
         nodes.append(int(before[nodes[-1]]))
     return np.array(nodes[::-1], dtype=np.int64)
-
-
-def _cover(
-    axis: MedialAxis,
-    tree: cKDTree,
-    nodes: Int64[np.ndarray, "p"],
-    branch_reach: float,
-    free: Bool[np.ndarray, "n"],
-) -> None:
-    """Strike out of ``free`` every node within ``branch_reach`` radii of a path."""
-    for found in tree.query_ball_point(axis.centres_mm[nodes], branch_reach * axis.radius_mm[nodes]):
-        free[found] = False
 
 
 def _width_mm(axis: MedialAxis, tip: Tip) -> float:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float64
-from scipy.sparse import csr_array
+from jaxtyping import Bool, Float64, Int64
+from scipy.sparse import csr_array, triu
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay
 from scipy.spatial.distance import cdist
@@ -20,6 +21,8 @@ from registration.walls import Walls
 JOGGLE_SHARE = 1e-3
 # Above the square root of 2 the scaled spheres leave out the sheet that runs into a square rim.
 SCALE = 2.0
+# Points of a wall at most, which bounds the memory: a million tetrahedra or so, at about a kilobyte each.
+MOST_POINTS = 120_000
 # Spheres compared at a time, which bounds the memory.
 BLOCK = 4096
 
@@ -42,6 +45,24 @@ class MedialAxis:
         pairs = self.apart_mm.tocoo()
         mean = 0.5 * (1 / self.radius_mm[pairs.row] + 1 / self.radius_mm[pairs.col])
         return csr_array((pairs.data * mean, (pairs.row, pairs.col)), shape=pairs.shape)
+
+    @cached_property
+    def shortcuts_mm(self) -> csr_array:
+        """``apart_mm`` and the straight ways to neighbours' neighbours whose spheres overlap by half.
+
+        On a regular wall the neighbours form a grid, whose ways along the diagonal are too long.
+        """
+        linked = (self.apart_mm + self.apart_mm.T).astype(bool).astype(np.int32)
+        pairs = triu(linked @ linked, 1).tocoo()
+        lengths_mm = np.linalg.norm(self.centres_mm[pairs.row] - self.centres_mm[pairs.col], axis=1)
+        inside = lengths_mm <= 0.5 * np.minimum(self.radius_mm[pairs.row], self.radius_mm[pairs.col])
+        direct = self.apart_mm.tocoo()
+        row = np.concatenate([np.minimum(direct.row, direct.col), pairs.row[inside]])
+        column = np.concatenate([np.maximum(direct.row, direct.col), pairs.col[inside]])
+        lengths_mm = np.maximum(np.concatenate([direct.data, lengths_mm[inside]]), 1e-9)
+        # A pair that is linked both ways would count twice.
+        chosen = np.unique(row.astype(np.int64) * len(self.radius_mm) + column, return_index=True)[1]
+        return csr_array((lengths_mm[chosen], (row[chosen], column[chosen])), shape=pairs.shape)
 
     def is_main(self) -> Bool[np.ndarray, "n"]:
         """Whether each sphere belongs to a vessel, and not to a hair that grows into a roughness or a cap's rim.
@@ -96,13 +117,22 @@ def sample_evenly(
 ) -> Float64[np.ndarray, "p 3"]:
     """Points on the mesh no farther apart than ``coarse`` and no denser than ``fine`` of ``size_mm``.
 
-    Long triangles get points on a lattice; vertices are thinned to one for each cube of the fine length.
+    Long triangles get points on a lattice; vertices are thinned to one for each cube of the fine length, or of a longer
+    one where more than ``MOST_POINTS`` would be left.
     """
     points_mm = np.concatenate([mesh.vertices_mm, *_lattices(mesh, coarse * size_mm)])
-    cube = np.floor((points_mm - points_mm.min(axis=0)) / (fine * size_mm)).astype(np.int64)
-    points_mm = points_mm[np.unique(cube, axis=0, return_index=True)[1]]
+    chosen = _one_a_cube(points_mm, fine * size_mm)
+    if len(chosen) > MOST_POINTS:
+        # As many on a surface go with the square of their spacing.
+        chosen = _one_a_cube(points_mm, fine * size_mm * 1.1 * np.sqrt(len(chosen) / MOST_POINTS))
+    points_mm = points_mm[chosen]
     shake = np.random.default_rng(0).uniform(-1, 1, points_mm.shape)
     return points_mm + JOGGLE_SHARE * coarse * size_mm * shake
+
+
+def _one_a_cube(points_mm: Float64[np.ndarray, "p 3"], side_mm: float) -> Int64[np.ndarray, "k"]:
+    cube = np.floor((points_mm - points_mm.min(axis=0)) / side_mm).astype(np.int64)
+    return np.unique(cube, axis=0, return_index=True)[1].astype(np.int64)
 
 
 def mean_radius_mm(mesh: Mesh) -> float:

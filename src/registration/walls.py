@@ -39,6 +39,11 @@ class Walls:
         """Distance of each point to the nearest wall: the radius of the largest sphere around it that fits."""
         return self._distance(points_mm)
 
+    def ahead_mm(self, point_mm: Float64[np.ndarray, "3"], way: Float64[np.ndarray, "3"]) -> float:
+        """How far it is from a point, along the unit vector ``way``, to the closed surface; infinite past it."""
+        ray = np.concatenate([point_mm - self._centre_mm, way]).astype(np.float32)
+        return float(self._scene.cast_rays(_open3d().core.Tensor(ray[None]))["t_hit"].numpy()[0])
+
 
 def _open3d() -> Any:
     """Open3D, imported only where walls are asked: it takes a second, and its type stubs are not right."""

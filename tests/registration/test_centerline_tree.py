@@ -63,6 +63,35 @@ def test_an_open_end_is_a_tip_and_the_path_runs_to_its_middle() -> None:
     np.testing.assert_allclose(paths_from(axis, tips)[0].points_mm[0], [0, 0, -2])
 
 
+def test_an_opening_away_from_all_ends_is_none() -> None:
+    axis = fork()
+    middle = Border(np.empty((0, 2), dtype=np.int64), np.array([0.0, 0, 15]), np.array([1.0, 0, 0]), 2.0, 0.0)
+    # A cut-off stub, as wide as it is long, and a hole: the trunk's foot, and the two branches, are the ends.
+    tips = find_tips(axis, (middle,), 1.5)
+    assert [tip.node for tip in tips] == [0, 50, 70]
+    assert all(tip.point_mm is None for tip in tips)
+
+
+def test_the_widest_of_two_openings_at_an_end_is_it() -> None:
+    axis = fork()
+    around = [
+        Border(
+            np.empty((0, 2), dtype=np.int64), np.array([0.0, 0, z]), np.array([0.0, 0, -1]), radius_mm, 0.0
+        )
+        for z, radius_mm in ((-1.0, 3.5), (-2.0, 4.0))
+    ]
+    tips = find_tips(axis, tuple(around), 1.5)
+    assert len(tips) == 3
+    np.testing.assert_allclose(tips[0].point_mm, [0, 0, -2])
+
+
+def test_paths_say_which_ends_are_closed() -> None:
+    axis = fork()
+    end = Border(np.empty((0, 2), dtype=np.int64), np.array([0.0, 0, -2]), np.array([0.0, 0, -1]), 4.0, 0.0)
+    assert [path.closed for path in paths_from(axis, find_tips(axis, (end,), 1.5))] == [(False, True)] * 2
+    assert [path.closed for path in paths_from(axis, find_tips(axis, (), 1.5))] == [(True, True)] * 2
+
+
 def test_given_ends_take_the_order_given() -> None:
     axis = fork()
     tips = given_tips(axis, np.array([[20.0, 0, 50.5], [0, 0, -0.5]]))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 from tubes import straight, tube
 
@@ -57,6 +59,32 @@ def test_long_triangles_get_points_and_dense_ones_lose_some() -> None:
     assert cKDTree(points_mm).query(asked_mm)[0].max() < 0.3 * 4.0
     dense = tube(straight(40.0, 0.05), 4.0, around=16)
     assert len(sample_evenly(dense, 4.0)) < 0.5 * len(dense.vertices_mm)
+
+
+def test_a_wall_of_very_many_points_is_thinned(monkeypatch: pytest.MonkeyPatch) -> None:
+    dense = tube(straight(40.0, 0.1), 4.0, around=128)
+    many = len(sample_evenly(dense, 4.0))
+    monkeypatch.setattr("registration.medial_axis.MOST_POINTS", many // 4)
+    few = sample_evenly(dense, 4.0)
+    assert 0.1 * many < len(few) <= many // 4
+    asked_mm = dense.sample(2000, np.random.default_rng(0))
+    assert cKDTree(few).query(asked_mm)[0].max() < 1.6
+
+
+def test_shortcuts_across_a_grid_and_none_past_a_wall() -> None:
+    y, x = np.mgrid[:20, :20]
+    centres_mm = np.stack([x.ravel(), y.ravel(), np.zeros(400)], axis=1).astype(float)
+    number = np.arange(400).reshape(20, 20)
+    links = np.concatenate([number[:, :-1].ravel(), number[:-1].ravel()])
+    others = np.concatenate([number[:, 1:].ravel(), number[1:].ravel()])
+    graph = csr_array((np.ones(len(links)), (links, others)), shape=(400, 400))
+    along = dijkstra(graph, directed=False, indices=0)[-1]
+    assert along == 38
+    wide = MedialAxis(centres_mm, np.full(400, 4.0), graph)
+    assert dijkstra(wide.shortcuts_mm, directed=False, indices=0)[-1] == pytest.approx(19 * np.sqrt(2))
+    # Spheres that do not overlap by half are no way past each other.
+    narrow = MedialAxis(centres_mm, np.full(400, 1.5), graph)
+    assert dijkstra(narrow.shortcuts_mm, directed=False, indices=0)[-1] == 38
 
 
 def test_mean_radius_of_a_tube_and_of_nothing() -> None:

@@ -19,3 +19,13 @@ def test_an_open_end_is_no_wall_but_ends_the_inside() -> None:
     # The triangles of a 64-sided tube come as near as 4 cos(pi / 64).
     np.testing.assert_allclose(walls.distance_mm(asked_mm[1:4]), 4.0, atol=0.01)
     assert len(walls.inside(np.empty((0, 3)))) == 0
+
+
+def test_how_far_the_closed_surface_is_ahead() -> None:
+    line_mm = straight(40.0)
+    way = (line_mm[-1] - line_mm[0]) / np.linalg.norm(line_mm[-1] - line_mm[0])
+    open_tube = tube(line_mm, 4.0, around=64)
+    walls = Walls(open_tube, with_caps(open_tube, borders(open_tube)))
+    assert abs(walls.ahead_mm(line_mm[10], way) - 32.0) < 1e-3
+    assert abs(walls.ahead_mm(line_mm[10], -way) - 8.0) < 1e-3
+    assert walls.ahead_mm(line_mm[-1] + way, way) == np.inf
