@@ -2,7 +2,7 @@ PY := .venv/bin/python
 # Two cores are the smallest machine the tests are meant for; more are used where there are more.
 WORKERS ?= $(shell nproc)
 
-.PHONY: setup demo test lint bench clean
+.PHONY: setup demo test lint bench rigid-benchmark clean
 
 setup:
 	@./scripts/setup.sh
@@ -21,6 +21,14 @@ lint: setup
 # Speed beside the peers, in the same minute: quote the ratios, not the seconds.
 bench: setup
 	$(PY) scripts/bench_metrics.py
+
+# The frozen benchmark of rigid registration, and the page in results/ that it makes.
+rigid-benchmark: setup
+	.venv/bin/ctus study=rigid_benchmark subset=test "rigid=[multistart,single_icp]" workers=$(WORKERS) \
+		out=outputs/rigid_benchmark/test
+	.venv/bin/ctus study=rigid_benchmark subset=symmetric "rigid=[multistart,single_icp]" workers=$(WORKERS) \
+		out=outputs/rigid_benchmark/symmetric
+	$(PY) scripts/rigid_benchmark.py outputs/rigid_benchmark
 
 clean:
 	rm -rf .venv .cache outputs build dist

@@ -1,0 +1,19 @@
+"""Write the digests of the rigid benchmark's cases as they are now to conf/benchmark/rigid.json.
+
+Usage: python scripts/freeze_rigid_benchmark.py FOLDER, which holds all cases, as study=rigid_benchmark root=FOLDER
+makes them. Whatever was measured before is not comparable with what is measured after.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from experiments.studies.rigid_benchmark_cases import freeze, frozen_file
+from registration.benchmark.build import SUBSETS
+
+if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit(__doc__)
+    count = freeze({subset: Path(sys.argv[1]) / subset for subset in SUBSETS})
+    print(f"{count} cases: {frozen_file()}")

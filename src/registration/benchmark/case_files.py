@@ -1,0 +1,112 @@
+"""Benchmark cases as files: one folder a case, and its truth in a folder apart.
+
+``<subset>/<case>/`` holds what a method is given: ``moving.ply`` (points with normals and the frame each was seen in),
+``fixed.ply`` (the model's triangles), ``fixed_points.ply`` (points of it, even by area) and ``case.json``, all in mm in
+LPS. ``<subset>/truth/<case>.json`` holds the pose, the targets, which of them were swept, and the symmetry.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from registration.benchmark.cases import BenchmarkCase, CaseTruth, digest
+from registration.benchmark.truth_files import read_json, truth_as_json
+from registration.cloud_io import write_cloud
+from registration.contours import ContourCloud
+from registration.errors import InputError
+from registration.geometry import Mesh, require_cloud
+from registration.geometry_io import read_surface, write_surface
+from registration.whole import whole_folder, write_whole
+
+TRUTH = "truth"
+CASE_FILE = "case.json"
+MOVING, FIXED, FIXED_POINTS = "moving.ply", "fixed.ply", "fixed_points.ply"
+
+
+def write_case(folder: Path, case: BenchmarkCase, truth: CaseTruth) -> None:
+    """Write a case into ``folder``/<case> and its truth beside; the case's folder appears once both are whole."""
+    told = truth_as_json(truth) | {"digest": digest(case, truth)}
+    write_whole(truth_file(folder, case.name), (json.dumps(told) + "\n").encode())
+    with whole_folder(folder / case.name) as stage:
+        write_cloud(stage / MOVING, _contours(case))
+        write_surface(stage / FIXED, case.fixed)
+        write_surface(stage / FIXED_POINTS, case.fixed_mm)
+        about = {
+            "case": case.name,
+            "anatomy": case.anatomy,
+            "kind": case.kind,
+            "simulated": True,
+            "units": {"length": "mm"},
+            "space": "lps",
+            "moving": MOVING,
+            "fixed": FIXED,
+            "fixed_points": FIXED_POINTS,
+            "moving_points": len(case.moving_mm),
+            "frames": len(np.unique(case.moving_frame)),
+        }
+        write_whole(stage / CASE_FILE, (json.dumps(about, indent=2) + "\n").encode())
+
+
+def read_case(folder: Path) -> BenchmarkCase:
+    """Read one case's folder; InputError names a file that is missing or is not what it must be."""
+    about = read_json(folder / CASE_FILE)
+    missing = [key for key in ("case", "anatomy", "kind") if not isinstance(about.get(key), str)]
+    if missing:
+        raise InputError(f"{folder / CASE_FILE}: expected {', '.join(missing)} as text, received none")
+    fixed, fixed_mm = read_surface(folder / FIXED), read_surface(folder / FIXED_POINTS)
+    if not isinstance(fixed, Mesh):
+        raise InputError(f"{folder / FIXED}: expected a mesh, received points alone")
+    if isinstance(fixed_mm, Mesh):
+        raise InputError(f"{folder / FIXED_POINTS}: expected points alone, received a mesh")
+    moving_mm, normals, frame = _read_moving(folder / MOVING)
+    return BenchmarkCase(
+        about["case"], about["anatomy"], about["kind"], moving_mm, normals, frame, fixed, fixed_mm
+    )
+
+
+def truth_file(folder: Path, case: str) -> Path:
+    """Where the truth of a case in the subset's ``folder`` lies."""
+    return folder / TRUTH / f"{case}.json"
+
+
+def case_names(folder: Path) -> list[str]:
+    """The cases whose truth lies in the subset's ``folder``, in order of name."""
+    return sorted(path.stem for path in (folder / TRUTH).glob("*.json") if not path.name.startswith("."))
+
+
+def written_digest(folder: Path, case: str) -> str | None:
+    """The digest of a case that is there as a whole, or None."""
+    if not (folder / case / CASE_FILE).is_file() or not truth_file(folder, case).is_file():
+        return None
+    found = read_json(truth_file(folder, case)).get("digest")
+    return found if isinstance(found, str) else None
+
+
+def _contours(case: BenchmarkCase) -> ContourCloud:
+    """The moving cloud as ``write_cloud`` takes it; which contour a point was on is not kept."""
+    count = len(case.moving_mm)
+    return ContourCloud(
+        case.moving_mm,
+        case.moving_normals,
+        frame_index=case.moving_frame,
+        contour_index=np.zeros(count, dtype=np.int64),
+        is_open=np.zeros(count, dtype=bool),
+        confidence=np.ones(count),
+        world_A_pixel=np.empty((0, 4, 4)),
+    )
+
+
+def _read_moving(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    import open3d
+
+    read_surface(path)  # refuses what is missing, cut short or degenerate, in one sentence
+    with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
+        cloud = open3d.t.io.read_point_cloud(path)
+    if "normals" not in cloud.point or "frame" not in cloud.point:
+        raise InputError(f"{path}: expected points with normals and frames, received points without")
+    points_mm = cloud.point["positions"].numpy().astype(np.float64)
+    normals = cloud.point["normals"].numpy().astype(np.float64)
+    return require_cloud(points_mm, str(path)), normals, cloud.point["frame"].numpy().ravel().astype(np.int64)

@@ -1,0 +1,106 @@
+"""The truth of a benchmark case as JSON, and back."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from registration.benchmark.cases import CaseTruth
+from registration.benchmark.symmetry import Screw, Symmetry
+from registration.errors import InputError
+from registration.frames import require_rigid
+
+
+def read_truth(path: Path) -> CaseTruth:
+    """Read one case's truth; InputError names the file and what it lacks."""
+    told = read_json(path)
+    try:
+        symmetry, targets, covered = told["symmetry"], len(told["targets_mm"]), len(told["covered"])
+        if covered != targets or not targets:
+            raise ValueError(f"{targets} targets with {covered} marks of what was swept")
+        outlier = np.zeros(int(told["moving_points"]), dtype=bool)
+        outlier[np.array(told["outliers"], dtype=np.int64)] = True
+        truth = CaseTruth(
+            name=str(told["case"]),
+            anatomy=str(told["anatomy"]),
+            kind=str(told["kind"]),
+            place=str(told["place"]),
+            fixed_T_moving=_array(told["fixed_T_moving"]).reshape(4, 4),
+            targets_mm=_array(told["targets_mm"]).reshape(-1, 3),
+            covered=np.array(told["covered"], dtype=bool),
+            outlier=outlier,
+            angle_deg=float(told["angle_deg"]),
+            translation_mm=float(told["translation_mm"]),
+            symmetry=Symmetry(
+                tuple(_screw(screw) for screw in symmetry["screws"]),
+                tuple(_array(flip).reshape(4, 4) for flip in symmetry["flips"]),
+            ),
+        )
+        require_rigid(truth.fixed_T_moving, "fixed_T_moving")
+    except KeyError as lacking:
+        raise InputError(
+            f"{path}: expected the truth of a benchmark case, received none of {lacking}"
+        ) from lacking
+    except (ValueError, TypeError, IndexError) as refusal:
+        raise InputError(f"{path}: expected the truth of a benchmark case, received {refusal}") from refusal
+    return truth
+
+
+def truth_as_json(truth: CaseTruth) -> dict[str, Any]:
+    """What a truth's file holds."""
+    return {
+        "case": truth.name,
+        "anatomy": truth.anatomy,
+        "kind": truth.kind,
+        "place": truth.place,
+        "units": {"length": "mm", "angle": "deg"},
+        "angle_deg": truth.angle_deg,
+        "translation_mm": truth.translation_mm,
+        "fixed_T_moving": truth.fixed_T_moving.tolist(),
+        "targets_mm": truth.targets_mm.tolist(),
+        "covered": truth.covered.tolist(),
+        "moving_points": len(truth.outlier),
+        "outliers": np.flatnonzero(truth.outlier).tolist(),
+        "symmetry": {
+            "screws": [
+                {
+                    **vars(screw),
+                    "point_mm": screw.point_mm.tolist(),
+                    "direction": screw.direction.tolist(),
+                }
+                for screw in truth.symmetry.screws
+            ],
+            "flips": [flip.tolist() for flip in truth.symmetry.flips],
+        },
+    }
+
+
+def _screw(told: dict[str, Any]) -> Screw:
+    return Screw(
+        _array(told["point_mm"]),
+        _array(told["direction"]),
+        *(float(told[key]) for key in ("turn_deg", "shift_mm", "low", "high")),
+    )
+
+
+def _array(values: Any) -> np.ndarray:
+    found: np.ndarray = np.array(values, dtype=np.float64)
+    if not np.isfinite(found).all():
+        raise ValueError("a number that is not finite")
+    return found
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """A file's JSON object, or InputError that names the file."""
+    if not path.is_file():
+        raise InputError(f"{path}: expected a file of a benchmark case, received none")
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as refusal:
+        raise InputError(f"{path}: expected JSON, received {refusal}") from refusal
+    if not isinstance(found, dict):
+        raise InputError(f"{path}: expected a JSON object, received a {type(found).__name__}")
+    return found

@@ -1,0 +1,125 @@
+"""Which transform belongs to which truth, and what is said of those that belong to none."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmark_cases import off_by, written_cases
+
+from experiments.errors import InputError
+from experiments.outcome import Silent
+from experiments.studies.evaluate_transforms import (
+    are_transforms,
+    pair_transforms,
+    read_reference,
+    transform_rows,
+)
+from registration.centerline_io import write_centerline
+from registration.geometry import Centerline, Polyline
+from registration.transform_files import write_transform
+
+NAMES = {"tube_a": ("a", "whole"), "tube_b": ("b", "whole"), "tube_c": ("c", "piece80")}
+
+
+@pytest.fixture
+def subset(tmp_path: Path) -> Path:
+    """Three cases; the answers to two of them, wrong by 1 and 5 mm, and one to no case, in ``answers``."""
+    made = written_cases(tmp_path / "subset", NAMES)
+    answers = tmp_path / "answers"
+    answers.mkdir()
+    first, second = made["tube_a"][1], made["tube_b"][1]
+    (answers / "tube_a.json").write_text(
+        json.dumps({"fixed_T_moving": off_by(first, (1.0, 0.0, 0.0)).tolist()})
+    )
+    write_transform(answers / "tube_b.h5", off_by(second, (3.0, 0.0, 4.0)))
+    write_transform(answers / "tube_z.tfm", np.eye(4))
+    return tmp_path
+
+
+@pytest.mark.parametrize("reference", ["subset", "subset/truth"])
+def test_answers_are_paired_by_name_and_a_missing_one_has_failed(subset: Path, reference: str) -> None:
+    pairs = pair_transforms(subset / "answers", subset / reference, None)
+    assert pairs.unused == ("tube_z",)
+    rows = {row["case"]: row for row in transform_rows(pairs, Silent())}
+    assert list(rows) == sorted(NAMES)
+    assert rows["tube_a"]["tre_mm"] == pytest.approx(1.0)
+    assert rows["tube_b"]["tre_mm"] == pytest.approx(5.0)
+    assert rows["tube_c"]["tre_mm"] == math.inf
+    assert rows["tube_c"]["error"] == "no file for this case"
+    assert rows["tube_c"]["verdict"] == "failed"
+    assert math.isfinite(rows["tube_a"]["rmse_mm"])
+
+
+def test_without_the_cases_there_is_no_residual(subset: Path) -> None:
+    (subset / "subset" / "truth").rename(subset / "moved")
+    pairs = pair_transforms(subset / "answers", subset / "moved", None)
+    rows = list(transform_rows(pairs, Silent()))
+    assert rows[0]["tre_mm"] == pytest.approx(1.0)
+    assert math.isnan(rows[0]["rmse_mm"])
+
+
+def test_one_file_goes_with_one_truth_whatever_their_names(subset: Path) -> None:
+    truth = subset / "subset" / "truth" / "tube_b.json"
+    pairs = pair_transforms(subset / "answers" / "tube_b.h5", truth, None)
+    (row,) = transform_rows(pairs, Silent())
+    assert row["tre_mm"] == pytest.approx(5.0)
+
+
+def test_a_reference_that_is_a_bare_pose_needs_targets(subset: Path, tmp_path: Path) -> None:
+    write_transform(tmp_path / "truth.tfm", np.eye(4))
+    turned = np.eye(4)
+    turned[:3, 3] = [0.0, 0.0, 2.5]
+    write_transform(tmp_path / "pose.tfm", turned)
+    line = Polyline(np.outer(np.arange(5.0), [1.0, 0, 0]), np.ones(5))
+    write_centerline(tmp_path / "line.csv", Centerline((line,)))
+    write_centerline(tmp_path / "line.vtp", Centerline((line,)))
+    for targets in ("line.csv", "line.vtp"):
+        pairs = pair_transforms(tmp_path / "pose.tfm", tmp_path / "truth.tfm", str(tmp_path / targets))
+        (row,) = transform_rows(pairs, Silent())
+        assert row["tre_mm"] == pytest.approx(2.5)
+        assert row["case"] == "truth"
+        assert not row["simulated"]
+    with pytest.raises(InputError, match=r"targets: expected a centerline \(.csv, .vtp\)"):
+        read_reference(tmp_path / "truth.tfm", None)
+    with pytest.raises(InputError, match=r"targets: .*nothing\.csv"):
+        pair_transforms(tmp_path / "pose.tfm", tmp_path / "truth.tfm", str(tmp_path / "nothing.csv"))
+
+
+def test_masks_are_no_transforms(tmp_path: Path, subset: Path) -> None:
+    folder = tmp_path / "masks"
+    folder.mkdir()
+    (folder / "segmentation.json").write_text("{}")
+    (folder / "a.png").write_bytes(b"")
+    assert not are_transforms(folder)
+    assert not are_transforms(folder / "a.png")
+    assert are_transforms(subset / "subset")
+    assert are_transforms(subset / "subset" / "truth")
+    assert are_transforms(subset / "answers" / "tube_b.h5")
+
+
+def test_what_does_not_belong_together_is_refused(subset: Path) -> None:
+    with pytest.raises(InputError, match="prediction: expected a folder, as reference is, received a file"):
+        pair_transforms(subset / "answers" / "tube_a.json", subset / "subset", None)
+    other = subset / "other"
+    other.mkdir()
+    with pytest.raises(InputError, match=r"prediction: expected transforms .* received none"):
+        pair_transforms(other, subset / "subset", None)
+    write_transform(other / "nobody.tfm", np.eye(4))
+    with pytest.raises(InputError, match=r"expected files named after the cases \(tube_a.json"):
+        pair_transforms(other, subset / "subset", None)
+    write_transform(subset / "answers" / "tube_a.tfm", np.eye(4))
+    with pytest.raises(
+        InputError, match=r"expected one transform of each name .* tube_a.json and tube_a.tfm"
+    ):
+        pair_transforms(subset / "answers", subset / "subset", None)
+
+
+def test_a_case_that_is_broken_names_the_reference(subset: Path) -> None:
+    (subset / "subset" / "tube_b" / "moving.ply").unlink()
+    pairs = pair_transforms(subset / "answers", subset / "subset", None)
+    with pytest.raises(InputError, match=r"reference: .*tube_b/moving.ply"):
+        list(transform_rows(pairs, Silent()))
