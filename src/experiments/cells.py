@@ -133,7 +133,7 @@ def out_folder(config: Mapping[str, Any], key: str) -> Path:
 
 def _short(value: Any) -> str:
     if isinstance(value, Mapping):
-        return "+".join(str(key) for key in value)
+        return "+".join(str(key) for key in value) or "none"
     if isinstance(value, (list, tuple)):
         return "+".join(_short(item) for item in value)
     return str(value)

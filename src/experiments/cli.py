@@ -26,7 +26,7 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 def main(argv: list[str] | None = None) -> int:
     """Run ``ctus`` with these words (those of the process by default) and return its exit code."""
-    words = sys.argv[1:] if argv is None else argv
+    words = _with_presets(sys.argv[1:] if argv is None else argv)
     if not words or any(word in ("--help", "-h") for word in words):
         return _print_help(words)
     from hydra._internal.utils import get_args_parser
@@ -83,6 +83,7 @@ def compose_points(overrides: list[str], config_dir: str | None = None, *, multi
 
     _register_resolvers()
 
+    overrides = _with_presets(overrides)
     _refuse_unreadable(overrides)
     more = [f"hydra.searchpath=[file://{config_dir}]"] if config_dir else []
     try:
@@ -102,6 +103,17 @@ def compose_points(overrides: list[str], config_dir: str | None = None, *, multi
     except (HydraException, OmegaConfBaseException) as refusal:
         raise InputError(_sentence(refusal)) from refusal
     return points
+
+
+def _with_presets(words: list[str]) -> list[str]:
+    """Read ``+sweep=<name>`` as the group of presets.
+
+    A group can't be called ``sweep`` itself: Hydra would take the setting ``sweep=<recording>`` of the studies that
+    read one for an option of that group.
+    """
+    return [
+        f"+preset={word.removeprefix('+sweep=')}" if word.startswith("+sweep=") else word for word in words
+    ]
 
 
 def _refuse_unreadable(overrides: list[str]) -> None:

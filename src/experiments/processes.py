@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from multiprocessing import get_context
 
 
@@ -16,9 +19,30 @@ def process_pool(workers: int) -> ProcessPoolExecutor:
 
 
 def _take_one_thread() -> None:
+    # What is loaded later reads its limit then.
+    os.environ["OMP_NUM_THREADS"] = "1"
     # A limit reaches only what is loaded: both bring a library of their own.
     import numpy  # noqa: F401
     import scipy.linalg  # noqa: F401
     from threadpoolctl import threadpool_limits
 
     threadpool_limits(1)
+
+
+@contextmanager
+def one_open3d_thread() -> Iterator[None]:
+    """Let Open3D use one thread, which neither the environment nor a limit on linear algebra can bring about.
+
+    Its RANSAC gives the same answer every time only then. Open3D before 0.20 has no such setting and is left as it is.
+    """
+    import open3d
+
+    limit = getattr(open3d.utility, "set_max_threads", None)
+    if limit is None:
+        yield
+        return
+    limit(1)
+    try:
+        yield
+    finally:
+        limit(0)

@@ -1,7 +1,8 @@
 """Controlled perturbations of a registration problem whose answer is known.
 
 Axis uniform on the sphere, angle uniform up to a maximum, about the cloud's centroid; direction uniform, length
-uniform up to a maximum. Moving and fixed clouds are drawn independently, each with noise of its own.
+uniform up to a maximum. Moving and fixed clouds are drawn independently, each with noise of its own. The moving cloud
+comes in frames, slabs across the vessel, of which some may be missing.
 """
 
 from __future__ import annotations
@@ -9,14 +10,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float64
-from scipy.spatial.transform import Rotation
+from jaxtyping import Bool, Float64, Int64
 
 from registration import frames
+from registration.along_vessel import AlongVessel
 from registration.checks import require_at_least, require_count, require_positive
 from registration.errors import InputError
-from registration.geometry import Mesh, surface_frame
+from registration.geometry import Mesh
 from registration.metrics import Surface
+from registration.missing_frames import ALTERNATING, loss_of, seen
+from registration.perturbed_pose import ANY, ROTATIONS, PoseRange
 
 PLACES = ("middle", "start", "end")
 
@@ -41,14 +44,11 @@ class Piece:
         """Which points lie in this piece of ``surface``."""
         if self.share == 1.0:
             return np.ones(len(points_mm), dtype=bool)
-        frame = surface_frame(surface)
-        whole_mm = surface.vertices_mm[np.unique(surface.triangles)] if isinstance(surface, Mesh) else surface
-        along_mm = (whole_mm - frame.centre_mm) @ frame.axes[:, 0]
-        first_mm, last_mm = float(along_mm.min()), float(along_mm.max())
-        length_mm = self.share * (last_mm - first_mm)
+        along = AlongVessel.of(surface)
+        length_mm = self.share * along.length_mm
         offset = {"start": 0.0, "middle": 0.5, "end": 1.0}[self.place]
-        begin_mm = first_mm + offset * (last_mm - first_mm - length_mm)
-        position_mm = (points_mm - frame.centre_mm) @ frame.axes[:, 0]
+        begin_mm = along.first_mm + offset * (along.length_mm - length_mm)
+        position_mm = along.position_mm(points_mm)
         return (position_mm >= begin_mm) & (position_mm <= begin_mm + length_mm)
 
 
@@ -56,7 +56,8 @@ class Piece:
 class Trial:
     """One perturbed problem: both clouds, the pose that undoes the perturbation, and how large it was.
 
-    ``outlier`` (m,) marks the moving points that belong to no surface.
+    ``outlier`` (m,) marks the moving points that belong to no surface, ``frame`` (m,) is the frame that each moving
+    point was seen in, and ``loss`` how missing frames were chosen.
     """
 
     moving_mm: Float64[np.ndarray, "m 3"]
@@ -65,14 +66,19 @@ class Trial:
     angle_deg: float
     translation_mm: float
     outlier: Bool[np.ndarray, "m"]
+    frame: Int64[np.ndarray, "m"]
+    loss: str
 
 
 @dataclass(frozen=True)
 class Perturbation:
-    """How a problem is disturbed: largest rotation and translation, noise, outliers, and points on each side.
+    """How a problem is disturbed: rotation and translation, noise, outliers, lost frames, and points on each side.
 
-    ``noise_mm`` is the standard deviation per coordinate, on both clouds. ``outlier_share`` of the moving points is
-    replaced by points uniform in the moving cloud's bounding box grown by half its size on every side.
+    For ``rotation``, ``angle_bin_deg`` and the translation see ``PoseRange``. ``noise_mm`` is the standard deviation
+    per coordinate, on both clouds. ``outlier_share`` of the moving points is replaced by points uniform in the moving
+    cloud's bounding box grown by half its size on every side. The vessel's length holds ``sweep_frames`` frames;
+    ``missing_share`` of those that the moving cloud has are lost, ``missing`` one by one (``scattered``), in one run
+    (``contiguous``) or in turn (``alternating``), with all their points.
     """
 
     angle_max_deg: float
@@ -81,18 +87,34 @@ class Perturbation:
     outlier_share: float
     moving_points: int
     fixed_points: int
+    translation_min_mm: float = 0.0
+    rotation: str = ANY
+    angle_bin_deg: float | None = None
+    missing_share: float = 0.0
+    missing: str = ALTERNATING
+    sweep_frames: int = 100
 
     def __post_init__(self) -> None:
-        require_at_least("angle_max_deg", self.angle_max_deg, 0.0)
-        if self.angle_max_deg > 180:
-            raise InputError(f"angle_max_deg: expected at most 180, received {self.angle_max_deg:g}")
-        require_at_least("translation_max_mm", self.translation_max_mm, 0.0)
+        _ = self.poses
         require_at_least("noise_mm", self.noise_mm, 0.0)
-        require_at_least("outlier_share", self.outlier_share, 0.0)
-        if self.outlier_share >= 1:
-            raise InputError(f"outlier_share: expected below 1, received {self.outlier_share:g}")
-        require_count("moving_points", self.moving_points, 3)
-        require_count("fixed_points", self.fixed_points, 3)
+        for name in ("outlier_share", "missing_share"):
+            require_at_least(name, getattr(self, name), 0.0)
+            if getattr(self, name) >= 1:
+                raise InputError(f"{name}: expected below 1, received {getattr(self, name):g}")
+        loss_of(self.missing, 0)
+        for name, least in (("moving_points", 3), ("fixed_points", 3), ("sweep_frames", 1)):
+            require_count(name, getattr(self, name), least)
+
+    @property
+    def poses(self) -> PoseRange:
+        """Which poses are drawn."""
+        return PoseRange(
+            self.angle_max_deg,
+            self.translation_max_mm,
+            self.translation_min_mm,
+            self.rotation,
+            self.angle_bin_deg,
+        )
 
     def __call__(
         self,
@@ -107,34 +129,36 @@ class Perturbation:
         """Draw the ``trial``-th problem of ``seed``, the same whatever was drawn before and whoever solves it.
 
         ``fixed_T_moving`` is the true pose before the perturbation (the identity if both are one surface). The pose,
-        the moving and the fixed cloud have random streams of their own, so that the poses of a seed do not depend on
-        overlap, noise or number of points.
+        both clouds and the loss of frames have random streams of their own, so that the poses of a seed do not depend
+        on overlap, noise, losses or number of points.
         """
         require_count("seed", seed, 0)
         require_count("trial", trial, 0)
-        streams = [np.random.default_rng(child) for child in np.random.SeedSequence((seed, trial)).spawn(3)]
-        turn, shift_mm = self._draw_pose(streams[0])
-        moving_mm = draw(moving, self.moving_points, piece, streams[1])
+        # Kinds of rotation do not share clouds: a method that any pose suits would only repeat itself.
+        source = np.random.SeedSequence((seed, trial, ROTATIONS.index(self.rotation)))
+        streams = [np.random.default_rng(child) for child in source.spawn(4)]
+        along = AlongVessel.of(moving)
+        pose = self.poses.draw(along.axis, trial, streams[0])
+        drawn_mm = draw(moving, self.moving_points, piece, streams[1])
+        frame = along.slab(drawn_mm, self.sweep_frames)
         fixed_mm = draw(fixed, self.fixed_points, Piece(), streams[2])
-        moving_mm = self._disturb(moving_mm, streams[1])
+        loss = loss_of(self.missing, trial)
+        kept = seen(frame, self.missing_share, loss, streams[3])
+        moving_mm = self._disturb(drawn_mm, streams[1])[kept]
         fixed_mm = fixed_mm + self.noise_mm * streams[2].standard_normal(fixed_mm.shape)
         moved_T_moving = frames.compose(
-            frames.translation(shift_mm), frames.rotate_about(turn, moving_mm.mean(axis=0))
+            frames.translation(pose.shift_mm), frames.rotate_about(pose.turn, moving_mm.mean(axis=0))
         )
         return Trial(
             moving_mm=frames.apply(moved_T_moving, moving_mm),
             fixed_mm=fixed_mm,
             fixed_T_moving=frames.compose(fixed_T_moving, frames.invert_rigid(moved_T_moving)),
-            angle_deg=float(np.rad2deg(turn.magnitude())),
-            translation_mm=float(np.linalg.norm(shift_mm)),
-            outlier=np.arange(len(moving_mm)) < self._outliers(len(moving_mm)),
+            angle_deg=pose.angle_deg,
+            translation_mm=pose.translation_mm,
+            outlier=(np.arange(len(drawn_mm)) < self._outliers(len(drawn_mm)))[kept],
+            frame=frame[kept],
+            loss=loss,
         )
-
-    def _draw_pose(self, rng: np.random.Generator) -> tuple[Rotation, Float64[np.ndarray, "3"]]:
-        axis = _direction(rng)
-        angle = np.deg2rad(rng.uniform(0.0, self.angle_max_deg))
-        direction = _direction(rng)
-        return Rotation.from_rotvec(angle * axis), rng.uniform(0.0, self.translation_max_mm) * direction
 
     def _outliers(self, count: int) -> int:
         return round(self.outlier_share * count)
@@ -168,9 +192,3 @@ def draw(surface: Surface, count: int, piece: Piece, rng: np.random.Generator) -
     raise InputError(
         f"piece: expected a piece with surface to sample, received {piece.place} {piece.share:g} with none"
     )
-
-
-def _direction(rng: np.random.Generator) -> Float64[np.ndarray, "3"]:
-    """Uniform on the sphere: a normal vector has no preferred direction."""
-    vector = rng.standard_normal(3)
-    return vector / np.linalg.norm(vector)

@@ -14,7 +14,7 @@ STUDIES = sorted(path.stem for path in (CONF / "study").glob("*.yaml"))
 OPTIONS = sorted(
     (path.parent.name, path.stem)
     for path in CONF.glob("*/*.yaml")
-    if path.parent.name not in ("study", "sweep")
+    if path.parent.name not in ("study", "preset")
 )
 
 

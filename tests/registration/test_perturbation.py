@@ -99,6 +99,57 @@ def test_outliers_are_counted_marked_and_off_the_surface() -> None:
     assert not trial().outlier.any()
 
 
+def test_a_roll_leaves_the_principal_axis_and_a_flip_turns_it_around() -> None:
+    axis = surface_frame(TUBE).axes[:, 0]
+    for number in range(6):
+        roll = trial(dataclasses.replace(EXACT, rotation="roll"), number=number)
+        np.testing.assert_allclose(roll.fixed_T_moving[:3, :3] @ axis, axis, atol=1e-9)
+        flip = trial(dataclasses.replace(EXACT, rotation="flip"), number=number)
+        np.testing.assert_allclose(flip.fixed_T_moving[:3, :3] @ axis, -axis, atol=1e-9)
+        assert flip.angle_deg == pytest.approx(180)
+
+
+def test_kinds_of_rotation_do_not_share_their_clouds() -> None:
+    one, other = trial(), trial(dataclasses.replace(EXACT, rotation="roll"))
+    assert np.abs(one.fixed_mm - other.fixed_mm).max() > 1
+
+
+def test_frames_are_slabs_of_the_vessel_whichever_way_it_is_turned() -> None:
+    perturbation = dataclasses.replace(EXACT, sweep_frames=10)
+    drawn = trial(perturbation, Piece(0.4, "end"))
+    placed = frames.apply(drawn.fixed_T_moving, drawn.moving_mm) @ surface_frame(TUBE).axes[:, 0]
+    assert sorted(set(drawn.frame)) == [6, 7, 8, 9]
+    for number in (6, 7, 8):
+        assert placed[drawn.frame == number].max() <= placed[drawn.frame == number + 1].min()
+
+
+@pytest.mark.parametrize("number, runs", [(4, False), (5, True)])
+def test_lost_frames_take_their_points_along(number: int, runs: bool) -> None:
+    whole = trial(dataclasses.replace(EXACT, sweep_frames=20), number=number)
+    some = trial(dataclasses.replace(EXACT, sweep_frames=20, missing_share=0.3), number=number)
+    lost = sorted(set(whole.frame) - set(some.frame))
+    assert len(lost) == 6
+    assert (np.ptp(lost) == 5) == runs
+    assert some.loss == ("contiguous" if runs else "scattered")
+    kept = ~np.isin(whole.frame, lost)
+    np.testing.assert_array_equal(some.frame, whole.frame[kept])
+    # The pose is about another centroid, but undone it is the same cloud.
+    np.testing.assert_allclose(
+        frames.apply(some.fixed_T_moving, some.moving_mm),
+        frames.apply(whole.fixed_T_moving, whole.moving_mm)[kept],
+        atol=1e-9,
+    )
+    assert some.angle_deg == whole.angle_deg
+
+
+def test_outliers_stay_marked_when_frames_are_lost() -> None:
+    drawn = trial(dataclasses.replace(EXACT, outlier_share=0.25, missing_share=0.5))
+    away = SurfaceDistance(TUBE)(frames.apply(drawn.fixed_T_moving, drawn.moving_mm))
+    assert len(drawn.outlier) == len(drawn.moving_mm) == len(drawn.frame) < 300
+    assert away[~drawn.outlier].max() < 1e-4
+    assert np.median(away[drawn.outlier]) > 3
+
+
 @pytest.mark.parametrize("place, begin, end", [("middle", 0.2, 0.8), ("start", 0.0, 0.6), ("end", 0.4, 1.0)])
 def test_a_piece_is_a_share_of_the_extent(place: str, begin: float, end: float) -> None:
     frame = surface_frame(TUBE)
@@ -150,6 +201,10 @@ TRIANGLE = np.array([[0.0, 0, 0], [0, 2, 0], [0, 0, 2]])
         ({"translation_max_mm": float("nan")}, "translation_max_mm: expected"),
         ({"noise_mm": -0.1}, "noise_mm: expected"),
         ({"outlier_share": 1.0}, "outlier_share: expected below 1"),
+        ({"missing_share": 1.0}, "missing_share: expected below 1"),
+        ({"missing": "sometimes"}, "missing: expected one of scattered, contiguous, alternating"),
+        ({"sweep_frames": 0}, "sweep_frames: expected a whole number of at least 1"),
+        ({"rotation": "spin"}, "rotation: expected one of any, roll, flip"),
         ({"moving_points": 2}, "moving_points: expected a whole number of at least 3"),
         ({"fixed_points": 0}, "fixed_points: expected a whole number of at least 3"),
     ],

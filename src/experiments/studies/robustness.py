@@ -1,21 +1,25 @@
-"""How often a rigid method finds a known pose again, over perturbations, overlap, noise and outliers."""
+"""How often a rigid method finds a known pose again, over rotations, overlap, noise, outliers and lost frames."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import dataclasses
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments.errors import InputError
 from experiments.outcome import CellResult, Outcome, Progress
-from experiments.processes import process_pool
 from experiments.statistics import summary
 from experiments.studies.registration_inputs import one_method
+from experiments.studies.robustness_design import conditions, job_changes, one_piece, require_count
+from experiments.studies.robustness_figures import figures
+from experiments.studies.robustness_metrics import rate_metrics
 from experiments.studies.robustness_problem import Problem, covered_targets, read_problem
-from experiments.studies.robustness_report import describe, figures, success_metrics, table
+from experiments.studies.robustness_report import describe
+from experiments.studies.robustness_rows import KeptRows, solved_rows
+from experiments.studies.robustness_tables import tables
 from experiments.studies.robustness_trial import RobustnessTrial
-from registration import errors as registration_errors
-from registration.perturbation import Perturbation, Piece
+from registration.perturbation import Perturbation
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,22 +31,15 @@ SUMMARISED = (
     "tre_covered_mm",
     "rotation_error_deg",
     "translation_error_mm",
+    "roll_error_deg",
+    "slide_error_mm",
     "runtime_s",
 )
 
 
 def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """One cell for each method at each overlap."""
-    methods, overlaps = config.get("rigid"), config.get("overlaps")
-    if not isinstance(methods, Mapping) or not methods:
-        raise InputError(f"rigid: expected at least one method, received {methods!r}")
-    if not isinstance(overlaps, Sequence) or isinstance(overlaps, str) or not overlaps:
-        raise InputError(f"overlaps: expected a list of shares, received {overlaps!r}")
-    return [
-        {"rigid": {name: settings}, "overlaps": [overlap]}
-        for overlap in overlaps
-        for name, settings in methods.items()
-    ]
+    """One cell for each method on each piece of each target, and for each method at each factor's levels."""
+    return job_changes(config)
 
 
 def check(
@@ -50,19 +47,23 @@ def check(
     target: str | None,
     moving: str | None,
     moving_truth: str | None,
-    centerline: str | None,
+    target_centerline: str | None,
+    hand_centerlines: bool,
     rigid: Mapping[str, Any],
+    perturbation: Perturbation,
     overlaps: Sequence[float],
-    piece: str,
+    places: Sequence[str],
+    rotations: Sequence[str] | None,
+    factors: Mapping[str, Sequence[float]] | None,
     trials: int,
     workers: int,
 ) -> None:
     """Raise InputError for files and settings that allow no trial at all."""
     one_method(rigid)
-    _piece(overlaps, piece)
-    _require_count("trials", trials)
-    _require_count("workers", workers)
-    read_problem(target, moving, moving_truth, centerline)
+    one_piece(overlaps, places)
+    conditions(perturbation, rotations, factors, trials)
+    require_count("workers", workers)
+    _problem(target, moving, moving_truth, target_centerline, hand_centerlines)
 
 
 def run(
@@ -70,93 +71,100 @@ def run(
     target: str | None,
     moving: str | None,
     moving_truth: str | None,
-    centerline: str | None,
+    target_centerline: str | None,
+    hand_centerlines: bool,
     rigid: Mapping[str, Any],
     perturbation: Perturbation,
     overlaps: Sequence[float],
-    piece: str,
+    places: Sequence[str],
+    rotations: Sequence[str] | None,
+    factors: Mapping[str, Sequence[float]] | None,
     trials: int,
     workers: int,
     seed: int,
+    resume: bool,
     workspace: Path,
     progress: Progress,
 ) -> Outcome:
-    """Solve ``trials`` perturbed problems by one method at one overlap.
+    """Solve the perturbed problems of one job by one method: all rotations of a piece, or all levels of a factor.
 
     Every method of a seed meets the same problems. A method that raises on a trial has failed it: the row stays, with
-    infinite errors and the reason. Raises InputError for files and settings that allow no trial at all.
+    infinite errors and the reason. Finished trials are kept beside the results until the job is done; with ``resume``
+    a job that was interrupted goes on after them. Raises InputError for files and settings that allow no trial at all.
     """
     del workspace
-    _require_count("trials", trials)
-    _require_count("workers", workers)
+    require_count("workers", workers)
     name, method = one_method(rigid)
-    part = _piece(overlaps, piece)
-    problem = read_problem(target, moving, moving_truth, centerline)
+    piece = one_piece(overlaps, places)
+    design = conditions(perturbation, rotations, factors, trials)
+    problem = _problem(target, moving, moving_truth, target_centerline, hand_centerlines)
     task = RobustnessTrial(
+        anatomy=Path(str(target)).stem,
         name=name,
         method=method,
-        perturbation=perturbation,
-        piece=part,
+        conditions=design,
+        piece=piece,
         moving=problem.moving,
         fixed=problem.fixed,
         true_fixed_T_moving=problem.fixed_T_moving,
         targets_mm=problem.targets_mm,
-        covered=covered_targets(problem, part),
+        covered=covered_targets(problem, piece),
+        hand_centerlines=hand_centerlines,
         seed=seed,
     )
-    rows = progress.track(_solved(task, trials, workers), f"{name}, overlap {part.share:g}", trials)
-    return _outcome(list(rows), problem)
+    keys = [(number, trial) for number, each in enumerate(design) for trial in range(each.trials)]
+    identity = (
+        name,
+        method,
+        [each.perturbation for each in design],
+        piece,
+        problem.digests,
+        hand_centerlines,
+        seed,
+    )
+    rows = solved_rows(task, keys, workers=workers, kept=KeptRows.of(identity), resume=resume)
+    return _outcome(list(progress.track(rows, f"{name}, overlap {piece.share:g}", len(keys))), problem)
 
 
 def summarise(cells: list[CellResult]) -> Outcome:
-    """Set all methods and overlaps side by side: one table, success against angle, RMSE against TRE."""
+    """Set all methods, pieces and factors side by side: tables, figures and what they say."""
     import pandas as pd
 
     known = [cell.cases for cell in cells if cell.cases is not None and len(cell.cases)]
     if not known:
         return Outcome(findings=("No job has trials to summarise.",))
-    cases = pd.concat(known, ignore_index=True)
-    return Outcome(
-        cases=cases, tables={"robustness": table(cases)}, figures=figures(cases), findings=describe(cases)
-    )
+    return shown(pd.concat(known, ignore_index=True))
 
 
-def _piece(overlaps: Sequence[float], place: str) -> Piece:
-    if len(overlaps) != 1:
-        raise InputError(f"overlaps: expected one overlap a job, received {len(overlaps)}")
-    try:
-        return Piece(overlaps[0], place)
-    except registration_errors.InputError as refusal:
-        raise InputError(f"overlaps and piece: {refusal}") from refusal
+def shown(cases: pd.DataFrame) -> Outcome:
+    """The tables, figures and sentences of any trials of this study."""
+    return Outcome(cases=cases, tables=tables(cases), figures=figures(cases), findings=describe(cases))
 
 
-def _require_count(name: str, value: int) -> None:
-    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-        raise InputError(f"{name}: expected a whole number of at least 1, received {value!r}")
-
-
-def _solved(task: RobustnessTrial, trials: int, workers: int) -> Iterator[dict[str, Any]]:
-    """The rows in order of trial, from this process or from several."""
-    if workers == 1:
-        yield from map(task, range(trials))
-        return
-    with process_pool(min(workers, trials)) as pool:
-        yield from pool.map(task, range(trials), chunksize=max(trials // (8 * workers), 1))
+def _problem(
+    target: str | None,
+    moving: str | None,
+    moving_truth: str | None,
+    target_centerline: str | None,
+    hand_centerlines: bool,
+) -> Problem:
+    if hand_centerlines and target_centerline is None:
+        raise InputError(
+            "hand_centerlines: expected a target_centerline to hand to the methods, received none"
+        )
+    return read_problem(target, moving, moving_truth, target_centerline)
 
 
 def _outcome(rows: list[dict[str, Any]], problem: Problem) -> Outcome:
     import pandas as pd
 
     cases: pd.DataFrame = pd.DataFrame(rows)
-    metrics = success_metrics(cases)
+    metrics = rate_metrics(cases)
     for name in SUMMARISED:
         metrics |= summary(name, cases[name].tolist())
-    return Outcome(
+    return dataclasses.replace(
+        shown(cases),
         metrics=metrics,
-        cases=cases,
-        tables={"robustness": table(cases)},
-        figures=figures(cases),
-        findings=describe(cases),
         tags={"tre_targets": problem.target_kind, "tre_targets_n": str(len(problem.targets_mm))},
         inputs=problem.inputs,
     )

@@ -13,7 +13,8 @@ from experiments.outcome import InputData
 from experiments.studies.registration_inputs import read_mm, read_pose, refuse_metres, require_path
 from registration import errors as registration_errors
 from registration import frames
-from registration.geometry import Mesh, surface_frame
+from registration.along_vessel import AlongVessel
+from registration.geometry import Mesh
 from registration.geometry_io import read_centerline
 from registration.metrics import Surface
 from registration.perturbation import Piece, draw
@@ -40,21 +41,28 @@ class Problem:
     target_kind: str
     inputs: tuple[InputData, ...]
 
+    @property
+    def digests(self) -> tuple[str, ...]:
+        """What tells these files' contents from any others."""
+        return tuple(data.digest for data in self.inputs)
+
 
 def read_problem(
-    target: str | None, moving: str | None, moving_truth: str | None, centerline: str | None
+    target: str | None, moving: str | None, moving_truth: str | None, target_centerline: str | None
 ) -> Problem:
     """Read the fixed surface, and what the user has of a moving one, its true pose and a centerline.
 
     Without ``moving`` the fixed surface is registered to itself. Raises InputError that names the setting and the file.
     """
+    if target is not None and not isinstance(target, str):
+        raise InputError(f"target: expected one file a job, received {target!r}")
     target_path = require_path(
         target, "target", "the file of the fixed surface (PLY, PCD, STL, OBJ, VTP or XYZ)"
     )
     fixed = read_mm(target_path, "target", None)
     surface, truth = _moving(moving, moving_truth, fixed)
-    targets_mm, kind = _targets(centerline, fixed)
-    paths = [Path(path) for path in (target, moving, moving_truth, centerline) if path is not None]
+    targets_mm, kind = _targets(target_centerline, fixed)
+    paths = [Path(path) for path in (target, moving, moving_truth, target_centerline) if path is not None]
     return Problem(
         fixed=fixed,
         moving=surface,
@@ -67,16 +75,16 @@ def read_problem(
 
 def covered_targets(problem: Problem, piece: Piece) -> np.ndarray:
     """Which targets lie beside the moving piece in its true place, along the fixed surface's principal axis."""
-    frame = surface_frame(problem.fixed)
+    along = AlongVessel.of(problem.fixed)
     moving = problem.moving
     whole_mm = moving.vertices_mm if isinstance(moving, Mesh) else moving
     # Vertices reach to the very ends, samples are there where a coarse mesh has no vertex.
     inside_mm = whole_mm[piece.contains(whole_mm, moving)]
     drawn_mm = draw(moving, COVERING_POINTS, piece, np.random.default_rng(TARGET_SEED))
     placed_mm = frames.apply(problem.fixed_T_moving, np.concatenate([inside_mm, drawn_mm]))
-    along_mm = (placed_mm - frame.centre_mm) @ frame.axes[:, 0]
-    at_mm = (problem.targets_mm - frame.centre_mm) @ frame.axes[:, 0]
-    return (at_mm >= along_mm.min()) & (at_mm <= along_mm.max())
+    covered_mm = along.position_mm(placed_mm)
+    at_mm = along.position_mm(problem.targets_mm)
+    return (at_mm >= covered_mm.min()) & (at_mm <= covered_mm.max())
 
 
 def _moving(moving: str | None, moving_truth: str | None, fixed: Surface) -> tuple[Surface, np.ndarray]:
@@ -97,7 +105,7 @@ def _targets(centerline: str | None, fixed: Surface) -> tuple[np.ndarray, str]:
         try:
             return read_centerline(Path(centerline)).even_points(MOST_TARGETS), "centerline"
         except registration_errors.InputError as refusal:
-            raise InputError(f"centerline: {refusal}") from refusal
+            raise InputError(f"target_centerline: {refusal}") from refusal
     rng = np.random.default_rng(TARGET_SEED)
     if isinstance(fixed, Mesh):
         return fixed.sample(MOST_TARGETS, rng), "surface"

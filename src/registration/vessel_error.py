@@ -1,0 +1,49 @@
+"""The parts of a pose's error that a tubular vessel hides best: the roll about its axis and the slide along it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.spatial.transform import Rotation
+
+from registration import frames
+from registration.errors import InputError
+
+
+@dataclass(frozen=True)
+class VesselError:
+    """``roll_error_deg``, 0 to 180, about the vessel's principal axis and ``slide_error_mm``, from 0, along it."""
+
+    roll_error_deg: float
+    slide_error_mm: float
+
+
+def vessel_error(
+    fixed_T_moving: Float64[np.ndarray, "4 4"],
+    true_fixed_T_moving: Float64[np.ndarray, "4 4"],
+    axis: Float64[np.ndarray, "3"],
+    targets_mm: Float64[np.ndarray, "t 3"],
+) -> VesselError:
+    """Take the error of a pose apart, in the fixed frame; ``axis`` is the vessel's principal one.
+
+    The roll is the twist of the rotation's decomposition into a twist about the axis and a swing of it (Dobrowolski,
+    arXiv:1506.05481, 2015). After a flip it is that of the vessel laid back the shortest way; an exact one leaves it
+    open, and it may be any. The slide is that of the targets' centroid. Raises InputError for no targets or an axis
+    of no length.
+    """
+    length = float(np.linalg.norm(axis))
+    if not (np.isfinite(length) and length > 0):
+        raise InputError(f"axis: expected a direction, received {axis.tolist()}")
+    if not len(targets_mm) or not np.isfinite(targets_mm).all():
+        raise InputError(f"targets_mm: expected finite targets, received {len(targets_mm)} with NaN or none")
+    estimate = frames.require_rigid(fixed_T_moving, "fixed_T_moving")
+    truth = frames.require_rigid(true_fixed_T_moving, "true_fixed_T_moving")
+    error = frames.compose(estimate, frames.invert_rigid(truth))
+    x, y, z, w = Rotation.from_matrix(error[:3, :3]).as_quat()
+    along = float(np.array([x, y, z]) @ axis) / length
+    roll_deg = np.rad2deg(2 * np.arctan2(abs(along), abs(w)))
+    centre_mm = targets_mm.mean(axis=0)
+    slide_mm = abs(float((frames.apply(error, centre_mm) - centre_mm) @ axis)) / length
+    return VesselError(float(roll_deg), slide_mm)
