@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -16,7 +16,7 @@ from registration.correspondence import TreeTarget
 from registration.errors import InputError
 from registration.geometry import require_cloud
 from registration.rejection import NormalRejection, Rejection
-from registration.results import RigidResult
+from registration.results import ACCEPTED, RigidResult
 from registration.robust_kernels import RobustKernel, Tukey
 from registration.search import EARLY_TOLERANCE, CoarseToFine, Stage, estimation_by
 from registration.search_cone import Bound, SearchCone
@@ -37,7 +37,7 @@ class MultiStartICP:
     steps of ``slide_share`` of the moving cloud's length; an axis with ``axis_share`` of the longest one's spread
     counts as principal too; ``invert`` and ``slide`` can be left out. Where the centerlines of both clouds are given
     and ``use_centerline`` is true, ICP on these comes first and leaves only its ``centerline_places`` best places to
-    be rolled. All starts take ``first_iterations`` on ``first_points`` against a closest-point table of
+    be rolled; where the answer is then not accepted, the surfaces' own axes are tried too. All starts take ``first_iterations`` on ``first_points`` against a closest-point table of
     ``coarse_cells`` voxels, the best ``first_share`` of them ``coarse_iterations`` on ``coarse_points``; the best
     ``survivors`` of different basins go on with ``middle_points`` and exact closest points, at most ``finalists`` of
     those with up to ``fine_points``. A pose is in the basin of a better one if both move the cloud alike within
@@ -159,8 +159,16 @@ class MultiStartICP:
             isinstance(rule, NormalRejection) for rule in self.rejections
         ):
             normals = TreeTarget(moving_mm).normals_at(evidence.moving_mm, self.neighbours)
-        found = self._search(evidence.moving_mm)(evidence, starts, bound, normals)
-        return answer(self, moving_mm, evidence, found, begin_s)
+        search = self._search(evidence.moving_mm)
+        found = search(evidence, starts, bound, normals)
+        result = answer(self, moving_mm, evidence, found, begin_s)
+        if centerlines is None or initial is not None or result.verdict == ACCEPTED:
+            return result
+        # Centerlines that are rough, or not of one vessel, can mislead: the surfaces' own axes have a say as well.
+        own = self._starts(moving_mm, fixed_mm, None, None, None)
+        again = search(evidence, np.concatenate([starts, own]), bound, normals)
+        again = replace(again, iterations=found.iterations + again.iterations)
+        return answer(self, moving_mm, evidence, again, begin_s)
 
     def _starts(
         self,

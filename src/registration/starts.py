@@ -24,6 +24,8 @@ WINDOW_POINTS = 10
 MOST_WINDOWS = 40
 # Places of a centerline that move it alike within this share of its radius are one.
 SAME_PLACE_SHARE = 0.1
+# Centerlines are smoothed over this share of their extent: the way along jagged points would be too long.
+REACH_SHARE = 1 / 20
 # A sparse matrix takes a distance of 0 for no connection.
 TOUCHING_MM = 1e-9
 
@@ -114,7 +116,7 @@ def cone_starts(
 
 def arc_length_mm(points_mm: Float64[np.ndarray, "p 3"]) -> float:
     """The longest way along the lines that the points lie on."""
-    tree = _spanning(points_mm)
+    tree = _spanning(_smoothed(points_mm))
     first = dijkstra(tree, directed=False, indices=0)
     return float(dijkstra(tree, directed=False, indices=int(first.argmax())).max())
 
@@ -123,6 +125,7 @@ def arc_windows(
     points_mm: Float64[np.ndarray, "p 3"], length_mm: float, slide_share: float
 ) -> list[PrincipalFrame]:
     """The principal frames of pieces of a centerline, ``length_mm`` long, at steps of a share of it along the lines."""
+    points_mm = _smoothed(points_mm)
     tree = _spanning(points_mm)
     half_mm = 0.5 * length_mm
     whole = principal_frame(points_mm)
@@ -144,6 +147,13 @@ def arc_windows(
         if away_mm[pick] <= slide_share * length_mm:
             break
     return windows or [whole]
+
+
+def _smoothed(points_mm: np.ndarray) -> np.ndarray:
+    """Each point brought to the mean of those around it."""
+    reach_mm = REACH_SHARE * float(np.ptp(points_mm, axis=0).max())
+    near = (cdist(points_mm, points_mm) <= reach_mm).astype(np.float64)
+    return near @ points_mm / near.sum(axis=1, keepdims=True)
 
 
 def _spanning(points_mm: np.ndarray) -> csr_matrix:

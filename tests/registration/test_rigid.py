@@ -156,6 +156,21 @@ def test_centerlines_give_the_same_answer_from_other_starts() -> None:
     assert found.iterations != alone.iterations
 
 
+def test_centerlines_of_another_vessel_do_not_mislead() -> None:
+    """What they propose is not accepted, so the surfaces' own axes are tried too."""
+    trial = problem(piece=Piece(0.45, "end"), number=7)
+    turn = np.linspace(0, 4, 90)
+    other = np.stack([25 * np.cos(turn), 25 * np.sin(turn), 3 * turn], axis=1)
+    found = METHOD(
+        trial.moving_mm,
+        trial.fixed_mm,
+        moving_centerline_mm=other[:40],
+        fixed_centerline_mm=other[::-1] + 90.0,
+    )
+    assert error_mm(found.fixed_T_moving, trial) < 0.5
+    assert found.verdict == "accepted", found.reason
+
+
 def test_an_ablated_search_has_fewer_starts() -> None:
     trial = problem(number=2)
     lone = dataclasses.replace(METHOD, rolls=1, invert=False, slide=False)(trial.moving_mm, trial.fixed_mm)

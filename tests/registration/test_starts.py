@@ -125,7 +125,18 @@ def arch() -> np.ndarray:
 
 def test_arc_length_follows_the_line_in_any_order() -> None:
     points = np.random.default_rng(4).permutation(arch(), axis=0)
-    assert arc_length_mm(points) == pytest.approx(120 + 10 * np.pi, rel=0.01)
+    assert arc_length_mm(points) == pytest.approx(120 + 10 * np.pi, rel=0.03)
+
+
+def test_a_jagged_line_is_not_taken_for_a_longer_one() -> None:
+    """Points a quarter of a millimetre apart, each off by half a millimetre: joined up, they are three times as long."""
+    along = np.linspace(0, 60, 240)
+    line = np.stack([10 * np.cos(along / 30), 10 * np.sin(along / 30), along], axis=1)
+    length = np.linalg.norm(np.diff(line, axis=0), axis=1).sum()
+    rng = np.random.default_rng(9)
+    jagged = line + rng.normal(scale=0.5, size=line.shape)
+    assert np.linalg.norm(np.diff(jagged, axis=0), axis=1).sum() > 3 * length
+    assert arc_length_mm(jagged) == pytest.approx(length, rel=0.15)
 
 
 def test_windows_along_an_arch_never_hold_both_limbs() -> None:
