@@ -33,22 +33,23 @@ REFINEMENTS = ("plane", "symmetric", "point")
 class MultiStartICP:
     """ICP from every pose that the symmetry of a vessel allows; the one that explains the points best wins.
 
-    Starts: principal axes laid on each other, rolled in ``rolls`` equal steps, inverted, and slid along the vessel in
-    steps of ``slide_share`` of the moving cloud's length; an axis with ``axis_share`` of the longest one's spread
-    counts as principal too; ``invert`` and ``slide`` can be left out. Where the centerlines of both clouds are given
-    and ``use_centerline`` is true, ICP on these comes first and leaves only its ``centerline_places`` best places to
-    be rolled; where the answer is then not accepted, the surfaces' own axes are tried too. All starts take ``first_iterations`` on ``first_points`` against a closest-point table of
-    ``coarse_cells`` voxels, the best ``first_share`` of them ``coarse_iterations`` on ``coarse_points``; the best
-    ``survivors`` of different basins go on with ``middle_points`` and exact closest points, at most ``finalists`` of
-    those with up to ``fine_points``. A pose is in the basin of a better one if both move the cloud alike within
-    ``basin_share`` of its radius.
+    Starts: principal axes laid on each other, rolled in ``rolls`` equal steps, inverted, and slid along the vessel
+    in steps of ``slide_share`` of the moving cloud's length; an axis with ``axis_share`` of the longest one's
+    spread counts as principal too; ``invert`` and ``slide`` can be left out. Where the centerlines of both clouds
+    are given and ``use_centerline`` is true, ICP on these comes first and leaves only its ``centerline_places``
+    best places to be rolled; where the answer is then not accepted, the surfaces' own axes are tried too. All
+    starts take ``first_iterations`` on ``first_points`` against a closest-point table of ``coarse_cells`` voxels,
+    the best ``first_share`` of them ``coarse_iterations`` on ``coarse_points``; the best ``survivors`` of different
+    basins go on with ``middle_points`` and exact closest points, at most ``finalists`` of those with up to
+    ``fine_points``. A pose is in the basin of a better one if both move the cloud alike within ``basin_share`` of
+    its radius.
 
     ``refine_by`` is the residual of the last two stages: ``plane`` (along normals estimated from ``neighbours``
-    points: exact on sampled surfaces, whose points never coincide), ``symmetric`` (normals of both) or ``point`` (for
-    clouds that are no surface). With ``wall_offset`` one wall may lie outside the other by the same distance
-    everywhere, for the borders that two modalities show are not one: it is estimated with the pose and reported, and
-    is no residual. Along normals the ``kernel`` weighs the pairs; without one, and from point to point,
-    the closest ``keep`` share counts. ``rejections`` can leave out more. ``cone_deg`` bounds the starts around a given
+    points: exact on sampled surfaces, whose points never coincide), ``symmetric`` (normals of both) or ``point``
+    (for clouds that are no surface). With ``wall_offset`` one wall may lie outside the other by the same distance
+    everywhere, for the borders that two modalities show are not one: it is estimated with the pose and reported,
+    and is no residual. Along normals the ``kernel`` weighs the pairs; without one, and from point to point, the
+    closest ``keep`` share counts. ``rejections`` can leave out more. ``cone_deg`` bounds the starts around a given
     initial pose. The ``judge`` decides whether the answer is accepted, from the candidates and from a bootstrap of
     ``replicates`` over ``blocks`` blocks of points, its spread enlarged by ``inflation``: this was set so that the
     predicted 90 % intervals hold on random anatomies with seeds below 1000. From point to point no error is

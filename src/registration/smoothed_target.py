@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64, Int64
-from scipy.spatial import cKDTree
 
-from registration.correspondence import TreeTarget, principal_axes
+from registration.correspondence import TreeTarget, principal_axes, search_tree
 
 # How often neighbours vote on which side of a wall is outside.
 VOTES = 2
@@ -72,7 +71,7 @@ class SmoothedTarget(TreeTarget):
     def __init__(self, exact: TreeTarget, neighbours: int) -> None:
         smoothed = smoothed_at(exact, exact.points_mm, neighbours, exact.normals)
         self.points_mm, self.reach_mm = smoothed.points_mm, smoothed.reach_mm
-        self._tree = cKDTree(self.points_mm)
+        self._tree = search_tree(self.points_mm)
         self._around = None
         index = exact.neighbours_of(VOTERS)
         self.outward: np.ndarray = (

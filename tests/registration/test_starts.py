@@ -129,7 +129,7 @@ def test_arc_length_follows_the_line_in_any_order() -> None:
 
 
 def test_a_jagged_line_is_not_taken_for_a_longer_one() -> None:
-    """Points a quarter of a millimetre apart, each off by half a millimetre: joined up, they are three times as long."""
+    """Points 0.25 mm apart, each off by half a millimetre: joined up, they are three times as long."""
     along = np.linspace(0, 60, 240)
     line = np.stack([10 * np.cos(along / 30), 10 * np.sin(along / 30), along], axis=1)
     length = np.linalg.norm(np.diff(line, axis=0), axis=1).sum()

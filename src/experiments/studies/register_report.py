@@ -96,8 +96,8 @@ def _findings(found: Registered) -> tuple[str, ...]:
     if abs(result.wall_offset_mm) >= NOTED_OFFSET_MM:
         side = "outside" if result.wall_offset_mm > 0 else "inside"
         sentences.append(
-            f"The moving wall lies {abs(result.wall_offset_mm):.2f} mm {side} the fixed one everywhere: the borders were "
-            "drawn differently, or the scale differs; the pose allows for it."
+            f"The moving wall lies {abs(result.wall_offset_mm):.2f} mm {side} the fixed one everywhere: the borders "
+            "were drawn differently, or the scale differs; the pose allows for it."
         )
     if result.weak_directions:
         sentences.append(f"The clouds leave open: {', '.join(result.weak_directions)}.")

@@ -90,7 +90,7 @@ class GeneralisedICP:
         self, moving_mm: np.ndarray, fixed_mm: np.ndarray, start: np.ndarray
     ) -> tuple[np.ndarray, int, bool]:
         """The pose it ends in, the steps taken, and whether it settled."""
-        import small_gicp  # type: ignore[import-not-found]
+        import small_gicp
 
         # The steps turn about the origin, which is far from a vessel as a rule: both clouds are brought there.
         to_moving = frames.translation(moving_mm.mean(axis=0))
