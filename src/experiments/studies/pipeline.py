@@ -19,7 +19,7 @@ from experiments.studies.robustness_problem import MOST_TARGETS
 from registration import frames
 from registration.centerline import CenterlineExtractor
 from registration.centerline_io import write_centerline
-from registration.contours import ContourExtractor
+from registration.contours import ContourCloud, ContourExtractor
 from registration.errors import InputError as RegistrationInputError
 from registration.geometry_io import write_surface
 from registration.metrics import pose_error, surface_residuals
@@ -97,11 +97,12 @@ def run(
     posed = synchronise(truth.sweep, max_gap_s)
     if not (probability[posed.kept] >= contours.level).any():
         raise InputError(f"model_path: expected a network that finds the vessel, {model_path} found none")
-    cloud_mm, built, refusal = _reconstructed(chain, probability[posed.kept], posed.world_A_pixel, seconds)
+    cloud, built, refusal = _reconstructed(chain, probability[posed.kept], posed.world_A_pixel, seconds)
+    cloud_mm = cloud.points_mm
     progress.note(f"registering {len(cloud_mm)} points by {name}")
     fixed_mm = _drawn(truth, fixed_points, seed)
     with timed(seconds, "registration_s"):
-        result: RigidResult = method(cloud_mm, fixed_mm, None)
+        result: RigidResult = method(cloud_mm, fixed_mm, None, moving_frame=cloud.frame_index)
     residuals = surface_residuals(
         cloud_mm, truth.model, result.fixed_T_moving, inlier_mm=inlier_mm, keep=keep, seed=seed
     )
@@ -128,7 +129,7 @@ def _targets(truth: SimulatedSweep) -> np.ndarray:
 
 def _reconstructed(
     chain: Reconstruction, probability: np.ndarray, world_A_pixel: np.ndarray, seconds: dict[str, float]
-) -> tuple[np.ndarray, Reconstructed | None, str]:
+) -> tuple[ContourCloud, Reconstructed | None, str]:
     """The points to register, the surface and centerline through them, or why there are none; stages timed."""
     with timed(seconds, "reconstruction_s"):
         gathered = chain.gather(probability, world_A_pixel)
@@ -138,7 +139,7 @@ def _reconstructed(
             built, refusal = None, str(refused)
     stages = gathered.seconds if built is None else built.seconds
     seconds.update({f"{stage}_s": stages.get(stage, float("nan")) for stage in STAGES})
-    return gathered.cloud.points_mm, built, refusal
+    return gathered.cloud, built, refusal
 
 
 def _score_frames(masks: np.ndarray, truth: SimulatedSweep) -> pd.DataFrame:
@@ -162,7 +163,13 @@ def _write(workspace: Path, truth: SimulatedSweep, found: Registered, name: str)
     write_surface(workspace / "model.ply", truth.model)
     # The cloud lies in the world and the model in the ct frame, so the truth is ct_T_world.
     files.write_text(workspace / "truth.json", json.dumps({"fixed_T_moving": truth.ct_T_world.tolist()}))
-    answer = {"rigid": name, "fixed_T_moving": found.result.fixed_T_moving.tolist()}
+    result = found.result
+    answer = {
+        "rigid": name,
+        "fixed_T_moving": result.fixed_T_moving.tolist(),
+        "verdict": result.verdict,
+        "reason": result.reason,
+    }
     files.write_text(workspace / "registration.json", json.dumps(answer))
 
 
@@ -208,6 +215,7 @@ def _outcome(
         "dsc": scores["dsc_mean"],
         "rmse_mm": residuals["rmse_mm"],
         "tre_mm": error["tre_mm"],
+        "verdict": found.result.verdict,
     }
     finding = (
         f"{name}: {residuals['rmse_mm']:.2f} mm RMSE to the model and {error['tre_mm']:.2f} mm TRE on a simulated "
@@ -221,8 +229,8 @@ def _outcome(
             "Seconds by stage": pd.DataFrame([seconds]),
         },
         figures=figures(truth, masks, found.cloud_mm, found.result.fixed_T_moving),
-        findings=(finding, *_gaps(found)),
-        tags={"rigid": name, "simulated": "true"},
+        findings=(finding, f"Verdict: {found.result.verdict}, {found.result.reason}.", *_gaps(found)),
+        tags={"rigid": name, "simulated": "true", "verdict": found.result.verdict},
     )
 
 
