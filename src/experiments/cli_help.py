@@ -7,11 +7,15 @@ from pathlib import Path
 from experiments.errors import InputError
 from experiments.paths import conf_dir
 
+# The folder of the presets: see experiments.cli on why it is not called sweep.
+PRESETS = "preset"
+
 _USAGE = """\
 ctus: CT-ultrasound registration of vessels, as tracked experiments
 
   ctus study=<name> [setting=value ...]            one call, all jobs of the study
   ctus -m study=<name> model=a,b seed=0,1,2 ...    a sweep over every combination
+  ctus -m +sweep=<preset> [setting=value ...]      all that a published figure needs
   ctus study=<name> --help                         the settings of a study
 """
 
@@ -48,9 +52,12 @@ def _overview() -> str:
     groups = "\n".join(
         f"  {folder.name}={'|'.join(path.stem for path in sorted(folder.glob('*.yaml')))}"
         for folder in sorted(conf_dir().iterdir())
-        if folder.is_dir() and folder.name != "study" and any(folder.glob("*.yaml"))
+        if folder.is_dir() and folder.name not in ("study", PRESETS) and any(folder.glob("*.yaml"))
     )
-    return f"{_USAGE}\nStudies\n{studies}\n\nChoices\n{groups}\n\n{_AFTER}"
+    presets = "\n".join(
+        f"  +sweep={path.stem}  {description(path)}" for path in sorted((conf_dir() / PRESETS).glob("*.yaml"))
+    )
+    return f"{_USAGE}\nStudies\n{studies}\n\nPresets\n{presets}\n\nChoices\n{groups}\n\n{_AFTER}"
 
 
 def _study_page(name: str) -> str:

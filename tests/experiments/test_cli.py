@@ -21,6 +21,8 @@ def test_help_names_every_study_with_its_sentence(capsys, repository: Path) -> N
         assert lines[1].startswith("# "), path
         assert f"{path.stem} " in page
         assert lines[1][2:] in page
+    for path in (repository / "conf" / "preset").glob("*.yaml"):
+        assert f"+sweep={path.stem}  " + path.read_text().splitlines()[1][2:] in page
 
 
 def test_help_of_a_study_shows_its_settings(capsys) -> None:

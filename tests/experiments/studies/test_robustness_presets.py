@@ -58,9 +58,9 @@ def test_the_figure_crosses_rotation_and_overlap_and_takes_the_rest_one_at_a_tim
 
 def test_the_ablation_hands_centerlines_to_every_variant() -> None:
     jobs = planned("robustness_ablation", "target_centerline=line")
-    assert len(jobs) == 6 * 7
+    assert len(jobs) == 7 * 7
     assert all(cell.config["hand_centerlines"] for cell in jobs)
-    given = [cells.arguments(cell.config)["rigid"] for cell in jobs[:6]]
+    given = [cells.arguments(cell.config)["rigid"] for cell in jobs[:7]]
     assert [next(iter(each)).removeprefix("multistart_") for each in given] == [
         "multistart",
         "one_start",
@@ -68,6 +68,7 @@ def test_the_ablation_hands_centerlines_to_every_variant() -> None:
         "no_slide",
         "no_centerline",
         "no_pruning",
+        "no_offset",
     ]
 
 
