@@ -23,10 +23,11 @@ bench: setup
 	$(PY) scripts/bench_metrics.py
 
 # The frozen benchmark of rigid registration, and the page in results/ that it makes.
+METHODS := multistart,single_icp,single_icp_plane,gicp,fpfh_ransac,fpfh_fgr
 rigid-benchmark: setup
-	.venv/bin/ctus study=rigid_benchmark subset=test "rigid=[multistart,single_icp]" workers=$(WORKERS) \
+	.venv/bin/ctus study=rigid_benchmark subset=test "rigid=[$(METHODS)]" workers=$(WORKERS) \
 		out=outputs/rigid_benchmark/test
-	.venv/bin/ctus study=rigid_benchmark subset=symmetric "rigid=[multistart,single_icp]" workers=$(WORKERS) \
+	.venv/bin/ctus study=rigid_benchmark subset=symmetric "rigid=[$(METHODS)]" workers=$(WORKERS) \
 		out=outputs/rigid_benchmark/symmetric
 	$(PY) scripts/rigid_benchmark.py outputs/rigid_benchmark
 
