@@ -42,7 +42,8 @@ class MultiStartICP:
     the best ``first_share`` of them ``coarse_iterations`` on ``coarse_points``; the best ``survivors`` of different
     basins go on with ``middle_points`` and exact closest points, at most ``finalists`` of those with up to
     ``fine_points``. A pose is in the basin of a better one if both move the cloud alike within ``basin_share`` of
-    its radius.
+    its radius. Of a fixed cloud with more than ``fixed_points`` so many are drawn: the nearest neighbours in a denser
+    one are its noise and not its surface.
 
     ``refine_by`` is the residual of the last two stages: ``plane`` (along normals estimated from ``neighbours``
     points: exact on sampled surfaces, whose points never coincide), ``symmetric`` (normals of both) or ``point``
@@ -80,6 +81,7 @@ class MultiStartICP:
     middle_points: int = 600
     finalists: int = 3
     fine_points: int = 5000
+    fixed_points: int = 10_000
     max_iterations: int = 50
     tolerance: float = 2e-4
     keep: float = 0.9
@@ -102,7 +104,7 @@ class MultiStartICP:
             require_count(name, getattr(self, name), 1)
         for name in ("finalists", "max_iterations"):
             require_count(name, getattr(self, name), 1)
-        for name in ("first_points", "coarse_points", "middle_points", "fine_points", "neighbours"):
+        for name in ("first_points", "coarse_points", "middle_points", "fine_points", "fixed_points", "neighbours"):
             require_count(name, getattr(self, name), 3)
         require_count("coarse_cells", self.coarse_cells, 8)
         require_count("blocks", self.blocks, 2)
@@ -207,7 +209,10 @@ class MultiStartICP:
     def _evidence(
         self, moving_mm: np.ndarray, fixed_mm: np.ndarray, moving_frame: np.ndarray | None
     ) -> Evidence:
-        order = np.random.default_rng(self.seed).permutation(len(moving_mm))[: self.fine_points]
+        rng = np.random.default_rng(self.seed)
+        order = rng.permutation(len(moving_mm))[: self.fine_points]
+        if len(fixed_mm) > self.fixed_points:
+            fixed_mm = fixed_mm[rng.permutation(len(fixed_mm))[: self.fixed_points]]
         shuffled_mm = moving_mm[order]
         if moving_frame is None:
             block = blocks_of(shuffled_mm, self.blocks)

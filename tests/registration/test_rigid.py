@@ -171,6 +171,15 @@ def test_centerlines_of_another_vessel_do_not_mislead() -> None:
     assert found.verdict == "accepted", found.reason
 
 
+def test_a_dense_noisy_cloud_is_thinned_and_found() -> None:
+    trial = problem(number=3, noise_mm=0.2, fixed_points=60_000)
+    found = METHOD(trial.moving_mm, trial.fixed_mm)
+    assert error_mm(found.fixed_T_moving, trial) < 0.3
+    whole = dataclasses.replace(METHOD, fixed_points=60_000)(trial.moving_mm, trial.fixed_mm)
+    assert whole.rmse_mm < found.rmse_mm
+    assert error_mm(found.fixed_T_moving, trial) < error_mm(whole.fixed_T_moving, trial)
+
+
 def test_an_ablated_search_has_fewer_starts() -> None:
     trial = problem(number=2)
     lone = dataclasses.replace(METHOD, rolls=1, invert=False, slide=False)(trial.moving_mm, trial.fixed_mm)
@@ -334,6 +343,7 @@ def test_few_points_are_enough_to_run() -> None:
         {"middle_points": 1},
         {"finalists": 0},
         {"fine_points": 2},
+        {"fixed_points": 2},
         {"max_iterations": 0},
         {"tolerance": 0.0},
         {"keep": 1.1},
