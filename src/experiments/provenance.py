@@ -16,6 +16,8 @@ import psutil
 
 # A run on another machine that has not said anything for this long is taken for dead.
 SILENCE_S = 20 * 60.0
+# MLflow's own name for it.
+COMMIT_TAG = "mlflow.source.git.commit"
 _PACKAGES = (
     "ctus",
     "torch",
@@ -66,7 +68,7 @@ def _git_tags() -> dict[str, str]:
     if git("ls-files", "--error-unmatch", code.name) is None or (commit := git("rev-parse", "HEAD")) is None:
         return {}
     return {
-        "mlflow.source.git.commit": commit,
+        COMMIT_TAG: commit,
         "ctus.git_dirty": str(bool(git("status", "--porcelain"))).lower(),
     }
 

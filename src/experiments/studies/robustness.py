@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.errors import InputError
 from experiments.outcome import CellResult, Outcome, Progress
+from experiments.provenance import COMMIT_TAG, environment_tags
 from experiments.statistics import summary
 from experiments.studies.registration_inputs import one_method
 from experiments.studies.robustness_design import conditions, job_changes, one_piece, require_count
@@ -121,6 +122,8 @@ def run(
         problem.digests,
         hand_centerlines,
         seed,
+        # Rows of other code are not gone on with.
+        environment_tags().get(COMMIT_TAG, ""),
     )
     rows = solved_rows(task, keys, workers=workers, kept=KeptRows.of(identity), resume=resume)
     return _outcome(list(progress.track(rows, f"{name}, overlap {piece.share:g}", len(keys))), problem)
