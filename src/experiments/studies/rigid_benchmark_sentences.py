@@ -23,11 +23,13 @@ NAMED_AT_MOST = 8
 
 
 def describe_benchmark(cases: pd.DataFrame) -> tuple[str, ...]:
-    """What was found, in sentences: some for each method, one for each pair of methods."""
-    said = [sentence for name, own in each_method(cases) for sentence in _describe(name, own)]
+    """What was found, in sentences: some for each method, one for each pair with the most successful one."""
+    methods = list(each_method(cases))
+    said = [sentence for name, own in methods for sentence in _describe(name, own)]
     beside = beside_each_other(cases)
     if beside is not None:
-        for row in beside.itertuples(index=False):
+        best = max(methods, key=lambda one: int(one[1][RIGHT].sum()))[0]
+        for row in beside[(beside["first"] == best) | (beside["second"] == best)].itertuples(index=False):
             said.append(
                 f"{row.first} is right alone in {row.first_only} cases, {row.second} in {row.second_only} (McNemar's "
                 f"test by anatomy: p = {row.p:.2g}, at least {row.least_p:.2g} with {row.anatomies} anatomies; Holm "
@@ -47,7 +49,7 @@ def _describe(name: str, cases: pd.DataFrame) -> Iterator[str]:
         f"({interval.estimate:.1%}{bounds})."
     )
     if (cases["verdict"] == ACCEPTED).all() and cases["tre_high_mm"].isna().all():
-        yield f"{name} judges none of its answers: all are accepted."
+        yield f"{name} does not judge its answers: all are accepted."
     else:
         yield from _of_verdicts(name, cases, found)
     if "interval_coverage_rate" in found:
@@ -85,7 +87,7 @@ def _of_verdicts(name: str, cases: pd.DataFrame, found: dict[str, float]) -> Ite
         "which are right"
         + (
             f"; in {rightly} of {int(judged.sum())} a second pose explains the clouds within their noise, and "
-            f"{len(over_cautious(cases))} right answers were doubted without one{_named(over_cautious(cases))}."
+            f"right answers that were doubted without one: {len(over_cautious(cases))}{_named(over_cautious(cases))}."
             if judged.any()
             else "."
         )

@@ -121,11 +121,14 @@ def test_sentences_say_what_failed_and_what_was_doubted() -> None:
     assert "are right (wrong: b_whole)." in said
     assert "mine doubts 3 answers (1 of them declared failed), 1 of which are right" in said
     assert "in 1 of 2 a second pose explains the clouds within their noise" in said
-    assert "1 right answers were doubted without one (c_whole)" in said
+    assert "right answers that were doubted without one: 1 (c_whole)" in said
     assert "80.0 % (Wilson 95 % interval" in said
     assert "mine gave no answer to 1 of 6 cases, which count as failed (first: lost)" in said
-    assert "other judges none of its answers: all are accepted." in said
+    assert "other does not judge its answers: all are accepted." in said
     assert "mine is right alone in 3 cases, other in 1" in said
+    third = OTHER.assign(method="third")
+    pairs = [one for one in describe_benchmark(pd.concat([OTHER, MINE, third])) if "McNemar" in one]
+    assert len(pairs) == 2 and all("mine" in one for one in pairs)
     assert "mine: 2 of 2 cases within 2 mm TRE (100.0%)." in describe_benchmark(MINE[:2])
 
 
