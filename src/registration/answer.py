@@ -54,7 +54,8 @@ def answer(
     moving = TreeTarget(moving_mm)
     candidates = tuple(
         replace(
-            _measured(method, one, moving_mm, moving, target) if one.stage == "fine" else one, basin=basin
+            measured_candidate(method, one, moving_mm, moving, target) if one.stage == "fine" else one,
+            basin=basin,
         )
         for basin, one in enumerate(found.candidates)
     )
@@ -132,9 +133,10 @@ def _spread(
     return _Spread(samples, expected_mm, local.motions(weak_motion(motions_mm)[None])[0])
 
 
-def _measured(
+def measured_candidate(
     method: MultiStartICP, one: Candidate, moving_mm: np.ndarray, moving: TreeTarget, target: TreeTarget
 ) -> Candidate:
+    """A candidate with its residuals both ways."""
     measured = fit(
         moving_mm, target, one.fixed_T_moving, keep=method.keep, inlier_spacings=method.inlier_spacings
     )

@@ -10,19 +10,20 @@ from jaxtyping import Float64, Int64
 
 from registration import frames
 from registration.ambiguity import Judge
-from registration.answer import answer
+from registration.answer import answer, measured_candidate
 from registration.checks import require_count, require_positive
 from registration.correspondence import TreeTarget
 from registration.errors import InputError
 from registration.geometry import require_cloud
 from registration.rejection import NormalRejection, Rejection
-from registration.results import ACCEPTED, RigidResult
+from registration.results import ACCEPTED, RigidResult, fit
 from registration.robust_kernels import RobustKernel, Tukey
 from registration.search import EARLY_TOLERANCE, CoarseToFine, Stage, estimation_by
 from registration.search_cone import Bound, SearchCone
 from registration.selection import Evidence, blocks_of, blocks_of_frames
 from registration.smoothed_target import outward_targets
 from registration.starts import centerline_starts, cone_starts, symmetry_starts
+from registration.turned_round import is_longer, turned_round
 
 # The surface that poses are judged on is smoothed over so many times the points that a normal is estimated from.
 SMOOTHING = 2
@@ -54,7 +55,8 @@ class MultiStartICP:
     initial pose. The ``judge`` decides whether the answer is accepted, from the candidates and from a bootstrap of
     ``replicates`` over ``blocks`` blocks of points, its spread enlarged by ``inflation``: this was set so that the
     predicted 90 % intervals hold on random anatomies with seeds below 1000. From point to point no error is
-    predicted: closest points say too little about it. Deterministic in ``seed``.
+    predicted: closest points say too little about it. Where the moving cloud is the longer one, the fixed one is
+    registered to it and the result turned round. Deterministic in ``seed``.
 
     Methods: T. Vantini, Politecnico di Milano, 2025, section 2.5 (starts and selection); see ``registration.icp``,
     ``registration.selection`` and ``registration.uncertainty``.
@@ -104,7 +106,14 @@ class MultiStartICP:
             require_count(name, getattr(self, name), 1)
         for name in ("finalists", "max_iterations"):
             require_count(name, getattr(self, name), 1)
-        for name in ("first_points", "coarse_points", "middle_points", "fine_points", "fixed_points", "neighbours"):
+        for name in (
+            "first_points",
+            "coarse_points",
+            "middle_points",
+            "fine_points",
+            "fixed_points",
+            "neighbours",
+        ):
             require_count(name, getattr(self, name), 3)
         require_count("coarse_cells", self.coarse_cells, 8)
         require_count("blocks", self.blocks, 2)
@@ -149,6 +158,15 @@ class MultiStartICP:
             )
         if initial is not None:
             frames.require_rigid(initial, "initial")
+        if initial is None and is_longer(moving_mm, fixed_mm):
+            # The moving cloud would have to slide out of the fixed one: the shorter one moves instead.
+            found_back = self(
+                fixed_mm,
+                moving_mm,
+                moving_centerline_mm=fixed_centerline_mm,
+                fixed_centerline_mm=moving_centerline_mm,
+            )
+            return self._turned_round(found_back, moving_mm, fixed_mm, begin_s)
         bound = None
         if initial is not None and search_cone is not None:
             bound = Bound(initial, search_cone, moving_mm.mean(axis=0))
@@ -172,6 +190,18 @@ class MultiStartICP:
         again = search(evidence, np.concatenate([starts, own]), bound, normals)
         again = replace(again, iterations=found.iterations + again.iterations)
         return answer(self, moving_mm, evidence, again, begin_s)
+
+    def _turned_round(
+        self, result: RigidResult, moving_mm: np.ndarray, fixed_mm: np.ndarray, begin_s: float
+    ) -> RigidResult:
+        moving, target = TreeTarget(moving_mm), TreeTarget(fixed_mm)
+        settings = {"keep": self.keep, "inlier_spacings": self.inlier_spacings}
+        return turned_round(
+            result,
+            lambda one: measured_candidate(self, one, moving_mm, moving, target),
+            lambda pose: fit(moving_mm, target, pose, **settings),
+            begin_s,
+        )
 
     def _starts(
         self,
