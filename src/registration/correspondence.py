@@ -85,6 +85,12 @@ class TreeTarget:
             return self._around[1][:, :count]
         return self._nearest(self.points_mm, count)[1]
 
+    def away_mm(self, neighbour: int) -> Float64[np.ndarray, "n"]:
+        """How far the ``neighbour``-th of its neighbours is from each fixed point."""
+        if self._around is not None and neighbour < self._around[0].shape[1]:
+            return self._around[0][:, neighbour]
+        return self._nearest(self.points_mm, neighbour + 1)[0][:, -1]
+
     def face_like(self, normals: Float64[np.ndarray, "n 3"]) -> None:
         """Turn the normals to the side that the given ones point to."""
         if self.normals is not None:

@@ -23,6 +23,7 @@ from registration.search_cone import Bound, SearchCone
 from registration.selection import Evidence, blocks_of, blocks_of_frames
 from registration.smoothed_target import outward_targets
 from registration.starts import centerline_starts, cone_starts, symmetry_starts
+from registration.strays import LEAST_CLOUD, NEIGHBOUR, lonely, strays
 from registration.turned_round import is_longer, turned_round
 
 # The surface that poses are judged on is smoothed over so many times the points that a normal is estimated from.
@@ -173,8 +174,8 @@ class MultiStartICP:
         centerlines = None
         if moving_centerline_mm is not None and fixed_centerline_mm is not None and self.use_centerline:
             centerlines = (moving_centerline_mm, fixed_centerline_mm)
-        starts = self._starts(moving_mm, fixed_mm, initial, search_cone, centerlines)
         evidence = self._evidence(moving_mm, fixed_mm, moving_frame)
+        starts = self._starts(evidence, initial, search_cone, centerlines)
         normals = None
         if self.refine_by == "symmetric" or any(
             isinstance(rule, NormalRejection) for rule in self.rejections
@@ -186,7 +187,7 @@ class MultiStartICP:
         if centerlines is None or initial is not None or result.verdict == ACCEPTED:
             return result
         # Centerlines that are rough, or not of one vessel, can mislead: the surfaces' own axes have a say as well.
-        own = self._starts(moving_mm, fixed_mm, None, None, None)
+        own = self._starts(evidence, None, None, None)
         again = search(evidence, np.concatenate([starts, own]), bound, normals)
         again = replace(again, iterations=found.iterations + again.iterations)
         return answer(self, moving_mm, evidence, again, begin_s)
@@ -205,16 +206,20 @@ class MultiStartICP:
 
     def _starts(
         self,
-        moving_mm: np.ndarray,
-        fixed_mm: np.ndarray,
+        evidence: Evidence,
         initial: np.ndarray | None,
         cone: SearchCone | None,
         centerlines: tuple[np.ndarray, np.ndarray] | None,
     ) -> Float64[np.ndarray, "s 4 4"]:
         """Around a known pose, else by the centerlines, else by the surfaces' own axes."""
+        moving_mm = evidence.moving_mm[: evidence.core]
         if initial is not None:
             return cone_starts(moving_mm, initial, cone or SearchCone(angle_deg=self.cone_deg))
         if centerlines is None:
+            target = evidence.target
+            fixed_mm = target.points_mm
+            if len(fixed_mm) >= LEAST_CLOUD:
+                fixed_mm = fixed_mm[~lonely(target.away_mm(NEIGHBOUR))]
             return symmetry_starts(
                 moving_mm,
                 fixed_mm,
@@ -243,6 +248,10 @@ class MultiStartICP:
         order = rng.permutation(len(moving_mm))[: self.fine_points]
         if len(fixed_mm) > self.fixed_points:
             fixed_mm = fixed_mm[rng.permutation(len(fixed_mm))[: self.fixed_points]]
+        # The early stages take the first points: they should not be strays.
+        stray = strays(moving_mm[order])
+        order = np.concatenate([order[~stray], order[stray]])
+        core = len(order) - int(stray.sum())
         shuffled_mm = moving_mm[order]
         if moving_frame is None:
             block = blocks_of(shuffled_mm, self.blocks)
@@ -250,9 +259,9 @@ class MultiStartICP:
             block = blocks_of_frames(moving_frame[order], self.blocks)
         if self.refine_by == "point":
             target = TreeTarget(fixed_mm)
-            return Evidence(shuffled_mm, block, target, target)
+            return Evidence(shuffled_mm, block, target, target, core=core)
         exact, smoothed = outward_targets(fixed_mm, self.neighbours, SMOOTHING * self.neighbours)
-        return Evidence(shuffled_mm, block, exact, smoothed, self.wall_offset)
+        return Evidence(shuffled_mm, block, exact, smoothed, self.wall_offset, core)
 
     def _search(self, shuffled_mm: np.ndarray) -> CoarseToFine:
         return CoarseToFine(

@@ -79,7 +79,7 @@ class Evidence:
 
     Poses are found on ``target`` and judged on ``smoothed``, which tells them apart better where there is noise; both
     are one for a cloud without normals. With ``offset`` a distance that all points have along the normals, which point
-    outwards then, counts for no pose and against none.
+    outwards then, counts for no pose and against none. ``core`` points come first, strays after them.
     """
 
     moving_mm: Float64[np.ndarray, "m 3"]
@@ -87,6 +87,7 @@ class Evidence:
     target: TreeTarget
     smoothed: TreeTarget
     offset: bool = False
+    core: int = 0
     # A search asks about the same pose several times.
     _known: dict[bytes, np.ndarray] = field(default_factory=dict, init=False, repr=False, compare=False)
 
