@@ -21,7 +21,7 @@ def test_a_frame_that_stands_alone_is_no_stray() -> None:
     """Rings 4 mm apart, one of them 20 mm from the next: its points have each other."""
     turn = np.linspace(0, 2 * np.pi, 40, endpoint=False)
     ring = np.stack([5 * np.cos(turn), 5 * np.sin(turn), np.zeros(40)], axis=1)
-    rings = np.concatenate([ring + [0, 0, z] for z in (0, 4, 8, 12, 32)])
+    rings = np.concatenate([ring + np.array([0.0, 0, z]) for z in (0, 4, 8, 12, 32)])
     assert not strays(rings).any()
 
 
