@@ -19,14 +19,13 @@ import open3d as o3d
 from registration.comparators import GeneralisedICP
 from registration.geometry import Mesh
 from registration.geometry_io import read_surface
-from registration.metrics import pose_error
+from registration.metrics import SUCCESS_TRE_MM, pose_error
 from registration.perturbation import Perturbation, Piece, Trial
 from registration.phantom.designs import DESIGNS
 from registration.phantom.shapes import surround
 from registration.rigid import MultiStartICP
 
 PIECES = (Piece(), Piece(0.6, "middle"), Piece(0.4, "start"), Piece(0.4, "end"))
-SUCCESS_TRE_MM = 2.0
 
 
 def open3d_icp(plane: bool) -> Callable[[Trial], np.ndarray]:

@@ -18,7 +18,7 @@ from registration.icp import align
 from registration.results import FAILED, Candidate, RigidResult, fit
 from registration.robust_kernels import Tukey
 from registration.search import EARLY_TOLERANCE, Found
-from registration.selection import Evidence, two_way
+from registration.selection import Evidence, both_ways
 from registration.smoothed_target import SmoothedTarget
 from registration.uncertainty import bootstrap_motions, local_fit
 
@@ -32,8 +32,6 @@ PROBED_ITERATIONS = 6
 ALIKE_GAPS = 2.0
 # The error is predicted at this many points of the fixed cloud.
 TARGETS = 300
-# A fixed point within so many inlier distances of the moved cloud lies beside it.
-BESIDE_INLIERS = 3.0
 # The predicted error that is compared with the tolerated one is exceeded in one case of twenty.
 UPPER = 0.95
 
@@ -140,10 +138,7 @@ def measured_candidate(
     measured = fit(
         moving_mm, target, one.fixed_T_moving, keep=method.keep, inlier_spacings=method.inlier_spacings
     )
-    inlier_mm = method.inlier_spacings * max(target.spacing_mm, moving.spacing_mm)
-    both = two_way(
-        moving, target.points_mm, one.fixed_T_moving, measured.rmse_mm, inlier_mm, BESIDE_INLIERS * inlier_mm
-    )
+    both = both_ways(moving, target, one.fixed_T_moving, measured.rmse_mm, method.inlier_spacings)
     return replace(
         one,
         rmse_trimmed_mm=measured.rmse_trimmed_mm,

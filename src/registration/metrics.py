@@ -22,6 +22,9 @@ from registration.geometry import Mesh, require_cloud
 # A mesh, or the points of a cloud; the axis has no name, because two surfaces differ in size.
 Surface = Mesh | Float64[np.ndarray, "_ 3"]
 
+# Success is a residual, or a target registration error, of at most so much; the second is what counts.
+SUCCESS_RMSE_MM, SUCCESS_TRE_MM = 1.0, 2.0
+
 
 class SurfaceDistance:
     """Unsigned distances from points to one surface, prepared once and asked often.

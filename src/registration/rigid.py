@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from registration import frames
 from registration.ambiguity import Judge
 from registration.answer import answer, measured_candidate
 from registration.checks import require_count, require_positive
@@ -19,7 +18,7 @@ from registration.rejection import NormalRejection, Rejection
 from registration.results import ACCEPTED, RigidResult, fit
 from registration.robust_kernels import RobustKernel, Tukey
 from registration.search import EARLY_TOLERANCE, CoarseToFine, Stage, estimation_by
-from registration.search_cone import Bound, SearchCone
+from registration.search_cone import Bound, SearchCone, known_pose
 from registration.selection import Evidence, blocks_of, blocks_of_frames
 from registration.smoothed_target import outward_targets
 from registration.starts import centerline_starts, cone_starts, symmetry_starts
@@ -151,14 +150,11 @@ class MultiStartICP:
         begin_s = time.perf_counter()
         require_cloud(moving_mm, "moving_mm")
         require_cloud(fixed_mm, "fixed_mm")
-        if search_cone is not None and initial is None:
-            raise InputError("search_cone: expected an initial pose to search around, received none")
+        initial = known_pose(initial, search_cone)
         if moving_frame is not None and len(moving_frame) != len(moving_mm):
             raise InputError(
                 f"moving_frame: expected one frame for each of {len(moving_mm)} points, received {len(moving_frame)}"
             )
-        if initial is not None:
-            frames.require_rigid(initial, "initial")
         if initial is None and is_longer(moving_mm, fixed_mm):
             # The moving cloud would have to slide out of the fixed one: the shorter one moves instead.
             found_back = self(

@@ -9,6 +9,7 @@ from jaxtyping import Float64
 
 from registration import frames
 from registration.checks import require_positive
+from registration.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -34,10 +35,26 @@ class Bound:
     cone: SearchCone
     centre_mm: Float64[np.ndarray, "3"]
 
-    def holds(self, fixed_T_moving: Float64[np.ndarray, "4 4"]) -> bool:
-        """Whether a pose lies within the cone."""
+    def away(self, fixed_T_moving: Float64[np.ndarray, "4 4"]) -> tuple[float, float]:
+        """How far a pose is from the known one: by the angle of its turn, and by the shift of the cloud in mm."""
         turn_deg = frames.rotation_angle_deg(
             frames.compose(fixed_T_moving, frames.invert_rigid(self.initial))
         )
         shift_mm = frames.apply(fixed_T_moving, self.centre_mm) - frames.apply(self.initial, self.centre_mm)
-        return bool(turn_deg <= self.cone.angle_deg and np.linalg.norm(shift_mm) <= self.cone.radius_mm)
+        return float(turn_deg), float(np.linalg.norm(shift_mm))
+
+    def holds(self, fixed_T_moving: Float64[np.ndarray, "4 4"]) -> bool:
+        """Whether a pose lies within the cone."""
+        turn_deg, away_mm = self.away(fixed_T_moving)
+        return turn_deg <= self.cone.angle_deg and away_mm <= self.cone.radius_mm
+
+
+def known_pose(
+    initial: Float64[np.ndarray, "4 4"] | None, search_cone: SearchCone | None
+) -> Float64[np.ndarray, "4 4"] | None:
+    """The known pose as it is, or InputError for one that is not rigid or a cone around none."""
+    if initial is not None:
+        return frames.require_rigid(initial, "initial")
+    if search_cone is not None:
+        raise InputError("search_cone: expected an initial pose to search around, received none")
+    return None

@@ -25,6 +25,8 @@ LOSS_CAP = 3.0
 PATCH_SPACINGS = 3.0
 # Residuals below this share of the spacing are the sampling's, not the pose's.
 FLOOR_SPACINGS = 0.1
+# A fixed point within so many inlier distances of the moved cloud lies beside it.
+BESIDE_INLIERS = 3.0
 
 
 def distinct(
@@ -163,3 +165,15 @@ def two_way(
     beside = back_mm[back_mm <= beside_mm]
     back_mm2 = float((beside**2).mean()) if len(beside) else float("inf")
     return TwoWay(float(np.sqrt(0.5 * (rmse_mm**2 + back_mm2))), float((back_mm <= inlier_mm).mean()))
+
+
+def both_ways(
+    moving: TreeTarget,
+    fixed: TreeTarget,
+    fixed_T_moving: Float64[np.ndarray, "4 4"],
+    rmse_mm: float,
+    inlier_spacings: float,
+) -> TwoWay:
+    """The same with inliers within so many spacings of the sparser cloud."""
+    inlier_mm = inlier_spacings * max(fixed.spacing_mm, moving.spacing_mm)
+    return two_way(moving, fixed.points_mm, fixed_T_moving, rmse_mm, inlier_mm, BESIDE_INLIERS * inlier_mm)

@@ -8,7 +8,7 @@ import numpy as np
 
 from experiments.statistics import wilson_interval
 from experiments.studies.risk_coverage import risk_coverage
-from registration.benchmark.scoring import SUCCESS_TRE_MM
+from registration.metrics import SUCCESS_TRE_MM
 from registration.results import VERDICTS
 
 if TYPE_CHECKING:

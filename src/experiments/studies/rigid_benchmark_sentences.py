@@ -13,7 +13,7 @@ from experiments.studies.rigid_benchmark_report import (
     over_cautious,
     success_interval,
 )
-from registration.benchmark.scoring import SUCCESS_TRE_MM
+from registration.metrics import SUCCESS_TRE_MM
 from registration.results import ACCEPTED, FAILED
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from experiments.studies.robustness_style import (
     rate_axis,
     styles,
 )
-from experiments.studies.robustness_trial import SUCCESS_TRE_MM
+from registration.metrics import SUCCESS_TRE_MM
 from registration.perturbed_pose import ANY, FLIP, ROLL
 
 if TYPE_CHECKING:

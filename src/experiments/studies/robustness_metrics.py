@@ -9,7 +9,7 @@ import numpy as np
 
 from experiments.statistics import Proportion, wilson_interval
 from experiments.studies.robustness_design import CROSSED
-from experiments.studies.robustness_trial import SUCCESS_RMSE_MM, SUCCESS_TRE_MM
+from registration.metrics import SUCCESS_RMSE_MM, SUCCESS_TRE_MM
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from experiments.studies.robustness_design import CROSSED
 from experiments.studies.robustness_metrics import groups, lies, rate_metrics, share
 from experiments.studies.robustness_tables import PIECE, capture_ranges
-from experiments.studies.robustness_trial import SUCCESS_RMSE_MM, SUCCESS_TRE_MM
+from registration.metrics import SUCCESS_RMSE_MM, SUCCESS_TRE_MM
 
 if TYPE_CHECKING:
     import pandas as pd

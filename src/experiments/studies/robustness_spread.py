@@ -14,7 +14,7 @@ from experiments.studies.robustness_style import (
     log_axis,
     styles,
 )
-from experiments.studies.robustness_trial import SUCCESS_RMSE_MM, SUCCESS_TRE_MM
+from registration.metrics import SUCCESS_RMSE_MM, SUCCESS_TRE_MM
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,7 +9,7 @@ import numpy as np
 
 from experiments.statistics import wilson_interval
 from experiments.studies.robustness_design import WHOLE
-from experiments.studies.robustness_trial import SUCCESS_TRE_MM
+from registration.metrics import SUCCESS_TRE_MM
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,7 +13,14 @@ import numpy as np
 from experiments.studies.robustness_design import WHOLE, Condition
 from registration import frames
 from registration.along_vessel import AlongVessel
-from registration.metrics import Surface, SurfaceDistance, pose_error, rms
+from registration.metrics import (
+    SUCCESS_RMSE_MM,
+    SUCCESS_TRE_MM,
+    Surface,
+    SurfaceDistance,
+    pose_error,
+    rms,
+)
 from registration.perturbation import Piece, Trial
 from registration.perturbed_pose import FLIP
 from registration.results import ACCEPTED, FAILED
@@ -23,8 +30,6 @@ if TYPE_CHECKING:
     from registration.results import RigidResult
 
 # What success means: in the thesis's sense, and against the truth.
-SUCCESS_RMSE_MM = 1.0
-SUCCESS_TRE_MM = 2.0
 # The bins that angles are counted in where the perturbation has none, and the level of the predicted error.
 ANGLE_BIN_DEG = 15.0
 TRE_LEVEL = 0.9

@@ -6,15 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.spatial.transform import Rotation
 
 from registration import frames
 from registration.benchmark.cases import BenchmarkCase, CaseTruth
 from registration.errors import InputError
 from registration.geometry import principal_frame
-from registration.metrics import SurfaceDistance, pose_error, rms
+from registration.metrics import SUCCESS_RMSE_MM, SUCCESS_TRE_MM, SurfaceDistance, pose_error, rms
+from registration.vessel_error import vessel_error
 
-SUCCESS_RMSE_MM, SUCCESS_TRE_MM = 1.0, 2.0
 INFINITE, NOT_DEFINED = float("inf"), float("nan")
 
 
@@ -96,15 +95,11 @@ def roll_and_slide(
 ) -> tuple[float, float]:
     """The turn about the targets' longest axis, 0 to 180 degrees, and the shift of their centroid along it, in mm.
 
-    The turn is the twist of the error's rotation (Dobrowolski, Swing-twist decomposition in Clifford algebra, 2015).
+    See ``registration.vessel_error``.
     """
-    error = frames.compose(fixed_T_moving, frames.invert_rigid(true_fixed_T_moving))
-    frame = principal_frame(targets_mm)
-    axis = frame.axes[:, 0]
-    x, y, z, w = Rotation.from_matrix(error[:3, :3]).as_quat()
-    roll = 2 * np.arctan2(abs(float(np.dot([x, y, z], axis))), abs(float(w)))
-    shift_mm = frames.apply(error, frame.centre_mm) - frame.centre_mm
-    return float(np.rad2deg(roll)), float(abs(shift_mm @ axis))
+    axis = principal_frame(targets_mm).axes[:, 0]
+    found = vessel_error(fixed_T_moving, true_fixed_T_moving, axis, targets_mm)
+    return found.roll_error_deg, found.slide_error_mm
 
 
 def _part(fixed_T_moving: np.ndarray, truth: CaseTruth, chosen: np.ndarray) -> float:

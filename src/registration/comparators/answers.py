@@ -9,24 +9,11 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float64
 
-from registration import frames
-from registration.answer import BESIDE_INLIERS
 from registration.correspondence import TreeTarget
 from registration.errors import InputError
 from registration.results import ACCEPTED, FAILED, Candidate, RigidResult, fit
-from registration.search_cone import SearchCone
-from registration.selection import TwoWay, two_way
-
-
-def known_pose(
-    initial: Float64[np.ndarray, "4 4"] | None, search_cone: SearchCone | None
-) -> Float64[np.ndarray, "4 4"] | None:
-    """The known pose as it is, or InputError for one that is not rigid or a cone around none."""
-    if initial is not None:
-        return frames.require_rigid(initial, "initial")
-    if search_cone is not None:
-        raise InputError("search_cone: expected an initial pose to search around, received none")
-    return None
+from registration.search_cone import Bound, SearchCone
+from registration.selection import both_ways
 
 
 def one_answer(
@@ -49,7 +36,7 @@ def one_answer(
     ``time.perf_counter``.
     """
     measured = fit(moving_mm, target, fixed_T_moving, keep=keep, inlier_spacings=inlier_spacings)
-    both = _both_ways(moving_mm, target, fixed_T_moving, measured.rmse_mm, inlier_spacings)
+    both = both_ways(TreeTarget(moving_mm), target, fixed_T_moving, measured.rmse_mm, inlier_spacings)
     result = RigidResult(
         fixed_T_moving=fixed_T_moving,
         rmse_mm=measured.rmse_mm,
@@ -119,18 +106,6 @@ def _only_candidate(result: RigidResult, start: np.ndarray) -> Candidate:
     )
 
 
-def _both_ways(
-    moving_mm: np.ndarray,
-    target: TreeTarget,
-    fixed_T_moving: np.ndarray,
-    rmse_mm: float,
-    inlier_spacings: float,
-) -> TwoWay:
-    moving = TreeTarget(moving_mm)
-    inlier_mm = inlier_spacings * max(target.spacing_mm, moving.spacing_mm)
-    return two_way(moving, target.points_mm, fixed_T_moving, rmse_mm, inlier_mm, BESIDE_INLIERS * inlier_mm)
-
-
 def _outside(
     moving_mm: np.ndarray,
     fixed_T_moving: np.ndarray,
@@ -140,12 +115,10 @@ def _outside(
     """Say how far outside the cone around ``initial`` the answer lies; nothing if it lies within, or there is none."""
     if initial is None or search_cone is None:
         return ""
-    turn_deg = float(frames.rotation_angle_deg(frames.compose(fixed_T_moving, frames.invert_rigid(initial))))
-    centre_mm = moving_mm.mean(axis=0)
-    shift_mm = frames.apply(fixed_T_moving, centre_mm) - frames.apply(initial, centre_mm)
-    away_mm = float(np.linalg.norm(shift_mm))
-    if turn_deg <= search_cone.angle_deg and away_mm <= search_cone.radius_mm:
+    bound = Bound(initial, search_cone, moving_mm.mean(axis=0))
+    if bound.holds(fixed_T_moving):
         return ""
+    turn_deg, away_mm = bound.away(fixed_T_moving)
     return (
         f"the answer lies {turn_deg:.1f} degrees and {away_mm:.1f} mm from the initial pose, outside the search cone "
         f"of {search_cone.angle_deg:g} degrees and {search_cone.radius_mm:g} mm"

@@ -11,11 +11,11 @@ from jaxtyping import Float64, Int64
 
 from registration import frames
 from registration.checks import require_count, require_positive
-from registration.comparators.answers import known_pose, one_answer
+from registration.comparators.answers import one_answer
 from registration.correspondence import TreeTarget
 from registration.geometry import require_cloud
 from registration.results import RigidResult
-from registration.search_cone import SearchCone
+from registration.search_cone import SearchCone, known_pose
 
 
 @dataclass(frozen=True)

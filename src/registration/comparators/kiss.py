@@ -11,12 +11,12 @@ from jaxtyping import Float64, Int64
 
 from registration import frames
 from registration.checks import require_count, require_positive
-from registration.comparators.answers import known_pose, refined
+from registration.comparators.answers import refined
 from registration.comparators.single_start import SingleStartICP
 from registration.errors import InputError
 from registration.geometry import require_cloud
 from registration.results import RigidResult
-from registration.search_cone import SearchCone
+from registration.search_cone import SearchCone, known_pose
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,11 @@ from scipy.spatial.transform import Rotation
 
 from registration import frames
 from registration.comparators import SingleStartICP
-from registration.comparators.answers import known_pose, one_answer, refined
+from registration.comparators.answers import one_answer, refined
 from registration.correspondence import TreeTarget
 from registration.errors import InputError
 from registration.results import RigidResult
-from registration.search_cone import SearchCone
+from registration.search_cone import SearchCone, known_pose
 
 # The corners of a box.
 BOX = np.array([[x, y, z] for x in (0.0, 40.0) for y in (0.0, 20.0) for z in (0.0, 10.0)])
