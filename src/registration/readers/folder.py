@@ -14,7 +14,7 @@ from __future__ import annotations
 import csv
 import io
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -52,10 +52,10 @@ class FolderReader:
         settings_path = path / "sweep.yaml"
         settings = read_yaml(settings_path)
         unit = settings.get("units")
-        if unit is not None and unit not in MM_PER_UNIT:
+        if unit is not None and not (isinstance(unit, str) and unit in MM_PER_UNIT):
             raise InputError(f"{settings_path}: expected units mm or m, found {unit!r}")
         scale = MM_PER_UNIT[unit or "mm"]
-        calibration = calibration_from(_scaled(settings, scale), str(settings_path))
+        calibration = _scaled(calibration_from(settings, str(settings_path)), scale)
         pose_times_s, world_T_ee = _read_poses(path / "poses.csv", scale)
         if unit is None:
             setting = f"say units: m, or units: mm, in {settings_path.name}"
@@ -109,14 +109,11 @@ def _require_lever(calibration: ProbeCalibration, path: Path) -> None:
         )
 
 
-def _scaled(settings: dict[str, Any], scale: float) -> dict[str, Any]:
-    """The settings with the end effector's lever brought to mm; pixels are always given in mm."""
-    if scale == 1.0 or "ee_T_probe" not in settings:
-        return settings
-    rows = [list(row) for row in settings["ee_T_probe"]]
-    for row in rows[:3]:
-        row[3] = row[3] * scale
-    return {**settings, "ee_T_probe": rows}
+def _scaled(calibration: ProbeCalibration, scale: float) -> ProbeCalibration:
+    """The end effector's lever brought to mm; pixels are always given in mm."""
+    ee_T_probe = calibration.ee_T_probe.copy()
+    ee_T_probe[:3, 3] *= scale
+    return replace(calibration, ee_T_probe=ee_T_probe)
 
 
 def _read_poses(path: Path, scale: float) -> tuple[Float64[np.ndarray, "m"], Float64[np.ndarray, "m 4 4"]]:

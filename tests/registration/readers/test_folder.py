@@ -152,6 +152,21 @@ def test_calibration_in_metres_is_refused(tmp_path: Path) -> None:
         FolderReader()(minimal(tmp_path / "lab", settings, POSES))
 
 
+@pytest.mark.parametrize(
+    "settings, message",
+    [
+        (
+            "units: m\nee_T_probe: 5\n",
+            r"sweep\.yaml: expected ee_T_probe as four rows of four numbers, found shape",
+        ),
+        ("units: [m]\n", r"sweep\.yaml: expected units mm or m, found \['m'\]"),
+    ],
+)
+def test_settings_of_another_shape_are_refused(tmp_path: Path, settings: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        FolderReader()(minimal(tmp_path / "lab", CALIBRATION_YAML + settings, POSES))
+
+
 def test_left_handed_probe_is_refused(tmp_path: Path) -> None:
     settings = CALIBRATION_YAML + "ee_T_probe: [[-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]\n"
     with pytest.raises(InputError, match=r"sweep\.yaml: ee_T_probe: expected a right-handed rotation"):
