@@ -19,12 +19,15 @@ def read_polydata(path: Path) -> Any:
 
     Raises InputError for a file that is broken or cut short, and for one that holds no surface.
     """
-    reader = _legacy_reader(path) if path.suffix.lower() == ".vtk" else _xml_reader()
+    reader: Any = _legacy_reader(path) if path.suffix.lower() == ".vtk" else _xml_reader()
     errors: list[str] = []
     reader.SetFileName(str(path))
     # An observer also keeps VTK's own report off the terminal. What is cut short may be but a warning.
-    for source in (reader, getattr(reader, "GetReaderErrorObserver", lambda: None)()):
-        for event in ("ErrorEvent", "WarningEvent") if source is not None else ():
+    observed: list[Any] = [reader]
+    if hasattr(reader, "GetReaderErrorObserver") and reader.GetReaderErrorObserver() is not None:
+        observed.append(reader.GetReaderErrorObserver())
+    for source in observed:
+        for event in ("ErrorEvent", "WarningEvent"):
             source.AddObserver(event, lambda *_: errors.append("error"))
     reader.Update()
     data = reader.GetOutputDataObject(0)
@@ -85,6 +88,8 @@ def _boundary(grid: Any) -> Any:
 def _require_points(path: Path, cells: Any, points: int) -> None:
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
+    if cells is None:
+        raise InputError(f"{path}: expected cells over its points, received a file that cannot be read")
     if not cells.GetNumberOfConnectivityIds():
         return
     index = vtk_to_numpy(cells.GetConnectivityArray())
