@@ -18,6 +18,8 @@ _WIDE = ("I", "I;16", "I;16B", "I;16L", "I;16N")
 # 16 bits a pixel hold 65535 = 255 * 257 at full scale (PNG specification, "Sample depth scaling").
 _WIDE_STEP = 257
 _TOP_BIT = 1 << 15
+_LARGEST_WIDE = np.uint16(65535)
+_PHOTOMETRIC = 262
 
 
 def list_images(folder: Path) -> list[Path]:
@@ -43,13 +45,15 @@ def list_images(folder: Path) -> list[Path]:
 def decode_image(source: Path | bytes, name: str) -> np.ndarray:
     """The pixels of one picture, (h, w) or (h, w, 3), uint8; grey of 16 bits stays as wide as it is.
 
-    The camera's orientation (EXIF) is applied, palettes are looked up, transparency is laid on black. Raises InputError
-    with ``name`` for what is no picture, several in one file, transparent everywhere, or colour of 16 bits.
+    The camera's orientation (EXIF) is applied, palettes are looked up, transparency that varies is laid on black.
+    Raises InputError with ``name`` for what is no picture, several in one file, or colour of 16 bits.
     """
     try:
         with Image.open(io.BytesIO(source) if isinstance(source, bytes) else source) as image:
             _require_plain(image, name)
-            return _pixels(ImageOps.exif_transpose(image), name)
+            # Pillow turns TIFF files in which 0 is white round, but for those of 16 bits.
+            white_is_0 = getattr(image, "tag_v2", {}).get(_PHOTOMETRIC) == 0
+            return _pixels(ImageOps.exif_transpose(image), white_is_0)
     except InputError:
         raise
     except (
@@ -94,15 +98,17 @@ def _require_plain(image: Image.Image, name: str) -> None:
         raise InputError(f"{name}: expected whole numbers, found floating-point pixels")
 
 
-def _pixels(image: Image.Image, name: str) -> np.ndarray:
+def _pixels(image: Image.Image, white_is_0: bool) -> np.ndarray:
     if image.mode in _WIDE:
         wide = np.asarray(image)
-        return wide if image.mode == "I" else wide.astype(np.uint16)
+        if image.mode == "I":
+            return wide
+        return _LARGEST_WIDE - wide.astype(np.uint16) if white_is_0 else wide.astype(np.uint16)
     if image.has_transparency_data:
         pixels = np.asarray(image.convert("RGBA"))
         colour, alpha = pixels[..., :3], pixels[..., 3:]
-        if not alpha.any():
-            raise InputError(f"{name}: expected a picture, found one that is transparent everywhere")
-        opaque = bool((alpha == np.iinfo(np.uint8).max).all())
-        return colour if opaque else np.rint(colour * (alpha / np.iinfo(np.uint8).max)).astype(np.uint8)
+        # Transparency that is the same everywhere is a channel that a program left unused.
+        if (alpha == alpha[:1, :1]).all():
+            return colour
+        return np.rint(colour * (alpha / np.iinfo(np.uint8).max)).astype(np.uint8)
     return np.asarray(image.convert("L" if image.mode in ("1", "L") else "RGB"))

@@ -74,8 +74,17 @@ def test_transparency_is_laid_on_black() -> None:
     alpha = np.where(SCENE > 100, 255, 0).astype(np.uint8)
     shown = encoded(Image.fromarray(np.dstack([np.full_like(SCENE, 200), alpha]), "LA"))
     np.testing.assert_array_equal(grey(shown)[0], np.where(SCENE > 100, 200, 0))
-    with pytest.raises(InputError, match="a: expected a picture, found one that is transparent everywhere"):
-        grey(encoded(Image.fromarray(np.dstack([SCENE, np.zeros_like(SCENE)]), "LA")))
+    for unused in (0, 17):
+        left = Image.fromarray(np.dstack([SCENE, np.full_like(SCENE, unused)]), "LA")
+        np.testing.assert_array_equal(grey(encoded(left)), [SCENE])
+
+
+def test_16_bits_of_a_tiff_in_which_0_is_white() -> None:
+    wide = SCENE.astype(np.uint16) * 257
+    normal = encoded(Image.fromarray(wide), "tiff")
+    inverted = encoded(Image.fromarray(65535 - wide), "tiff", tiffinfo={262: 0})
+    assert Image.open(io.BytesIO(inverted)).tag_v2[262] == 0
+    np.testing.assert_array_equal(grey(normal, inverted), [SCENE, SCENE])
 
 
 def test_16_bits_are_scaled_together_and_only_from_full_scale() -> None:
