@@ -138,7 +138,7 @@ def _read_markups(path: Path) -> tuple[list[str], list[Any], str]:
         for point in markup.get("controlPoints", []):
             if point.get(_STATUS, "defined") == "defined":
                 names.append(str(point["label"]).strip())
-                points.append([scale * float(value) for value in point["position"]])
+                points.append([scale * parse_number(str(value)) for value in point["position"]])
     if len(spaces) > 1:
         raise InputError(f"expected one coordinateSystem, received {', '.join(sorted(spaces))}")
     return names, points, next(iter(spaces), "")

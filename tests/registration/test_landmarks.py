@@ -133,6 +133,7 @@ def test_byte_order_marks(tmp_path: Path, name: str, text: str, encoding: str) -
         ),
         ("a.mrk.json", markups(LPS, coordinateUnits=["mm", "DCM", "mm"]), "expected coordinateUnits of mm"),
         ("a.mrk.json", markups(LPS[:, :2]), "expected three coordinates a point"),
+        ("a.mrk.json", markups(LPS).replace("10.0", '"1_0"'), "expected landmarks as 3D Slicer writes them"),
         (
             "a.mrk.json",
             markups(LPS, names=("a", "b", "a")),
