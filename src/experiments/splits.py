@@ -96,7 +96,7 @@ class Split:
 def read_json(path: Path) -> Any:
     """The content of a JSON file; InputError if it can't be read as one."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return json.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, ValueError) as error:
         raise InputError(
             f"{path}: expected a split written as JSON, received another file ({error})"

@@ -55,7 +55,7 @@ class TrainingPlan:
         folder = path.parent
         try:
             model, loss = dict(config["model"]), dict(config.get("loss", {}))
-            split = json.loads((folder / config["split"]).read_text(encoding="utf-8"))
+            split = json.loads((folder / config["split"]).read_text(encoding="utf-8-sig"))
             sides = _sides(LabelledFrames.load(folder / config["frames"]), split)
             training = FoldTraining(
                 model=recipe_of(str(model.pop("name")), model),

@@ -11,6 +11,7 @@ import numpy as np
 
 from registration.errors import InputError
 from registration.geometry import Centerline, Polyline
+from registration.text_files import parse_number, read_text
 from registration.whole import write_whole, written_beside
 
 COLUMNS = ("line", "x", "y", "z", "radius_mm")
@@ -47,13 +48,15 @@ def read_centerline_table(path: Path) -> Centerline:
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: expected a table of a centerline, received no file")
-    with path.open(newline="", encoding="utf-8") as file:
-        rows = list(csv.reader(file))
+    rows = [row for row in csv.reader(read_text(path).splitlines()) if row]
     if not rows or tuple(entry.strip() for entry in rows[0]) != COLUMNS:
         received = ", ".join(rows[0]) if rows else "an empty file"
         raise InputError(f"{path}: expected the columns {', '.join(COLUMNS)}, received {received}")
     try:
-        values = np.array([[float(entry) for entry in row] for row in rows[1:]], dtype=np.float64)
+        other = next((row for row in rows[1:] if len(row) != len(COLUMNS)), None)
+        if other is not None:
+            raise ValueError(f"the row {','.join(other)!r}")
+        values = np.array([[parse_number(entry) for entry in row] for row in rows[1:]], dtype=np.float64)
         values = values.reshape(-1, len(COLUMNS))
     except ValueError as refusal:
         raise InputError(f"{path}: expected five numbers a row, received {refusal}") from refusal

@@ -15,47 +15,58 @@ from typing import Any
 import numpy as np
 
 from registration.errors import InputError
-from registration.file_checks import require_complete, require_file
+from registration.file_checks import require_file
 from registration.geometry import Centerline, Mesh, Polyline, require_cloud
 from registration.metrics import Surface
+from registration.surface_files.obj import read_obj
+from registration.surface_files.pcd import read_pcd
+from registration.surface_files.ply import read_ply
+from registration.surface_files.polygons import Polygons
+from registration.surface_files.stl import read_stl
+from registration.surface_files.text_clouds import read_text_cloud
+from registration.surface_files.vtk_polydata import SUFFIXES as VTK_SUFFIXES
+from registration.surface_files.vtk_polydata import read_polydata, read_vtk_surface
 from registration.whole import written_beside
 
-READABLE = (".ply", ".pcd", ".stl", ".obj", ".vtp", ".xyz", ".txt")
 WRITABLE = (".ply", ".xyz")
+_READERS: dict[str, Callable[[Path], Polygons]] = {
+    ".ply": read_ply,
+    ".pcd": read_pcd,
+    ".stl": read_stl,
+    ".obj": read_obj,
+    ".vtp": read_vtk_surface,
+    ".vtk": read_vtk_surface,
+    ".xyz": read_text_cloud,
+    ".txt": read_text_cloud,
+}
+READABLE = tuple(_READERS)
 
 
 def read_surface(path: Path) -> Surface:
-    """Read a mesh (PLY, STL, OBJ, VTP with faces) or a cloud (those without, PCD, XYZ or TXT with x y z first).
+    """Read a mesh (PLY, STL, OBJ, VTP, VTK with faces) or a cloud (those without, PCD, XYZ or TXT).
 
-    Polygons are cut into triangles; equal corners of an STL file become one vertex. Raises InputError for a file that
-    is missing, of an unknown kind, unreadable or cut short, empty, with NaN, or with all points on a point or a line.
+    Polygons are cut into triangles; equal corners of an STL file become one vertex; vertices of no triangle are left
+    out. Raises InputError for a file that is missing, of an unknown kind, unreadable or cut short, empty, with NaN, or
+    with all points on a point or a line.
     """
     path = require_file(path)
     suffix = path.suffix.lower()
-    if suffix not in READABLE:
+    if suffix not in _READERS:
         raise InputError(f"{path}: expected one of {', '.join(READABLE)}, received {suffix or 'no suffix'}")
-    require_complete(path)
-    read: Callable[[Path], tuple[np.ndarray, np.ndarray]] = {
-        ".pcd": _read_pcd,
-        ".vtp": _read_vtp,
-        ".xyz": _read_text,
-        ".txt": _read_text,
-    }.get(suffix, _read_open3d)
-    points_mm, triangles = read(path)
-    if not len(points_mm):
+    found = _READERS[suffix](path)
+    if not len(found.points):
         raise InputError(f"{path}: expected a readable {suffix[1:].upper()} file with points, received none")
-    require_cloud(points_mm, str(path))
-    if not len(triangles):
-        return points_mm
-    if suffix == ".stl":
-        points_mm, owner = np.unique(points_mm, axis=0, return_inverse=True)
-        triangles = owner.reshape(-1)[triangles]
     try:
-        mesh = Mesh(points_mm, triangles)
+        triangles = found.triangles()
+        points_mm, triangles = _used(found.points, triangles) if len(triangles) else (found.points, triangles)
     except InputError as refusal:
         raise InputError(f"{path}: {refusal}") from refusal
+    if not len(triangles) or not np.isfinite(points_mm).all():
+        return require_cloud(points_mm, str(path))
+    mesh = Mesh(points_mm, triangles)
     if not mesh.areas_mm2.sum() > 0:
         raise InputError(f"{path}: expected triangles with area, received only degenerate ones")
+    require_cloud(points_mm, str(path))
     return mesh
 
 
@@ -86,13 +97,13 @@ def write_surface(path: Path, surface: Surface) -> None:
 
 
 def read_centerline(path: Path) -> Centerline:
-    """Read the polylines of a VTP file with the point array MaximumInscribedSphereRadius (as VMTK writes) or Radius."""
+    """Read the polylines of a VTP or VTK file with the point array MaximumInscribedSphereRadius (VMTK's) or Radius."""
     path = require_file(path)
-    if path.suffix.lower() != ".vtp":
+    if path.suffix.lower() not in VTK_SUFFIXES:
         raise InputError(f"{path}: expected a centerline as .vtp, received {path.suffix or 'no suffix'}")
     from vtkmodules.util.numpy_support import vtk_to_numpy
 
-    data = _polydata(path)
+    data = read_polydata(path)
     radius = next(
         (
             array
@@ -120,65 +131,12 @@ def read_centerline(path: Path) -> Centerline:
         raise InputError(f"{path}: {refusal}") from refusal
 
 
-def _read_open3d(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    open3d = _open3d()
-    with _quiet_open3d():
-        mesh = open3d.io.read_triangle_mesh(str(path))
-    return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.triangles, dtype=np.int64)
-
-
-def _read_pcd(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    open3d = _open3d()
-    with _quiet_open3d():
-        cloud = open3d.io.read_point_cloud(str(path), remove_nan_points=False, remove_infinite_points=False)
-    return np.asarray(cloud.points, dtype=np.float64), np.empty((0, 3), dtype=np.int64)
-
-
-def _read_text(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    try:
-        text = path.read_text(encoding="utf-8").replace(",", " ").replace(";", " ")
-        rows = [
-            line.split() for line in text.splitlines() if line.strip() and not line.strip().startswith("#")
-        ]
-        short = next((row for row in rows if len(row) < 3), None)
-        if short is not None:
-            raise ValueError(f"the row {' '.join(short)!r}")
-        points_mm = np.array([[float(entry) for entry in row[:3]] for row in rows], dtype=np.float64)
-    except ValueError as refusal:
-        raise InputError(f"{path}: expected rows of x y z, received {refusal}") from refusal
-    return points_mm.reshape(-1, 3), np.empty((0, 3), dtype=np.int64)
-
-
-def _read_vtp(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-    from vtkmodules.vtkFiltersCore import vtkTriangleFilter
-
-    cutter = vtkTriangleFilter()
-    cutter.SetInputData(_polydata(path))
-    cutter.PassLinesOff()
-    cutter.PassVertsOff()
-    cutter.Update()
-    data = cutter.GetOutput()
-    if not data.GetNumberOfPoints():
-        return np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
-    triangles = vtk_to_numpy(data.GetPolys().GetConnectivityArray()).reshape(-1, 3)
-    return vtk_to_numpy(data.GetPoints().GetData()).astype(np.float64), triangles.astype(np.int64)
-
-
-def _polydata(path: Path) -> Any:
-    from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
-
-    errors: list[str] = []
-    reader = vtkXMLPolyDataReader()
-    reader.SetFileName(str(path))
-    # An observer also keeps VTK's own report off the terminal.
-    for source in (reader, reader.GetReaderErrorObserver()):
-        if source is not None:
-            source.AddObserver("ErrorEvent", lambda *_: errors.append("error"))
-    reader.Update()
-    if errors or reader.GetErrorCode():
-        raise InputError(f"{path}: expected a complete VTP file, received one that cannot be read")
-    return reader.GetOutput()
+def _used(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The vertices that a triangle has, and the triangles over them; others would count in the mesh's extent."""
+    used = np.unique(triangles)
+    if len(used) == len(points):
+        return points, triangles
+    return points[used], np.searchsorted(used, triangles)
 
 
 def _open3d() -> Any:

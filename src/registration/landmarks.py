@@ -17,10 +17,19 @@ from registration.errors import InputError
 from registration.file_checks import require_file
 from registration.geometry import LINE_SHARE, principal_frame
 from registration.model_files import lps_from
+from registration.text_files import parse_number, read_text
 
 LEAST_PAIRS = 3
 # Numbers stand for the axes in .fcsv files of 3D Slicer before 4.11 (user guide, "Markups").
 SPACES = {"ras": "ras", "lps": "lps", "0": "ras", "1": "lps"}
+# Lengths by their code in UCUM, which 3D Slicer gives alone or as [code, "UCUM", meaning] (markups schema 1.0.3).
+MM_PER_CODE = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3}
+# 3D Slicer 5 adds two fields to a row of .fcsv that its header does not name: the state of the position and whether
+# the point was made by itself. The states are vtkMRMLMarkupsNode's: 0 undefined, 1 preview, 2 defined, 3 missing.
+_STATUS = "positionStatus"
+_UNNAMED = (_STATUS, "autoCreated")
+_STATES = ("0", "1", "2", "3")
+_PLACED = ("2", "defined", "")
 
 
 @dataclass(frozen=True)
@@ -93,8 +102,8 @@ def paired(moving: Landmarks, fixed: Landmarks) -> LandmarkPairs:
 def read_landmarks(path: Path) -> Landmarks:
     """Read the points of a file of 3D Slicer's (.mrk.json or .fcsv) into LPS, those left out that were never placed.
 
-    Raises InputError for a file that is missing or of another kind, that does not name its axes (LPS or RAS), in other
-    units than mm, and for landmarks without a name of their own.
+    Lengths in other units than mm are converted. Raises InputError for a file that is missing or of another kind, that
+    does not name its axes (LPS or RAS), in units that are no lengths, and for landmarks without a name of their own.
     """
     path = require_file(path)
     read = {".json": _read_markups, ".fcsv": _read_fcsv}.get(path.suffix.lower())
@@ -104,6 +113,8 @@ def read_landmarks(path: Path) -> Landmarks:
         )
     try:
         names, points, space = read(path)
+        if any(len(point) != 3 for point in points):
+            raise InputError("expected three coordinates a point, received another number")
         points_mm = np.array(points, dtype=np.float64).reshape(-1, 3)
         if space.lower() not in SPACES:
             raise InputError(f"expected a header that names its axes LPS or RAS, received {space or 'none'}")
@@ -117,27 +128,34 @@ def read_landmarks(path: Path) -> Landmarks:
 
 
 def _read_markups(path: Path) -> tuple[list[str], list[Any], str]:
-    """Names, positions and the name of the axes in a .mrk.json file, over all its lists of points."""
+    """Names, positions in mm and the name of the axes in a .mrk.json file, over all its lists of points."""
     names: list[str] = []
     points: list[Any] = []
     spaces: set[str] = set()
-    for markup in json.loads(path.read_text(encoding="utf-8"))["markups"]:
-        spaces.add(str(markup.get("coordinateSystem", "")))
-        units = markup.get("coordinateUnits", "mm")
-        if units != "mm":
-            raise InputError(f"expected coordinateUnits mm, received {units}")
+    for markup in json.loads(read_text(path))["markups"]:
+        spaces.add(str(markup.get("coordinateSystem", "")).strip())
+        scale = _mm_per_unit(markup.get("coordinateUnits", "mm"))
         for point in markup.get("controlPoints", []):
-            if point.get("positionStatus", "defined") == "defined":
+            if point.get(_STATUS, "defined") == "defined":
                 names.append(str(point["label"]).strip())
-                points.append([float(value) for value in point["position"][:3]])
+                points.append([scale * parse_number(str(value)) for value in point["position"]])
     if len(spaces) > 1:
         raise InputError(f"expected one coordinateSystem, received {', '.join(sorted(spaces))}")
     return names, points, next(iter(spaces), "")
 
 
+def _mm_per_unit(units: Any) -> float:
+    """Millimetres in a unit of length, given by its code or as code, coding scheme and meaning."""
+    coded = isinstance(units, list) and len(units) in (2, 3) and units[1] == "UCUM"
+    code = units[0] if coded else units
+    if not isinstance(code, str) or code not in MM_PER_CODE:
+        raise InputError(f"expected coordinateUnits of {', '.join(MM_PER_CODE)}, received {units}")
+    return MM_PER_CODE[code]
+
+
 def _read_fcsv(path: Path) -> tuple[list[str], list[Any], str]:
-    """Names, positions and the name of the axes in a .fcsv file, whose header names its columns."""
-    lines = path.read_text(encoding="utf-8").splitlines()
+    """Names, positions and the name of the axes in a .fcsv file, whose header names its columns in their order."""
+    lines = read_text(path).splitlines()
     header = {
         key.strip(): value.strip()
         for key, _, value in (line.lstrip("# ").partition("=") for line in lines if line.startswith("#"))
@@ -145,7 +163,20 @@ def _read_fcsv(path: Path) -> tuple[list[str], list[Any], str]:
     columns = [name.strip() for name in header.get("columns", "").split(",")]
     if not {"x", "y", "z", "label"} <= set(columns):
         raise InputError(f"expected the columns x, y, z and label, received {', '.join(columns) or 'none'}")
-    rows = list(csv.reader(line for line in lines if line.strip() and not line.startswith("#")))
-    names = [row[columns.index("label")].strip() for row in rows]
-    points = [[float(row[columns.index(axis)]) for axis in "xyz"] for row in rows]
+    names, points = [], []
+    for row in csv.reader(line for line in lines if line.strip() and not line.startswith("#")):
+        entries = _fcsv_entries(columns, row)
+        if entries.get(_STATUS, "").lower() in _PLACED:
+            names.append(entries["label"])
+            points.append([parse_number(entries[axis]) for axis in "xyz"])
     return names, points, header.get("CoordinateSystem", "")
+
+
+def _fcsv_entries(columns: list[str], row: list[str]) -> dict[str, str]:
+    """The fields of a row by column; those that the header does not name are Slicer's state and origin of the point."""
+    own = [name for name in _UNNAMED if name not in columns][: max(len(row) - len(columns), 0)]
+    # More or other fields come of numbers with decimal commas, which move all that follows into the wrong column.
+    unnamed = [entry.strip() for entry in row[len(columns) :]]
+    if len(row) < len(columns) or len(unnamed) > len(own) or not set(unnamed) <= set(_STATES):
+        raise InputError(f"expected {len(columns)} fields a row, received {len(row)} in {','.join(row)!r}")
+    return {name: entry.strip() for name, entry in zip([*columns, *own], row, strict=True)}

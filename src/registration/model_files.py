@@ -1,7 +1,8 @@
 """Surfaces in patient space: what a file says about its axes, and files that say it to others.
 
 A mesh holds numbers, not axes. 3D Slicer writes SPACE=LPS or SPACE=RAS into the header of STL, the comments of PLY and
-OBJ, and a field of VTP files (its vtkMRMLModelStorageNode), and obeys it when it reads; so does this module.
+OBJ, the title of VTK and a field of VTP files (its vtkMRMLModelStorageNode), and obeys it when it reads; so does this
+module.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from jaxtyping import Float64
 
 from registration.errors import InputError
 from registration.geometry import Mesh
+from registration.surface_files.stl import is_text
+from registration.surface_files.vtk_polydata import read_polydata
 from registration.whole import written_beside
 
 WRITABLE = (".ply", ".stl")
@@ -32,7 +35,10 @@ def stated_space(path: Path) -> str | None:
         head = stream.read(_HEADER_BYTES)
     if suffix == ".stl":
         # A binary file has 80 bytes for text, one in plain text its first line.
-        head = head[:80] if not head.startswith(b"solid") else head.partition(b"\n")[0]
+        head = head.lstrip().partition(b"\n")[0] if is_text(head) else head[:80]
+    elif suffix == ".vtk":
+        # The second line is a title.
+        head = b"\n".join(head.splitlines()[1:2])
     elif suffix == ".ply":
         lines = head.partition(b"end_header")[0].splitlines()
         head = b"\n".join(line for line in lines if line.startswith((b"comment", b"obj_info")))
@@ -99,11 +105,6 @@ def _polydata(mesh: Mesh) -> Any:
 
 
 def _stated_in_vtp(path: Path) -> str | None:
-    from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
-
-    reader = vtkXMLPolyDataReader()
-    reader.SetFileName(str(path))
-    reader.Update()
-    field = reader.GetOutput().GetFieldData().GetAbstractArray("SPACE")
+    field = read_polydata(path).GetFieldData().GetAbstractArray("SPACE")
     value = str(field.GetValue(0)).lower() if field is not None and field.GetNumberOfValues() else ""
     return next((space for space in ("lps", "ras") if space in value), None)

@@ -20,7 +20,7 @@ from registration.model_files import lps_from, stated_space
 from registration.model_units import MM_PER_UNIT, to_millimetres
 from registration.vessel_mask import VesselMask, vessel_mask
 
-MESHES = (".stl", ".ply", ".obj", ".vtp")
+MESHES = (".stl", ".ply", ".obj", ".vtk", ".vtp")
 
 
 @dataclass(frozen=True)

@@ -51,6 +51,18 @@ def complete_right_handed(
     return probe_A_pixel
 
 
+def with_third_column(probe_A_pixel: Float[np.ndarray, "4 4"]) -> Float64[np.ndarray, "4 4"]:
+    """The matrix with a third column of zeros completed to a right-handed basis; any other as it is.
+
+    Pixels lie in a plane, so the third column moves none of them; many laboratories leave it empty.
+    """
+    if np.any(probe_A_pixel[:3, 2]):
+        return np.asarray(probe_A_pixel, dtype=np.float64)
+    completed = complete_right_handed(probe_A_pixel[:3, 0], probe_A_pixel[:3, 1], probe_A_pixel[:3, 3])
+    completed[3] = probe_A_pixel[3]
+    return completed
+
+
 def split_rigid(
     probe_A_pixel: Float[np.ndarray, "4 4"], shear_tolerance_deg: float
 ) -> tuple[Float64[np.ndarray, "4 4"], tuple[float, float]]:

@@ -11,6 +11,9 @@ from jaxtyping import Float64, Int64, UInt8
 from registration import frames
 from registration.errors import InputError
 
+# How the reasons begin for which a reader leaves out poses; the other reasons are of frames.
+POSE_DROPPED = "pose: "
+
 
 @dataclass(frozen=True)
 class ProbeCalibration:
@@ -45,7 +48,7 @@ class TrackedSweep:
 
     ``images`` (n, height, width) uint8, ``image_times_s`` (n,), ``world_T_ee`` (m, 4, 4) rigid, in mm,
     ``pose_times_s`` (m,) strictly increasing. A tracker-only recording has n = 0. ``dropped`` counts by
-    reason the recorded frames that the reader left out.
+    reason the recorded frames that the reader left out, and, under reasons that begin with ``pose:``, the poses.
     """
 
     images: UInt8[np.ndarray, "n height width"]
@@ -73,6 +76,11 @@ class TrackedSweep:
             raise InputError("pose_times_s: expected strictly increasing times, received poses out of order")
         frames.require_rigid(self.world_T_ee, "world_T_ee")
 
+    @property
+    def frames_dropped(self) -> int:
+        """How many recorded frames the reader left out."""
+        return count_frames(self.dropped)
+
 
 @dataclass(frozen=True)
 class PosedFrames:
@@ -85,3 +93,13 @@ class PosedFrames:
     kept: Int64[np.ndarray, "k"]
     world_A_pixel: Float64[np.ndarray, "k 4 4"]
     dropped: dict[str, int]
+
+    @property
+    def frames_dropped(self) -> int:
+        """How many recorded frames have no place."""
+        return count_frames(self.dropped)
+
+
+def count_frames(dropped: Mapping[str, int]) -> int:
+    """How many frames are among what was left out, counted by reason."""
+    return sum(count for reason, count in dropped.items() if not reason.startswith(POSE_DROPPED))

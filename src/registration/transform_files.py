@@ -1,14 +1,21 @@
-"""Rigid transforms to and from files: JSON as this package writes it, and ITK's .tfm and .h5, which 3D Slicer opens.
+"""Rigid transforms from and to files: JSON and text of this package's, and ITK's, which 3D Slicer and ANTs write.
 
 An ITK transform maps points of the fixed image to points of the moving one, because that is the way a resampler asks;
-both in LPS. In a file of ITK's, a ``fixed_T_moving`` is therefore its inverse, ``moving_T_fixed``. 3D Slicer inverts
-what it reads again, so that a moving model put under the transform lies on the fixed one (Slicer developer guide,
-"Transforms").
+both in LPS. In a file of ITK's (.tfm, .txt, .h5, and the binary .mat of 3D Slicer and of ANTs, as
+``0GenericAffine.mat``), a ``fixed_T_moving`` is therefore its inverse, ``moving_T_fixed``, whose centre of rotation is
+applied. 3D Slicer inverts what it reads again, so that a moving model put under the transform lies on the fixed one
+(Slicer developer guide, "Transforms"). In JSON, and in text of four rows of four numbers, it is ``fixed_T_moving``
+itself: columns as in ``p_fixed = M @ p_moving``, mm, LPS.
 """
 
 from __future__ import annotations
 
+import codecs
 import json
+import re
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,16 +25,22 @@ from jaxtyping import Float64
 from registration import frames
 from registration.errors import InputError
 from registration.file_checks import require_file
+from registration.itk_mat import require_itk_mat
+from registration.text_files import parse_number, read_text
 from registration.whole import written_beside
 
-ITK_SUFFIXES = (".tfm", ".txt", ".h5", ".hdf5")
+ITK_SUFFIXES = (".tfm", ".txt", ".h5", ".hdf5", ".mat")
 WRITABLE = (".tfm", ".h5")
 KEY = "fixed_T_moving"
+_ITK_TEXT = "#Insight Transform File"
+_BETWEEN = re.compile(r"[\s,;\[\]]+")
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
 def read_transform(path: Path) -> Float64[np.ndarray, "4 4"]:
-    """Read a ``fixed_T_moving``, in mm: from JSON under that name, or from an ITK file (.tfm, .h5), turned round.
+    """Read a ``fixed_T_moving``, in mm: from JSON under that name, 4x4 text (.txt), or an ITK file, inverted.
+
+    ITK's files are .tfm, .txt, .h5 and .mat (the module's description says which way each maps).
 
     Raises InputError for a file that is missing, unreadable or of another kind, and for a transform that is not rigid.
     """
@@ -35,6 +48,8 @@ def read_transform(path: Path) -> Float64[np.ndarray, "4 4"]:
     suffix = path.suffix.lower()
     if suffix == ".json":
         fixed_T_moving = _rigid(path, _read_json(path), KEY)
+    elif suffix == ".txt" and not read_text(path).lstrip().startswith(_ITK_TEXT):
+        fixed_T_moving = _rigid(path, _read_rows(path), KEY)
     elif suffix in ITK_SUFFIXES:
         fixed_T_moving = frames.invert_rigid(_rigid(path, _read_itk(path), "transform"))
     else:
@@ -67,9 +82,27 @@ def _rigid(path: Path, matrix: np.ndarray, name: str) -> np.ndarray:
         raise InputError(f"{path}: {refusal}") from refusal
 
 
+def _read_rows(path: Path) -> np.ndarray:
+    """Four rows of four numbers, between blanks, commas, semicolons or brackets; what follows a # is left out."""
+    lines = [line.partition("#")[0] for line in read_text(path).splitlines()]
+    rows = [_BETWEEN.sub(" ", line).split() for line in lines]
+    rows = [row for row in rows if row]
+    try:
+        if [len(row) for row in rows] != [4] * 4:
+            raise ValueError(f"rows of {', '.join(str(len(row)) for row in rows) or 'no'} numbers")
+        matrix = np.array([[parse_number(entry) for entry in row] for row in rows], dtype=np.float64)
+    except ValueError as refusal:
+        raise InputError(
+            f"{path}: expected {KEY} as 4 rows of 4 numbers or an ITK transform, received {refusal}"
+        ) from refusal
+    if (matrix[3, :3] != 0).any() and (matrix[:3, 3] == 0).all() and matrix[3, 3] == 1:
+        raise InputError(f"{path}: expected {KEY} with last row 0 0 0 1, received a transposed one")
+    return matrix
+
+
 def _read_json(path: Path) -> np.ndarray:
     try:
-        matrix = np.array(json.loads(path.read_text(encoding="utf-8"))[KEY], dtype=np.float64)
+        matrix = np.array(json.loads(read_text(path))[KEY], dtype=np.float64)
         if matrix.shape != (4, 4):
             raise ValueError(f"an array of shape {matrix.shape}")
     except (ValueError, KeyError, TypeError) as refusal:
@@ -81,9 +114,12 @@ def _read_itk(path: Path) -> np.ndarray:
     """The 4x4 matrix of a linear transform, found from where it takes four points, whatever class wrote it."""
     if path.suffix.lower() in (".h5", ".hdf5"):
         _require_whole_hdf5(path)
+    if path.suffix.lower() == ".mat":
+        require_itk_mat(path)
     sitk = _sitk()
     try:
-        transform = sitk.ReadTransform(str(path))
+        with _without_mark(path) as plain:
+            transform = sitk.ReadTransform(str(plain))
     except RuntimeError as refusal:
         # ITK's own report has several lines, with places in its sources.
         raise InputError(
@@ -101,6 +137,20 @@ def _read_itk(path: Path) -> np.ndarray:
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = np.stack(columns, axis=1), origin
     return matrix
+
+
+@contextmanager
+def _without_mark(path: Path) -> Iterator[Path]:
+    """The file, or where it is text with a byte-order mark, which ITK does not know, a copy without."""
+    with path.open("rb") as stream:
+        marked = stream.read(3).startswith((codecs.BOM_UTF8, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    if not marked:
+        yield path
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        plain = Path(folder) / path.name
+        plain.write_text(read_text(path), encoding="utf-8")
+        yield plain
 
 
 def _require_whole_hdf5(path: Path) -> None:
@@ -136,7 +186,7 @@ def _require_whole_text(path: Path, transform: Any) -> None:
             ("FixedParameters", part.GetFixedParameters()),
         )
     ]
-    lines = [line.partition(":") for line in path.read_text(encoding="utf-8", errors="replace").splitlines()]
+    lines = [line.partition(":") for line in read_text(path).splitlines()]
     found = [(key, len(values.split())) for key, _, values in lines if key.endswith("Parameters")]
     if found != expected:
         raise InputError(

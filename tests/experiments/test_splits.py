@@ -70,6 +70,12 @@ def test_what_was_written_is_read(tmp_path) -> None:
     assert Split.read(tmp_path / "split.json") == one
 
 
+def test_a_file_with_a_byte_order_mark_is_read(tmp_path) -> None:
+    split().write(tmp_path / "split.json")
+    (tmp_path / "marked.json").write_bytes((tmp_path / "split.json").read_text().encode("utf-8-sig"))
+    assert Split.read(tmp_path / "marked.json") == split()
+
+
 def test_a_file_without_groups_outside_the_folds_is_read(tmp_path) -> None:
     path = tmp_path / "split.json"
     split().write(path)

@@ -67,6 +67,7 @@ def test_other_files_and_axes_are_refused(tmp_path: Path) -> None:
         ("", "received an empty file"),
         ("line,x,y,z,radius_mm\n0,1,2,three,4\n", "expected five numbers a row"),
         ("line,x,y,z,radius_mm\n0,1,2,3,4\n", "expected at least 2 points a line"),
+        ("line,x,y,z,radius_mm\n0,1,5,2,5,3,5,4,0,1\n0,1,5,2,5,3,5,4,0,1\n", "expected five numbers a row"),
         ("line,x,y,z,radius_mm\n", "expected at least one line"),
     ],
 )
@@ -76,3 +77,10 @@ def test_bad_tables_are_refused(tmp_path: Path, text: str, message: str) -> None
         read_centerline_table(tmp_path / "table.csv")
     with pytest.raises(InputError, match="received no file"):
         read_centerline_table(tmp_path / "none.csv")
+
+
+def test_a_table_with_a_byte_order_mark(tmp_path: Path) -> None:
+    (tmp_path / "c.csv").write_bytes(
+        "line,x,y,z,radius_mm\r\n0,0,0,0,2\r\n0,3,4,0,2\r\n\r\n".encode("utf-8-sig")
+    )
+    assert read_centerline_table(tmp_path / "c.csv").length_mm == 5

@@ -217,6 +217,49 @@ def test_a_face_with_a_wrong_index_names_the_file(tmp_path: Path) -> None:
         read_surface(tmp_path / "w.ply")
 
 
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".vtp", ".vtk"])
+def test_vertices_of_no_triangle_have_no_part_in_the_extent(tmp_path: Path, suffix: str) -> None:
+    points = np.array([[900.0, 0, 0], [0, 0, 5], [3, 0, 5], [np.nan, 1, 2], [0, 4, 5]])
+    triangle = [1, 2, 4]
+    path = tmp_path / f"m{suffix}"
+    rows = "\n".join(" ".join(map(str, point)) for point in points)
+    if suffix == ".ply":
+        head = (
+            "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n"
+        )
+        faces = "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        path.write_text(f"{head}{faces}{rows}\n3 1 2 4\n")
+    elif suffix == ".obj":
+        path.write_text("".join(f"v {row}\n" for row in rows.splitlines()) + "f 2 3 5\n")
+    elif suffix == ".vtp":
+        write_vtp(path, np.nan_to_num(points), {"Polys": [triangle]})
+    else:
+        head = "# vtk DataFile Version 3.0\nt\nASCII\nDATASET POLYDATA\nPOINTS 5 float\n"
+        path.write_text(f"{head}{rows}\nPOLYGONS 1 4\n3 1 2 4\n")
+    found = read_surface(path)
+    assert isinstance(found, Mesh)
+    np.testing.assert_array_equal(found.vertices_mm, points[triangle])
+    assert found.triangles.tolist() == [[0, 1, 2]]
+
+
+def test_polygons_of_a_ply_are_cut_into_triangles(tmp_path: Path) -> None:
+    head = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+    faces = "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    (tmp_path / "q.ply").write_text(f"{head}{faces}0 0 1\n4 0 1\n4 3 1\n0 3 1\n4 0 1 2 3\n")
+    found = read_surface(tmp_path / "q.ply")
+    assert isinstance(found, Mesh)
+    assert found.areas_mm2.sum() == pytest.approx(12)
+
+
+def test_a_centerline_in_the_older_format_of_vtk(tmp_path: Path) -> None:
+    text = "# vtk DataFile Version 3.0\nt\nASCII\nDATASET POLYDATA\nPOINTS 2 float\n0 0 0 3 4 0\nLINES 1 3\n2 0 1\n"
+    text += "POINT_DATA 2\nSCALARS Radius float 1\nLOOKUP_TABLE default\n2 1.5\n"
+    (tmp_path / "c.vtk").write_text(text)
+    (line,) = read_centerline(tmp_path / "c.vtk").lines
+    assert line.length_mm == 5
+    np.testing.assert_allclose(line.radius_mm, [2, 1.5])
+
+
 def test_faces_without_area_are_refused(tmp_path: Path) -> None:
     flat = Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]]))
     write_surface(tmp_path / "f.ply", flat)

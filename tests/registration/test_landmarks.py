@@ -74,6 +74,51 @@ def test_points_never_placed_are_left_out(tmp_path: Path) -> None:
     assert read_landmarks(tmp_path / "a.mrk.json").names == NAMES
 
 
+def test_unplaced_points_of_fcsv_are_left_out(tmp_path: Path) -> None:
+    """Slicer 5 adds the state of the position and the point's origin to a row; its header names neither."""
+    rows = fcsv(LPS).splitlines()
+    rows[3:] = [f"{row}2,0" if row.endswith(",") else f"{row},2,0" for row in rows[3:]]
+    later = 'later,0,0,0,0,0,0,1,1,1,0,F-{},"",,{},0'
+    rows = [row.replace('"a, b",2,0', '"a, b",,2,0') for row in rows]
+    rows += [later.format(state, state) for state in (0, 1, 3)]
+    (tmp_path / "a.fcsv").write_text("\n".join(rows) + "\n")
+    found = read_landmarks(tmp_path / "a.fcsv")
+    assert found.names == NAMES
+    np.testing.assert_allclose(found.points_mm, LPS)
+
+
+def test_columns_of_fcsv_stand_where_the_header_says(tmp_path: Path) -> None:
+    lines = ["# CoordinateSystem = RAS", "# columns = label,z,positionStatus,y,x"]
+    lines += [f"{name},{z},2,{y},{x}" for name, (x, y, z) in zip(NAMES, RAS, strict=True)]
+    lines += ["later,0,0,0,0", "seen,0,preview,0,0"]
+    (tmp_path / "a.fcsv").write_text("\r\n".join(lines))
+    found = read_landmarks(tmp_path / "a.fcsv")
+    assert found.names == NAMES
+    np.testing.assert_allclose(found.points_mm, LPS)
+
+
+@pytest.mark.parametrize(
+    "units, scale",
+    [
+        ("mm", 1),
+        (["mm", "UCUM", "millimeter"], 1),
+        ("m", 1000),
+        (["m", "UCUM"], 1000),
+        (["cm", "UCUM", "cm"], 10),
+    ],
+)
+def test_units_of_length_are_converted(tmp_path: Path, units: object, scale: float) -> None:
+    (tmp_path / "a.mrk.json").write_text(markups(LPS / scale, coordinateUnits=units))
+    np.testing.assert_allclose(read_landmarks(tmp_path / "a.mrk.json").points_mm, LPS)
+
+
+@pytest.mark.parametrize("name, text", [("a.mrk.json", markups(LPS)), ("a.fcsv", fcsv(LPS))])
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_byte_order_marks(tmp_path: Path, name: str, text: str, encoding: str) -> None:
+    (tmp_path / name).write_bytes(text.encode(encoding))
+    np.testing.assert_allclose(read_landmarks(tmp_path / name).points_mm, LPS)
+
+
 @pytest.mark.parametrize(
     "name, text, message",
     [
@@ -81,7 +126,14 @@ def test_points_never_placed_are_left_out(tmp_path: Path) -> None:
         ("a.fcsv", fcsv(LPS, None), "expected a header that names its axes LPS or RAS, received none"),
         ("a.fcsv", fcsv(LPS, "2"), "expected a header that names its axes LPS or RAS, received 2"),
         ("a.mrk.json", markups(LPS, "scanner"), "LPS or RAS, received scanner"),
-        ("a.mrk.json", markups(LPS, coordinateUnits="m"), "expected coordinateUnits mm, received m"),
+        (
+            "a.mrk.json",
+            markups(LPS, coordinateUnits="inch"),
+            "expected coordinateUnits of mm, .* received inch",
+        ),
+        ("a.mrk.json", markups(LPS, coordinateUnits=["mm", "DCM", "mm"]), "expected coordinateUnits of mm"),
+        ("a.mrk.json", markups(LPS[:, :2]), "expected three coordinates a point"),
+        ("a.mrk.json", markups(LPS).replace("10.0", '"1_0"'), "expected landmarks as 3D Slicer writes them"),
         (
             "a.mrk.json",
             markups(LPS, names=("a", "b", "a")),
@@ -96,7 +148,9 @@ def test_points_never_placed_are_left_out(tmp_path: Path) -> None:
             fcsv(LPS).replace("columns", "nothing"),
             "expected the columns x, y, z and label, received none",
         ),
-        ("a.fcsv", fcsv(LPS)[:-50], "expected landmarks as 3D Slicer writes them"),
+        ("a.fcsv", fcsv(LPS)[:-50], "expected 14 fields a row, received 1 in"),
+        ("a.fcsv", fcsv(LPS).replace("10.0,20.0", "10,0,20,0"), "expected 14 fields a row, received 16"),
+        ("a.fcsv", fcsv(LPS).replace("10.0,", "1_0,"), "expected landmarks as 3D Slicer writes them"),
         ("a.fcsv", fcsv(LPS).replace("10.0", "ten"), "expected landmarks as 3D Slicer writes them"),
         ("a.txt", "1 2 3", "expected landmarks as .mrk.json or .fcsv, received .txt"),
     ],

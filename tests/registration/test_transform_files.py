@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.io
 import SimpleITK
 from scipy.spatial.transform import Rotation
 
@@ -72,6 +73,94 @@ def test_every_rigid_class_of_itk_is_read(
     fixed_T_moving = read_transform(tmp_path / f"own{suffix}")
     moving_point = np.array(transform.TransformPoint(POINT.tolist()))
     np.testing.assert_allclose(frames.apply(fixed_T_moving, moving_point), POINT, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["AffineTransform_double_3_3", "MatrixOffsetTransformBase_double_3_3", "AffineTransform_float_3_3"],
+)
+@pytest.mark.parametrize("suffix", [".mat", ".txt"])
+def test_affines_of_ants_turn_about_their_centre_and_map_fixed_to_moving(
+    tmp_path: Path, name: str, suffix: str
+) -> None:
+    """What antsRegistration leaves as 0GenericAffine.mat: moving = R (fixed - centre) + centre + translation, LPS."""
+    turn, shift, centre = POSE[:3, :3], np.array([5.0, -7, 20]), np.array([30.0, 40, -50])
+    numbers = np.concatenate([turn.ravel(), shift])
+    if suffix == ".mat":
+        kind = np.float32 if "float" in name else np.float64
+        values = {name: numbers[:, None].astype(kind), "fixed": centre[:, None].astype(kind)}
+        scipy.io.savemat(tmp_path / "0GenericAffine.mat", values, format="4")
+    else:
+        text = f"Parameters: {' '.join(map(str, numbers))}\nFixedParameters: {' '.join(map(str, centre))}\n"
+        head = f"#Insight Transform File V1.0\n#Transform 0\nTransform: {name}\n"
+        (tmp_path / "0GenericAffine.txt").write_text(head + text)
+    fixed_T_moving = read_transform(tmp_path / f"0GenericAffine{suffix}")
+    moving_point = turn @ (POINT - centre) + centre + shift
+    np.testing.assert_allclose(frames.apply(fixed_T_moving, moving_point), POINT, atol=1e-4)
+
+
+def test_a_mat_of_slicers_is_that_of_itk(tmp_path: Path) -> None:
+    """3D Slicer saves a linear transform through ITK: the same numbers as in its .tfm."""
+    write_transform(tmp_path / "pose.tfm", POSE)
+    SimpleITK.WriteTransform(SimpleITK.ReadTransform(str(tmp_path / "pose.tfm")), str(tmp_path / "pose.mat"))
+    np.testing.assert_allclose(read_transform(tmp_path / "pose.mat"), POSE, atol=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.15, 0.4, 0.6, 0.98])
+def test_a_mat_cut_short(tmp_path: Path, capfd: pytest.CaptureFixture[str], share: float) -> None:
+    SimpleITK.WriteTransform(SimpleITK.AffineTransform(3), str(tmp_path / "pose.mat"))
+    whole = (tmp_path / "pose.mat").read_bytes()
+    (tmp_path / "cut.mat").write_bytes(whole[: int(share * len(whole))])
+    assert "cut short" in refusal(tmp_path / "cut.mat")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_other_files_called_mat(tmp_path: Path) -> None:
+    """FSL's are text between voxels: taken for millimetres they would be a wrong pose."""
+    np.savetxt(tmp_path / "fsl.mat", POSE)
+    assert "FSL's matrices are between voxels" in refusal(tmp_path / "fsl.mat")
+    scipy.io.savemat(tmp_path / "five.mat", {"T": POSE})
+    assert "received variables of a later MATLAB" in refusal(tmp_path / "five.mat")
+    scipy.io.savemat(tmp_path / "four.mat", {"T": POSE}, format="4")
+    assert "expected a transform and its fixed parameters, received T" in refusal(tmp_path / "four.mat")
+    (tmp_path / "none.mat").write_bytes(b"")
+    assert "received no variable" in refusal(tmp_path / "none.mat")
+
+
+def test_text_of_four_rows_is_the_pose_itself(tmp_path: Path) -> None:
+    """Not inverted: p_fixed = M p_moving."""
+    np.savetxt(tmp_path / "a.txt", POSE, fmt="%.12f", header="fixed_T_moving")
+    np.savetxt(tmp_path / "b.txt", POSE, fmt="%.12e", delimiter=", ")
+    (tmp_path / "c.txt").write_text("\ufeff" + str(POSE.tolist()).replace("], ", "],\r\n"))
+    for name in "abc":
+        np.testing.assert_allclose(read_transform(tmp_path / f"{name}.txt"), POSE, atol=1e-9)
+
+
+def test_text_that_is_no_pose(tmp_path: Path) -> None:
+    for text, message in (
+        ("", "received rows of no numbers"),
+        ("1 0 0\n0 1 0\n0 0 1\n", "received rows of 3, 3, 3 numbers"),
+        ("1,0 0,0 0,0 5,0\n" * 4, "received rows of 8, 8, 8, 8 numbers"),
+        ("1 0 0 x\n0 1 0 0\n0 0 1 0\n0 0 0 1\n", "could not convert"),
+        (
+            "1 0 0 0\n0 1 0 0\n0 0 1 0\n5 6 7 1\n",
+            "with last row 0 0 0 1, received a transposed",
+        ),
+        ("2 0 0 0\n0 2 0 0\n0 0 2 0\n0 0 0 1\n", "expected orthonormal rotations"),
+    ):
+        (tmp_path / "pose.txt").write_text(text)
+        assert message in refusal(tmp_path / "pose.txt")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_byte_order_marks(tmp_path: Path, encoding: str) -> None:
+    write_transform(tmp_path / "pose.tfm", POSE)
+    text = (tmp_path / "pose.tfm").read_text()
+    (tmp_path / "marked.tfm").write_bytes(text.encode(encoding))
+    (tmp_path / "marked.txt").write_bytes(text.encode(encoding))
+    (tmp_path / "marked.json").write_bytes(json.dumps({"fixed_T_moving": POSE.tolist()}).encode(encoding))
+    for suffix in ("tfm", "txt", "json"):
+        np.testing.assert_allclose(read_transform(tmp_path / f"marked.{suffix}"), POSE, atol=1e-9)
 
 
 def refusal(path: Path) -> str:

@@ -110,7 +110,7 @@ def _read(dataset: NnUNet) -> tuple[LabelledFrames, dict[str, tuple[str, ...]]]:
 def _described(path: Path, target: str) -> tuple[set[int], set[int], str]:
     """Labels of the target, all other labels, and the files' ending."""
     try:
-        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8-sig"))
         labels = {str(name): _numbers(value) for name, value in content["labels"].items()}
         ending, channels = str(content["file_ending"]), len(content["channel_names"])
     except (OSError, KeyError, TypeError, ValueError, AttributeError) as error:

@@ -37,6 +37,7 @@ def run(
     from registration.readers.folder import write_folder
     from registration.readers.plus_writer import write_plus
     from registration.readers.rosbag_writer import write_bag
+    from registration.sweep import count_frames
 
     check(input=input, format=format)
     progress.note(f"reading {input}")
@@ -54,7 +55,7 @@ def run(
     lost = sum(dropped.values()) - sum(sweep.dropped.values())
     written = len(sweep.images) - lost
     return Outcome(
-        metrics={"frames": float(written), "frames_dropped": float(sum(dropped.values()))},
+        metrics={"frames": float(written), "frames_dropped": float(count_frames(dropped))},
         findings=(
             f"{target.name}: {written} frames and {len(sweep.world_T_ee)} poses from {input}; "
             f"frames left out: {describe_dropped(dropped)}.",

@@ -138,7 +138,7 @@ def _object(path: Path) -> dict[str, Any]:
     if not path.is_file():
         raise InputError(f"prediction: {path}: expected a file with a fixed_T_moving, received none")
     try:
-        told = json.loads(path.read_text(encoding="utf-8"))
+        told = json.loads(path.read_text(encoding="utf-8-sig"))
     except ValueError as refusal:
         raise InputError(f"prediction: {path}: expected JSON, received {refusal}") from refusal
     if not isinstance(told, dict):

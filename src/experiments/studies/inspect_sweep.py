@@ -50,7 +50,7 @@ def run(
         cases=_cases(recorded, posed, reasons),
         tables={"sweep": table},
         findings=(
-            f"{len(posed.kept)} of {len(recorded.images) + sum(recorded.dropped.values())} frames have a pose; "
+            f"{len(posed.kept)} of {len(recorded.images) + recorded.frames_dropped} frames have a pose; "
             f"dropped: {describe_dropped(posed.dropped)}. Open sweep.html in a browser.",
         ),
     )
@@ -61,7 +61,7 @@ def _metrics(sweep: TrackedSweep, posed: PosedFrames) -> dict[str, float]:
     return {
         "frames": float(len(sweep.images)),
         "frames_kept": float(len(posed.kept)),
-        "frames_dropped": float(sum(posed.dropped.values())),
+        "frames_dropped": float(posed.frames_dropped),
         "poses": float(len(sweep.world_T_ee)),
         "frame_interval_ms_median": image_ms[0],
         "frame_interval_ms_max": image_ms[1],

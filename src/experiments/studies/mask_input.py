@@ -50,7 +50,7 @@ def _read_folder(path: Path, sweep_path: Path, sweep: TrackedSweep) -> np.ndarra
     arrays = {file.stem: file for file in path.glob("*.npy")}
     files = arrays or image_files(path)
     if len(files) != len(sweep.images):
-        lost = sum(sweep.dropped.values())
+        lost = sweep.frames_dropped
         hint = f" ({lost} more were dropped on reading)" if lost else ""
         raise InputError(
             f"masks: expected one for each of {len(sweep.images)} frames{hint}, received {len(files)} in {path}"

@@ -12,6 +12,7 @@ from experiments.reporting.scene import CloudLayer, Layer, LineLayer, Scene, Sur
 from experiments.studies.sweep_input import describe_dropped
 from registration.mesh_quality import mesh_quality
 from registration.metrics import SurfaceDistance
+from registration.sweep import count_frames
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,7 +33,7 @@ def record(found: Reconstructed, posed: PosedFrames, sweep: TrackedSweep, near_m
         "units": {"length": "mm", "time": "s"},
         "space": "world of the sweep, written as LPS",
         "frames": {
-            "recorded": len(sweep.images) + sum(sweep.dropped.values()),
+            "recorded": len(sweep.images) + sweep.frames_dropped,
             "with_pose": len(posed.kept),
             "dropped": dict(posed.dropped),
             "with_vessel": len(np.unique(contours.frame_index)),
@@ -122,7 +123,7 @@ def metrics(told: Mapping[str, Any]) -> dict[str, float]:
     return {
         "frames_with_pose": float(frames["with_pose"]),
         "frames_with_vessel": float(frames["with_vessel"]),
-        "frames_dropped": float(sum(frames["dropped"].values())),
+        "frames_dropped": float(count_frames(frames["dropped"])),
         "points": float(told["points"]),
         **{f"removed_{name}": float(count) for name, count in told["removed_points"].items()},
         **{

@@ -75,7 +75,7 @@ def refuse_metres(surface: Surface, other: Surface, name: str, unit: str | None,
 
 
 def read_pose(path: Path, name: str) -> np.ndarray:
-    """Read ``fixed_T_moving`` (4, 4), in mm, from JSON such as registration.json, or from ITK's .tfm or .h5."""
+    """Read ``fixed_T_moving`` (4, 4), in mm, from any file that ``read_transform`` reads."""
     with naming(name):
         return read_transform(path)
 

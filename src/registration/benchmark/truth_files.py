@@ -12,6 +12,7 @@ from registration.benchmark.cases import CaseTruth
 from registration.benchmark.symmetry import Screw, Symmetry
 from registration.errors import InputError
 from registration.frames import require_rigid
+from registration.text_files import read_text
 
 
 def read_truth(path: Path) -> CaseTruth:
@@ -98,7 +99,7 @@ def read_json(path: Path) -> dict[str, Any]:
     if not path.is_file():
         raise InputError(f"{path}: expected a file of a benchmark case, received none")
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = json.loads(read_text(path))
     except ValueError as refusal:
         raise InputError(f"{path}: expected JSON, received {refusal}") from refusal
     if not isinstance(found, dict):

@@ -10,8 +10,10 @@ import numpy as np
 import yaml
 
 from registration.errors import InputError
+from registration.probe_calibration import with_third_column
 from registration.readers.plus_config import read_device_set
 from registration.sweep import ProbeCalibration
+from registration.text_files import read_text
 
 # Pixels of ultrasound images measure 0.02 to 0.5 mm. A thousandth of that was written in metres.
 _LEAST_PIXEL_MM = 2e-3
@@ -22,7 +24,7 @@ def read_calibration(path: Path, image: str = "Image", probe: str = "Probe") -> 
 
     From PLUS's XML the chain from ``image`` to ``probe`` is taken, and ``ee_T_probe`` is the identity.
     """
-    if path.suffix == ".xml":
+    if path.suffix.lower() == ".xml":
         try:
             probe_A_pixel = read_device_set(path).transforms.chain(image, probe)
         except InputError as failure:
@@ -34,6 +36,10 @@ def read_calibration(path: Path, image: str = "Image", probe: str = "Probe") -> 
 def calibration_from(content: Mapping[str, Any], name: str) -> ProbeCalibration:
     """The calibration in the keys of a YAML file; ``name`` is the file's, for messages."""
     probe_A_pixel = matrix_from(content, "probe_A_pixel", name)
+    try:
+        probe_A_pixel = with_third_column(probe_A_pixel)
+    except InputError as refusal:
+        raise InputError(f"{name}: {refusal}") from refusal
     pixel_mm = float(np.linalg.norm(probe_A_pixel[:3, :2], axis=0).min())
     if pixel_mm < _LEAST_PIXEL_MM:
         raise InputError(
@@ -68,12 +74,8 @@ def matrix_from(content: Mapping[str, Any], key: str, name: str) -> np.ndarray:
 def read_yaml(path: Path) -> dict[str, Any]:
     """The mapping in a YAML file."""
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as failure:
-        raise InputError(
-            f"{path}: expected a readable file, found {failure.strerror or failure}"
-        ) from failure
-    except (yaml.YAMLError, UnicodeDecodeError) as failure:
+        content = yaml.safe_load(read_text(path))
+    except yaml.YAMLError as failure:
         raise InputError(f"{path}: expected YAML, found text that does not parse") from failure
     if not isinstance(content, dict):
         raise InputError(f"{path}: expected a mapping of keys to values, found {type(content).__name__}")

@@ -9,6 +9,8 @@ from registration.errors import InputError
 from registration.readers.folder import FolderReader
 from registration.readers.plus import PlusReader
 from registration.readers.plus_fields import SUFFIXES
+from registration.readers.ros_bags import METADATA
+from registration.readers.ros_bags import SUFFIXES as BAG_SUFFIXES
 from registration.readers.rosbag import RosbagReader
 from registration.sweep import TrackedSweep
 
@@ -31,10 +33,12 @@ class AutoReader:
         """Read the sweep. Raises InputError for a path that is none of the three."""
         if path.is_file() and path.suffix in SUFFIXES:
             return self.plus(path)
-        if path.suffix in (".db3", ".mcap") or (path / "metadata.yaml").is_file():
+        if path.suffix.lower() in BAG_SUFFIXES or (path / METADATA).is_file():
             return self.ros2(path)
         if (path / "sweep.yaml").is_file():
             return self.folder(path)
+        if _holds_bag_file(path):
+            return self.ros2(path)
         inside = [path / "sweep", *(path / f"sweep.igs{suffix}" for suffix in SUFFIXES)]
         for candidate in inside:
             if candidate.exists():
@@ -43,3 +47,9 @@ class AutoReader:
             f"{path}: expected a folder with sweep.yaml, a PLUS sequence (.mha, .nrrd) or a ROS 2 bag, found "
             f"{'none of them' if path.exists() else 'nothing'}"
         )
+
+
+def _holds_bag_file(path: Path) -> bool:
+    return any(
+        file.suffix.lower() in BAG_SUFFIXES and not file.name.startswith(".") for file in path.glob("*")
+    )

@@ -1,8 +1,8 @@
 """Tracked sweeps in a plain folder that any laboratory can write.
 
-``frames/*.png``: grey images, orientation MF, in the order of their names.
+``frames/``: images (PNG, JPEG, BMP or TIFF), orientation MF, in the natural order of their names.
 ``poses.csv``: header ``timestamp_s,tx,ty,tz,qx,qy,qz,qw``; a row a pose of the end effector in the world, position
-in mm, unit quaternion, rows in the order of time.
+in mm, unit quaternion (scaled to length 1 where it is off by at most 1 %), rows in the order of time.
 ``sweep.yaml``: ``probe_A_pixel`` and ``ee_T_probe`` (four rows of four numbers; mm), and, if wanted, ``units`` (``mm``
 or ``m``, of positions and of ``ee_T_probe``'s), ``orientation``, ``frame_rate_hz`` and ``first_frame_s``.
 ``frames.csv``: header ``file,timestamp_s``; a row a frame. Without it the frames come at ``frame_rate_hz`` from
@@ -12,29 +12,33 @@ or ``m``, of positions and of ``ee_T_probe``'s), ``orientation``, ``frame_rate_h
 from __future__ import annotations
 
 import csv
-from dataclasses import dataclass
+import io
+import itertools
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float64, UInt8
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from registration import frames
 from registration.errors import InputError
 from registration.readers.calibration_file import calibration_from, calibration_yaml, read_yaml
+from registration.readers.image_files import decode_image, grey_stack, list_images
+from registration.readers.pose_values import MM_PER_UNIT, require_unit, unit_quaternions
 from registration.readers.sequence import to_mf
-from registration.readers.streams import as_grey, distinct_times
-from registration.sweep import TrackedSweep
+from registration.readers.streams import distinct_times
+from registration.sweep import ProbeCalibration, TrackedSweep
+from registration.text_files import parse_number, read_text
 from registration.whole import whole_folder
 
 POSE_COLUMNS = ("timestamp_s", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
 FRAME_COLUMNS = ("file", "timestamp_s")
-_MM = {"mm": 1.0, "m": 1000.0}
-# No end effector keeps within 3 mm of its robot's base: such positions were written in metres.
-_LEAST_REACH_MM = 3.0
-_QUATERNION_TOLERANCE = 1e-3
+UNLISTED = "image without a row in frames.csv"
+# A lever between end effector and probe is either nothing or longer than a millimetre.
+_LEAST_LEVER_MM = 1.0
 
 
 @dataclass(frozen=True)
@@ -48,23 +52,22 @@ class FolderReader:
         settings_path = path / "sweep.yaml"
         settings = read_yaml(settings_path)
         unit = settings.get("units")
-        if unit is not None and unit not in _MM:
+        if unit is not None and not (isinstance(unit, str) and unit in MM_PER_UNIT):
             raise InputError(f"{settings_path}: expected units mm or m, found {unit!r}")
-        scale = _MM[unit or "mm"]
-        calibration = calibration_from(_scaled(settings, scale), str(settings_path))
+        scale = MM_PER_UNIT[unit or "mm"]
+        calibration = _scaled(calibration_from(settings, str(settings_path)), scale)
         pose_times_s, world_T_ee = _read_poses(path / "poses.csv", scale)
-        reach_mm = float(np.abs(world_T_ee[:, :3, 3]).max(initial=0))
-        if unit is None and 0 < reach_mm < _LEAST_REACH_MM:
-            raise InputError(
-                f"{path / 'poses.csv'}: expected positions in millimetres, found all within {reach_mm:.3g} of the "
-                f"origin (were they metres? say units: m, or units: mm, in {settings_path.name})"
-            )
-        files, image_times_s = _frame_times(path, settings, pose_times_s)
+        if unit is None:
+            setting = f"say units: m, or units: mm, in {settings_path.name}"
+            require_unit(world_T_ee[:, :3, 3], "mm", str(path / "poses.csv"), setting)
+            _require_lever(calibration, settings_path)
+        files, image_times_s, unlisted = _frame_times(path, settings, pose_times_s)
         pose_times_s, world_T_ee = distinct_times(pose_times_s, world_T_ee, str(path / "poses.csv"))
         images = _read_images(files)
         if len(images) and "orientation" in settings:
             images = to_mf(images, str(settings["orientation"]), settings_path)
-        return TrackedSweep(images, image_times_s, world_T_ee, pose_times_s, calibration)
+        dropped = {UNLISTED: unlisted} if unlisted else {}
+        return TrackedSweep(images, image_times_s, world_T_ee, pose_times_s, calibration, dropped)
 
 
 def write_folder(path: Path, sweep: TrackedSweep) -> None:
@@ -93,24 +96,31 @@ def frame_names(path: Path) -> tuple[str, ...] | None:
             table = folder / "frames.csv"
             if table.exists():
                 return tuple(Path(row[0]).stem for row in _read_csv(table, FRAME_COLUMNS))
-            return tuple(file.stem for file in sorted((folder / "frames").glob("*.png")))
+            return tuple(file.stem for file in list_images(folder / "frames"))
     return None
 
 
-def _scaled(settings: dict[str, Any], scale: float) -> dict[str, Any]:
-    """The settings with the end effector's lever brought to mm; pixels are always given in mm."""
-    if scale == 1.0 or "ee_T_probe" not in settings:
-        return settings
-    rows = [list(row) for row in settings["ee_T_probe"]]
-    for row in rows[:3]:
-        row[3] = row[3] * scale
-    return {**settings, "ee_T_probe": rows}
+def _require_lever(calibration: ProbeCalibration, path: Path) -> None:
+    lever_mm = float(np.linalg.norm(calibration.ee_T_probe[:3, 3]))
+    if 0 < lever_mm < _LEAST_LEVER_MM:
+        raise InputError(
+            f"{path}: expected ee_T_probe in millimetres, found a lever of {lever_mm:.3g} mm "
+            "(was it metres? say units: m, or units: mm)"
+        )
+
+
+def _scaled(calibration: ProbeCalibration, scale: float) -> ProbeCalibration:
+    """The end effector's lever brought to mm; pixels are always given in mm."""
+    ee_T_probe = calibration.ee_T_probe.copy()
+    ee_T_probe[:3, 3] *= scale
+    return replace(calibration, ee_T_probe=ee_T_probe)
 
 
 def _read_poses(path: Path, scale: float) -> tuple[Float64[np.ndarray, "m"], Float64[np.ndarray, "m 4 4"]]:
     rows = _read_csv(path, POSE_COLUMNS)
     try:
-        values = np.array(rows, dtype=np.float64).reshape(-1, len(POSE_COLUMNS))
+        values = np.array([[parse_number(entry) for entry in row] for row in rows], dtype=np.float64)
+        values = values.reshape(-1, len(POSE_COLUMNS))
     except ValueError as failure:
         raise InputError(f"{path}: expected numbers, found {failure}") from failure
     if not len(values):
@@ -118,11 +128,11 @@ def _read_poses(path: Path, scale: float) -> tuple[Float64[np.ndarray, "m"], Flo
     if not np.isfinite(values).all():
         line = int(np.argwhere(~np.isfinite(values))[0][0]) + 2
         raise InputError(f"{path}: expected finite numbers, found NaN or infinity in line {line}")
-    norms = np.linalg.norm(values[:, 4:], axis=1)
-    if (np.abs(norms - 1) > _QUATERNION_TOLERANCE).any():
-        at = int(np.abs(norms - 1).argmax())
+    off = np.flatnonzero(~unit_quaternions(values[:, 4:]))
+    if len(off):
         raise InputError(
-            f"{path}: expected unit quaternions, found one of length {norms[at]:.4g} in line {at + 2}"
+            f"{path}: expected unit quaternions, found one of length "
+            f"{np.linalg.norm(values[off[0], 4:]):.4g} in line {off[0] + 2}"
         )
     rotation = Rotation.from_quat(values[:, 4:])
     return values[:, 0].copy(), frames.from_rotation(rotation, values[:, 1:4] * scale)
@@ -130,66 +140,74 @@ def _read_poses(path: Path, scale: float) -> tuple[Float64[np.ndarray, "m"], Flo
 
 def _frame_times(
     path: Path, settings: dict[str, Any], pose_times_s: Float64[np.ndarray, "m"]
-) -> tuple[list[Path], Float64[np.ndarray, "n"]]:
-    """The image files and the time of each."""
+) -> tuple[list[Path], Float64[np.ndarray, "n"], int]:
+    """The image files, the time of each, and how many images have no row in frames.csv."""
     table = path / "frames.csv"
     if table.exists():
-        rows = _read_csv(table, FRAME_COLUMNS)
-        try:
-            times_s = np.array([float(row[1]) for row in rows], dtype=np.float64)
-        except ValueError as failure:
-            raise InputError(f"{table}: expected numbers for timestamp_s, found {failure}") from failure
-        if not np.isfinite(times_s).all():
-            raise InputError(f"{table}: expected finite timestamps, found NaN or infinity")
-        return [path / "frames" / Path(row[0]).name for row in rows], times_s
-    files = sorted((path / "frames").glob("*.png"))
+        files, times_s = _listed_frames(table)
+        return files, times_s, len(set(list_images(path / "frames")) - set(files))
+    files = list_images(path / "frames")
     if "frame_rate_hz" in settings:
         rate_hz, first_s = settings["frame_rate_hz"], settings.get("first_frame_s", 0.0)
         if not (isinstance(rate_hz, (int, float)) and rate_hz > 0 and isinstance(first_s, (int, float))):
             raise InputError(f"{path / 'sweep.yaml'}: expected frame_rate_hz above 0, found {rate_hz!r}")
-        return files, first_s + np.arange(len(files)) / rate_hz
+        return files, first_s + np.arange(len(files)) / rate_hz, 0
     if len(files) != len(pose_times_s):
         raise InputError(
             f"{path}: expected frames.csv, or frame_rate_hz in sweep.yaml, or a pose for each frame, "
             f"found {len(files)} frames and {len(pose_times_s)} poses"
         )
-    return files, pose_times_s.copy()
+    return files, pose_times_s.copy(), 0
+
+
+def _listed_frames(table: Path) -> tuple[list[Path], Float64[np.ndarray, "n"]]:
+    rows = _read_csv(table, FRAME_COLUMNS)
+    try:
+        times_s = np.array([parse_number(row[1]) for row in rows], dtype=np.float64)
+    except ValueError as failure:
+        raise InputError(f"{table}: expected numbers for timestamp_s, found {failure}") from failure
+    if not np.isfinite(times_s).all():
+        raise InputError(f"{table}: expected finite timestamps, found NaN or infinity")
+    # A table from Windows may name files with their folder.
+    files = [table.parent / "frames" / Path(row[0].replace("\\", "/")).name for row in rows]
+    twice = next((file.name for file, other in itertools.pairwise(sorted(files)) if file == other), None)
+    if twice is not None:
+        raise InputError(f"{table}: expected each file once, found {twice} twice")
+    return files, times_s
 
 
 def _read_images(files: list[Path]) -> UInt8[np.ndarray, "n height width"]:
     images: list[np.ndarray] = []
     for file in files:
-        try:
-            with Image.open(file) as image:
-                pixels = np.asarray(
-                    image.convert("L") if image.mode in ("1", "P", "RGBA", "LA", "RGB") else image
-                )
-        except (OSError, UnidentifiedImageError) as failure:
-            raise InputError(f"{file}: expected a readable PNG image, found {failure}") from failure
-        images.append(as_grey(pixels[None], str(file))[0])
-        if images[-1].shape != images[0].shape:
+        images.append(decode_image(file, str(file)))
+        if images[-1].shape[:2] != images[0].shape[:2]:
             raise InputError(
                 f"{file}: expected the size of {files[0].name}, {images[0].shape[1]}x{images[0].shape[0]} pixels, "
                 f"found {images[-1].shape[1]}x{images[-1].shape[0]}"
             )
-    return np.stack(images) if images else np.zeros((0, 0, 0), dtype=np.uint8)
+    return grey_stack(images, str(files[0].parent)) if images else np.zeros((0, 0, 0), dtype=np.uint8)
 
 
 def _read_csv(path: Path, columns: tuple[str, ...]) -> list[list[str]]:
     """The named columns of a table, in that order, whatever their order in the file."""
     try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            table = csv.DictReader(stream, skipinitialspace=True)
-            header = [name.strip() for name in table.fieldnames or ()]
-            table.fieldnames = header
-            missing = [name for name in columns if name not in header]
-            if missing:
-                raise InputError(
-                    f"{path}: expected the columns {', '.join(columns)}, found {', '.join(header) or 'none'}"
-                )
-            return [[(row[name] or "").strip() for name in columns] for row in table]
-    except (OSError, UnicodeDecodeError) as failure:
+        lines = [row for row in csv.reader(io.StringIO(read_text(path)), skipinitialspace=True) if any(row)]
+    except csv.Error as failure:
         raise InputError(f"{path}: expected a readable table, found {failure}") from failure
+    header = [name.strip() for name in lines[0]] if lines else []
+    places = [place for place, name in enumerate(header) if name in columns]
+    if sorted(header[place] for place in places) != sorted(columns):
+        raise InputError(
+            f"{path}: expected the columns {', '.join(columns)}, found {', '.join(header) or 'none'}"
+        )
+    for number, row in enumerate(lines[1:], start=2):
+        # Numbers with decimal commas fall into twice as many fields, and would go to the wrong columns.
+        if len(row) < len(header) or any(entry.strip() for entry in row[len(header) :]):
+            raise InputError(
+                f"{path}: expected {len(header)} fields in every row, found {len(row)} in row {number}"
+            )
+    at = {header[place]: place for place in places}
+    return [[row[at[name]].strip() for name in columns] for row in lines[1:]]
 
 
 def _write_csv(path: Path, columns: tuple[str, ...], rows: list[list[str]]) -> None:

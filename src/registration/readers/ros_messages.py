@@ -1,32 +1,38 @@
-"""What ROS messages say in this project's terms: seconds, millimetres, 8-bit grey."""
+"""What ROS messages say in this project's terms: seconds, millimetres, pixels by their meaning."""
 
 from __future__ import annotations
 
-import io
+import sys
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64, UInt8
-from PIL import Image
+from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
 from registration import frames
 from registration.errors import InputError
-from registration.readers.streams import as_grey
+from registration.readers.image_files import decode_image
+from registration.readers.pose_values import MM_PER_UNIT, unit_quaternions
 
 # ROS lengths are metres (REP 103, Standard Units of Measure and Coordinate Conventions).
-MM_PER_METRE = 1000.0
-# Channels of the encodings in sensor_msgs/image_encodings.hpp, and which of them are red, green and blue.
-_ENCODINGS: dict[str, tuple[int, tuple[int, ...]]] = {
-    "mono8": (1, (0,)),
-    "8uc1": (1, (0,)),
-    "rgb8": (3, (0, 1, 2)),
-    "bgr8": (3, (2, 1, 0)),
-    "8uc3": (3, (2, 1, 0)),
-    "rgba8": (4, (0, 1, 2)),
-    "bgra8": (4, (2, 1, 0)),
+MM_PER_METRE = MM_PER_UNIT["m"]
+# Bytes and channels of the encodings in sensor_msgs/image_encodings.hpp, and which are red, green and blue.
+_ENCODINGS: dict[str, tuple[int, int, tuple[int, ...]]] = {
+    "mono8": (1, 1, (0,)),
+    "8uc1": (1, 1, (0,)),
+    "mono16": (2, 1, (0,)),
+    "16uc1": (2, 1, (0,)),
+    "rgb8": (1, 3, (0, 1, 2)),
+    "bgr8": (1, 3, (2, 1, 0)),
+    "8uc3": (1, 3, (2, 1, 0)),
+    "rgba8": (1, 4, (0, 1, 2)),
+    "bgra8": (1, 4, (2, 1, 0)),
+    "8uc4": (1, 4, (2, 1, 0)),
 }
-_QUATERNION_TOLERANCE = 1e-3
+
+
+class BrokenMessageError(InputError):
+    """One message holds no value; the others of its topic may."""
 
 
 def stamp_s(message: Any) -> float:
@@ -34,46 +40,54 @@ def stamp_s(message: Any) -> float:
     return float(message.header.stamp.sec) + float(message.header.stamp.nanosec) * 1e-9
 
 
-def grey_image(message: Any, name: str) -> UInt8[np.ndarray, "height width"]:
-    """The picture of a sensor_msgs Image or CompressedImage; ``name`` says whose, for messages."""
+def image_pixels(message: Any, name: str) -> np.ndarray:
+    """The picture of a sensor_msgs Image or CompressedImage; ``name`` says whose, for messages.
+
+    (h, w) uint8 or uint16, or (h, w, 3) uint8. Raises BrokenMessageError for a message whose bytes are no picture, and
+    InputError for an encoding that is not read.
+    """
     if hasattr(message, "format"):
         try:
-            with Image.open(io.BytesIO(bytes(message.data))) as picture:
-                return np.asarray(picture.convert("L"), dtype=np.uint8)
-        except OSError as failure:
-            raise InputError(
-                f"{name}: expected a JPEG or PNG picture, found {message.format!r} ({failure})"
-            ) from None
+            return decode_image(bytes(message.data), name)
+        except InputError as failure:
+            raise BrokenMessageError(f"{failure} (format {message.format!r})") from None
     encoding = str(message.encoding).lower()
     if encoding not in _ENCODINGS:
         raise InputError(
             f"{name}: expected an encoding of {', '.join(_ENCODINGS)}, found {message.encoding!r}"
         )
-    channels, order = _ENCODINGS[encoding]
+    size, channels, order = _ENCODINGS[encoding]
     height, width, step = int(message.height), int(message.width), int(message.step)
     data = np.asarray(message.data, dtype=np.uint8)
-    if step < width * channels or len(data) < height * step:
-        raise InputError(
-            f"{name}: expected {height} rows of at least {width * channels} bytes, "
-            f"found {len(data)} bytes in rows of {step}"
+    row = width * channels * size
+    if not row or not height or step < row or len(data) < height * step:
+        raise BrokenMessageError(
+            f"{name}: expected {height} rows of at least {row} bytes, found {len(data)} bytes in rows of {step}"
         )
-    rows = data[: height * step].reshape(height, step)[:, : width * channels]
-    pixels = rows.reshape(1, height, width, channels)[..., order]
-    return as_grey(pixels, name)[0]
+    rows = np.ascontiguousarray(data[: height * step].reshape(height, step)[:, :row])
+    if size > 1:
+        swapped = bool(message.is_bigendian) != (sys.byteorder == "big")
+        wide = rows.view(np.uint16)
+        return wide.byteswap() if swapped else wide
+    pixels = rows.reshape(height, width, channels)[..., order]
+    return pixels if len(order) > 1 else pixels[..., 0]
 
 
-def rigid_pose(message: Any, name: str) -> Float64[np.ndarray, "4 4"]:
-    """The transform in a PoseStamped (frame_id_T_body) or TransformStamped (frame_id_T_child), in mm."""
+def rigid_pose(message: Any, name: str, mm_per_unit: float = MM_PER_METRE) -> Float64[np.ndarray, "4 4"]:
+    """The transform in a PoseStamped (frame_id_T_body) or TransformStamped (frame_id_T_child), in mm.
+
+    Raises BrokenMessageError for a position that is not finite and a quaternion off length 1 by more than 1 %; others
+    are scaled to length 1.
+    """
     if hasattr(message, "pose"):
         place, turn = message.pose.position, message.pose.orientation
     else:
         place, turn = message.transform.translation, message.transform.rotation
     quaternion = np.array([turn.x, turn.y, turn.z, turn.w], dtype=np.float64)
-    position_mm = np.array([place.x, place.y, place.z], dtype=np.float64) * MM_PER_METRE
-    norm = float(np.linalg.norm(quaternion))
-    if not (abs(norm - 1) <= _QUATERNION_TOLERANCE and np.isfinite(position_mm).all()):
-        raise InputError(
+    position = np.array([place.x, place.y, place.z], dtype=np.float64)
+    if not (unit_quaternions(quaternion[None])[0] and np.isfinite(position).all()):
+        raise BrokenMessageError(
             f"{name}: expected a finite position and a unit quaternion, "
-            f"found {(position_mm / MM_PER_METRE).tolist()} m and length {norm:.4g}"
+            f"found {position.tolist()} and length {np.linalg.norm(quaternion):.4g}"
         )
-    return frames.from_rotation(Rotation.from_quat(quaternion), position_mm)
+    return frames.from_rotation(Rotation.from_quat(quaternion), position * mm_per_unit)

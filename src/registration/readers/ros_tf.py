@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,19 +17,35 @@ from registration.readers.transform_graph import TransformGraph
 class TransformTree:
     """Collects links as they are read; ``add`` one by one, then ask for ``poses``.
 
-    A link from child to parent is ``parent_T_child``. Static ones hold at all times.
+    A link from child to parent is ``parent_T_child``. Static ones hold at all times. ``broken`` counts the messages of
+    each link that held no transform.
     """
 
     moving: dict[tuple[str, str], list[tuple[float, np.ndarray]]] = field(default_factory=dict)
     static: dict[tuple[str, str], np.ndarray] = field(default_factory=dict)
+    broken: Counter[tuple[str, str]] = field(default_factory=Counter)
 
     def add(self, child: str, parent: str, time_s: float | None, parent_T_child: np.ndarray) -> None:
         """Add what one message says of a link; ``time_s`` is None for a static one."""
-        pair = (child.lstrip("/"), parent.lstrip("/"))
+        pair = _link(child, parent)
         if time_s is None:
             self.static[pair] = parent_T_child
         else:
             self.moving.setdefault(pair, []).append((time_s, parent_T_child))
+
+    def add_broken(self, child: str, parent: str) -> None:
+        """Count a message that held no transform for a link."""
+        self.broken[_link(child, parent)] += 1
+
+    def chain_links(self, world: str, ee: str, name: str) -> list[tuple[str, str]]:
+        """The links of the chain from ``ee`` to ``world``; InputError where it is not whole."""
+        known = [*self.moving, *self.static]
+        try:
+            return TransformGraph(dict.fromkeys(known, np.eye(4))).path(ee.lstrip("/"), world.lstrip("/"))
+        except InputError as failure:
+            lost = ", ".join(f"{pair[0]} to {pair[1]}" for pair in self.broken if pair not in known)
+            hint = f"; without a valid transform: {lost}" if lost else ""
+            raise InputError(f"{name}: {failure}{hint}") from failure
 
     def poses(
         self, world: str, ee: str, max_gap_s: float, name: str
@@ -39,10 +56,7 @@ class TransformTree:
         left out: they become gaps of the pose stream, which synchronisation sees. ``name`` is the bag's, for messages.
         """
         edges = {pair: matrix[-1][1] for pair, matrix in self.moving.items()} | self.static
-        try:
-            links = TransformGraph(edges).path(ee.lstrip("/"), world.lstrip("/"))
-        except InputError as failure:
-            raise InputError(f"{name}: {failure}") from failure
+        links = self.chain_links(world, ee, name)
         moving = [pair for pair in links if pair in self.moving and pair not in self.static]
         if not moving:
             raise InputError(
@@ -57,6 +71,10 @@ class TransformTree:
         return times_s, np.broadcast_to(
             chain.chain(ee.lstrip("/"), world.lstrip("/")), (len(times_s), 4, 4)
         ).copy()
+
+
+def _link(child: str, parent: str) -> tuple[str, str]:
+    return child.lstrip("/"), parent.lstrip("/")
 
 
 def _ordered(link: list[tuple[float, np.ndarray]], name: str) -> tuple[np.ndarray, np.ndarray]:

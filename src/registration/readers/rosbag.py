@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import sqlite3
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,10 +12,22 @@ import numpy as np
 
 from registration.errors import InputError
 from registration.readers.calibration_file import read_calibration
-from registration.readers.ros_messages import grey_image, rigid_pose, stamp_s
+from registration.readers.image_files import grey_stack
+from registration.readers.pose_values import MM_PER_UNIT, require_unit
+from registration.readers.ros_bags import (
+    NO_TIME,
+    TIMES,
+    UNREADABLE,
+    find_bag,
+    messages,
+    opened_bag,
+    topic_messages,
+    with_time,
+)
+from registration.readers.ros_messages import BrokenMessageError, image_pixels, rigid_pose, stamp_s
 from registration.readers.ros_tf import TransformTree
 from registration.readers.streams import distinct_times
-from registration.sweep import TrackedSweep
+from registration.sweep import POSE_DROPPED, TrackedSweep
 
 CALIBRATION_FILE = "calibration.yaml"
 IMAGE_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
@@ -26,14 +37,28 @@ TF_TYPES = ("tf2_msgs/msg/TFMessage",)
 
 @dataclass(frozen=True)
 class RosbagReader:
-    """Read a tracked sweep from a ROS 2 bag, whose lengths are metres and whose times are those of the headers.
+    """Read a tracked sweep from a ROS 2 bag. Messages that hold no value are left out and counted.
 
-    ``image_topic`` carries Image (mono8, rgb8, bgr8, rgba8, bgra8) or CompressedImage (JPEG, PNG). Poses come from
-    ``pose_topic`` (PoseStamped or TransformStamped), or, where that is None, from the chain ``world`` to ``ee`` of
-    ``tf_topics``; a topic that ends in ``_static`` holds at all times. ``calibration`` is a YAML or XML file; without
-    it, ``calibration.yaml`` in the bag's folder. ``out_of_order`` says what to do with headers whose times run
-    backwards: ``refuse``, or ``sort`` by them. ``tf_max_gap_s`` bounds the gap over which a link of the chain may be
-    interpolated.
+    Parameters
+    ----------
+    image_topic
+        Carries Image (mono8, mono16, rgb8, bgr8, rgba8, bgra8) or CompressedImage (JPEG, PNG).
+    pose_topic
+        Carries PoseStamped or TransformStamped. None: the chain from ``world`` to ``ee`` of ``tf_topics``.
+    world, ee
+        Names of frames: the ends of the tf2 chain, or what the poses' headers must say.
+    tf_topics
+        Topics of the chain's links; one that ends in ``_static`` holds at all times.
+    calibration
+        A YAML or XML file. None: ``calibration.yaml`` in the bag's folder.
+    out_of_order
+        What to do with times that run backwards: ``refuse``, or ``sort`` by them.
+    tf_max_gap_s
+        A link of the chain is interpolated over no longer gap.
+    times
+        ``header``, or ``recorded`` where the headers have no times.
+    units
+        Of positions: ``m`` or ``mm``. None: metres, as ROS has them, refused if they span what no sweep does.
     """
 
     image_topic: str
@@ -44,6 +69,8 @@ class RosbagReader:
     calibration: str | None = None
     out_of_order: str = "refuse"
     tf_max_gap_s: float = 0.1
+    times: str = "header"
+    units: str | None = None
 
     def __post_init__(self) -> None:
         if self.pose_topic is None and (self.world is None or self.ee is None):
@@ -52,55 +79,71 @@ class RosbagReader:
             raise InputError(f"out_of_order: expected refuse or sort, received {self.out_of_order!r}")
         if not self.tf_max_gap_s > 0:
             raise InputError(f"tf_max_gap_s: expected a number above 0, received {self.tf_max_gap_s!r}")
+        if self.times not in TIMES:
+            raise InputError(f"times: expected {' or '.join(TIMES)}, received {self.times!r}")
+        if self.units not in (None, *MM_PER_UNIT):
+            raise InputError(f"units: expected mm, m or none, received {self.units!r}")
 
     def __call__(self, path: Path) -> TrackedSweep:
         """Read the sweep. Raises InputError, naming the bag, for missing topics or types and unreadable messages."""
-        path = bag_folder(path)
-        calibration_path = Path(self.calibration) if self.calibration else path / CALIBRATION_FILE
-        calibration = read_calibration(calibration_path)
-        with _opened(path) as reader:
-            image_times_s, images = self._images(reader, path)
-            pose_times_s, world_T_ee = self._poses(reader, path)
+        path = find_bag(path)
+        folder = path if path.is_dir() else path.parent
+        calibration = read_calibration(
+            Path(self.calibration) if self.calibration else folder / CALIBRATION_FILE
+        )
+        dropped: Counter[str] = Counter()
+        with opened_bag(path) as reader:
+            image_times_s, images = self._images(reader, path, dropped)
+            pose_times_s, world_T_ee = self._poses(reader, path, dropped)
+        if self.units is None:
+            setting = "set acquisition=ros2 acquisition.units=mm, or =m to take them as they are"
+            require_unit(world_T_ee[:, :3, 3], "m", str(path), setting)
         order = np.argsort(image_times_s, kind="stable")
         if self.out_of_order == "refuse" and (np.diff(image_times_s) < 0).any():
             raise InputError(
                 f"{path}: expected images of {self.image_topic} in the order of their header times, "
                 f"found times that run backwards (out_of_order=sort accepts them)"
             )
-        return TrackedSweep(images[order], image_times_s[order], world_T_ee, pose_times_s, calibration)
+        return TrackedSweep(
+            images[order], image_times_s[order], world_T_ee, pose_times_s, calibration, dict(dropped)
+        )
 
-    def _images(self, reader: Any, path: Path) -> tuple[np.ndarray, np.ndarray]:
-        times: list[float] = []
-        images: list[np.ndarray] = []
-        for _, message in _messages(reader, self.image_topic, IMAGE_TYPES, path):
-            name = f"{path}: {self.image_topic} message {len(images)}"
-            times.append(stamp_s(message))
-            images.append(grey_image(message, name))
-            if images[-1].shape != images[0].shape:
-                raise InputError(
-                    f"{name}: expected the first image's size {images[0].shape}, found {images[-1].shape}"
-                )
-        if not images:
-            raise InputError(f"{path}: expected images on {self.image_topic}, found none")
-        return np.array(times, dtype=np.float64), np.stack(images)
+    def _images(self, reader: Any, path: Path, dropped: Counter[str]) -> tuple[np.ndarray, np.ndarray]:
+        sizes: list[tuple[int, ...]] = []
 
-    def _poses(self, reader: Any, path: Path) -> tuple[np.ndarray, np.ndarray]:
+        def pixels(message: Any, name: str) -> np.ndarray:
+            found = image_pixels(message, name)
+            sizes.append(found.shape[:2])
+            if sizes[-1] != sizes[0]:
+                raise InputError(f"{name}: expected the first image's size {sizes[0]}, found {sizes[-1]}")
+            return found
+
+        name = f"{path}: {self.image_topic}"
+        read = messages(reader, self.image_topic, IMAGE_TYPES, path)
+        found = topic_messages(read, pixels, self.times, name)
+        dropped.update({f"image: {reason}": count for reason, count in found.dropped.items()})
+        return found.times_s, grey_stack(found.values, name)
+
+    def _poses(self, reader: Any, path: Path, dropped: Counter[str]) -> tuple[np.ndarray, np.ndarray]:
         if self.pose_topic is None:
-            return self._tf_poses(reader, path)
-        times: list[float] = []
-        poses: list[np.ndarray] = []
-        for _, message in _messages(reader, self.pose_topic, POSE_TYPES, path):
-            name = f"{path}: {self.pose_topic} message {len(poses)}"
+            return self._tf_poses(reader, path, dropped)
+
+        def pose(message: Any, name: str) -> np.ndarray:
             self._check_frames(message, name)
-            times.append(stamp_s(message))
-            poses.append(rigid_pose(message, name))
-        if not poses:
-            raise InputError(f"{path}: expected poses on {self.pose_topic}, found none")
-        times_s, world_T_ee = np.array(times, dtype=np.float64), np.stack(poses)
+            return rigid_pose(message, name, self._mm_per_unit)
+
+        name = f"{path}: {self.pose_topic}"
+        found = topic_messages(messages(reader, self.pose_topic, POSE_TYPES, path), pose, self.times, name)
+        dropped.update({POSE_DROPPED + reason: count for reason, count in found.dropped.items()})
+        times_s, world_T_ee = found.times_s, np.stack(found.values)
         if self.out_of_order == "sort":
             order = np.argsort(times_s, kind="stable")
             times_s, world_T_ee = times_s[order], world_T_ee[order]
-        return distinct_times(times_s, world_T_ee, f"{path}: {self.pose_topic}")
+        return distinct_times(times_s, world_T_ee, name)
+
+    @property
+    def _mm_per_unit(self) -> float:
+        return MM_PER_UNIT[self.units or "m"]
 
     def _check_frames(self, message: Any, name: str) -> None:
         """A pose of another body, or in another frame, than the settings say is refused."""
@@ -109,55 +152,43 @@ class RosbagReader:
             if wanted and said[key] and said[key].lstrip("/") != wanted.lstrip("/"):
                 raise InputError(f"{name}: expected {key} {wanted!r}, found frame {said[key]!r}")
 
-    def _tf_poses(self, reader: Any, path: Path) -> tuple[np.ndarray, np.ndarray]:
+    def _tf_poses(self, reader: Any, path: Path, dropped: Counter[str]) -> tuple[np.ndarray, np.ndarray]:
         assert self.world is not None and self.ee is not None
         tree = TransformTree()
         present = {connection.topic for connection in reader.connections}
         for topic in (topic for topic in self.tf_topics if topic in present):
-            for _, message in _messages(reader, topic, TF_TYPES, path):
-                for link in message.transforms:
-                    time_s = None if topic.endswith("_static") else stamp_s(link)
-                    parent_T_child = rigid_pose(link, f"{path}: {topic} {link.child_frame_id}")
-                    tree.add(link.child_frame_id, link.header.frame_id, time_s, parent_T_child)
-        if self.out_of_order == "sort":
-            for stream in tree.moving.values():
-                stream.sort(key=lambda entry: entry[0])
+            static = topic.endswith("_static")
+            for time_ns, message in messages(reader, topic, TF_TYPES, path):
+                if message is None:
+                    dropped[f"{POSE_DROPPED}{topic}: {UNREADABLE}"] += 1
+                else:
+                    self._add_links(tree, message.transforms, None if static else time_ns * 1e-9)
+        self._finish_chain(tree, path, dropped)
         return tree.poses(self.world, self.ee, self.tf_max_gap_s, str(path))
 
+    def _add_links(self, tree: TransformTree, links: Iterable[Any], recorded_s: float | None) -> None:
+        """Add the links of one message; ``recorded_s`` is None for static ones."""
+        for link in links:
+            child, parent = link.child_frame_id, link.header.frame_id
+            time_s = recorded_s if recorded_s is None or self.times == "recorded" else stamp_s(link)
+            try:
+                tree.add(child, parent, time_s, rigid_pose(link, child, self._mm_per_unit))
+            except BrokenMessageError:
+                tree.add_broken(child, parent)
 
-def bag_folder(path: Path) -> Path:
-    """The folder of a bag, given it or the ``.db3`` or ``.mcap`` file in it."""
-    folder = path.parent if path.suffix in (".db3", ".mcap") else path
-    if not (folder / "metadata.yaml").is_file():
-        raise InputError(f"{path}: expected a ROS 2 bag (a folder with metadata.yaml), found none")
-    return folder
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    """An open reader of the bag; whatever it stumbles over becomes one sentence that names the bag."""
-    from rosbags.highlevel import AnyReader, AnyReaderError
-    from rosbags.rosbag2 import ReaderError
-    from rosbags.serde import SerdeError
-    from rosbags.typesys import Stores, get_typestore
-
-    try:
-        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-            yield reader
-    except (AnyReaderError, ReaderError, SerdeError, sqlite3.Error, OSError, EOFError) as failure:
-        raise InputError(
-            f"{path}: expected a readable ROS 2 bag, found a broken one ({failure})"
-        ) from failure
-
-
-def _messages(reader: Any, topic: str, types: tuple[str, ...], path: Path) -> Iterator[tuple[int, Any]]:
-    """The decoded messages of a topic in the order in which they were recorded."""
-    connections = [connection for connection in reader.connections if connection.topic == topic]
-    if not connections:
-        known = ", ".join(f"{connection.topic} ({connection.msgtype})" for connection in reader.connections)
-        raise InputError(f"{path}: expected the topic {topic}, found {known or 'no topic'}")
-    for connection in connections:
-        if connection.msgtype not in types:
-            raise InputError(f"{path}: expected {' or '.join(types)} on {topic}, found {connection.msgtype}")
-    for connection, time_ns, raw in reader.messages(connections=connections):
-        yield time_ns, reader.deserialize(raw, connection.msgtype)
+    def _finish_chain(self, tree: TransformTree, path: Path, dropped: Counter[str]) -> None:
+        """Leave out what has no time, sort if asked to, and count what was left out, for the links of the chain."""
+        for pair in tree.chain_links(str(self.world), str(self.ee), str(path)):
+            name = f"{pair[0]} to {pair[1]}"
+            if tree.broken[pair]:
+                dropped[f"{POSE_DROPPED}{name} without a valid transform"] += tree.broken[pair]
+            stream = tree.moving.get(pair)
+            if stream is None:
+                continue
+            if self.times == "header":
+                keep = with_time(np.array([time_s for time_s, _ in stream]), f"{path}: {name}")
+                if not keep.all():
+                    dropped[f"{POSE_DROPPED}{name}: {NO_TIME}"] += int((~keep).sum())
+                    tree.moving[pair] = stream = [one for one, kept in zip(stream, keep, strict=True) if kept]
+            if self.out_of_order == "sort":
+                stream.sort(key=lambda entry: entry[0])

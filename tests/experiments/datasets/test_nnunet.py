@@ -51,6 +51,12 @@ def test_reads_training_and_test_cases(tmp_path, ending: str) -> None:
     assert outside_groups(NnUNet(str(root), cache=None)) == {"selection_groups": (), "test_groups": ("t",)}
 
 
+def test_a_description_with_a_byte_order_mark_is_read(tmp_path) -> None:
+    file = write_set(tmp_path / "set") / "dataset.json"
+    file.write_bytes(file.read_text().encode("utf-8-sig"))
+    assert len(frames_of(tmp_path / "set").images) == 4
+
+
 def test_the_target_is_a_label_or_a_region(tmp_path) -> None:
     root = write_set(tmp_path / "set")
     assert int(frames_of(root, target="nerve").masks[0].sum()) == 3

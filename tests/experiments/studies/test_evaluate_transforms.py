@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import SimpleITK
 from benchmark_cases import off_by, written_cases
 
 from experiments.errors import InputError
@@ -20,7 +21,7 @@ from experiments.studies.evaluate_transforms import (
 )
 from registration.centerline_io import write_centerline
 from registration.geometry import Centerline, Polyline
-from registration.transform_files import write_transform
+from registration.transform_files import read_transform, write_transform
 
 NAMES = {"tube_a": ("a", "whole"), "tube_b": ("b", "whole"), "tube_c": ("c", "piece80")}
 
@@ -66,6 +67,20 @@ def test_one_file_goes_with_one_truth_whatever_their_names(subset: Path) -> None
     truth = subset / "subset" / "truth" / "tube_b.json"
     pairs = pair_transforms(subset / "answers" / "tube_b.h5", truth, None)
     (row,) = transform_rows(pairs, Silent())
+    assert row["tre_mm"] == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("suffix", [".mat", ".txt"])
+def test_transforms_of_other_programs_are_scored_in_their_direction(subset: Path, suffix: str) -> None:
+    """A .mat of ITK maps fixed to moving, four rows of text are fixed_T_moving itself."""
+    pose = read_transform(subset / "answers" / "tube_b.h5")
+    if suffix == ".txt":
+        np.savetxt(subset / f"pose{suffix}", pose)
+    else:
+        itk = SimpleITK.ReadTransform(str(subset / "answers" / "tube_b.h5"))
+        SimpleITK.WriteTransform(itk, str(subset / f"pose{suffix}"))
+    truth = subset / "subset" / "truth" / "tube_b.json"
+    (row,) = transform_rows(pair_transforms(subset / f"pose{suffix}", truth, None), Silent())
     assert row["tre_mm"] == pytest.approx(5.0)
 
 

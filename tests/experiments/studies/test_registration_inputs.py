@@ -107,6 +107,8 @@ def test_poses_are_read_from_every_format_under_the_name_of_their_setting(tmp_pa
     pose = frames.translation((3.0, -2.0, 1.0))
     write_transform(tmp_path / "pose.tfm", pose)
     np.testing.assert_allclose(read_pose(tmp_path / "pose.tfm", "initial"), pose)
+    np.savetxt(tmp_path / "pose.txt", pose)
+    np.testing.assert_allclose(read_pose(tmp_path / "pose.txt", "initial"), pose)
     with pytest.raises(InputError, match=r"^initial: .*none\.h5: expected a file"):
         read_pose(tmp_path / "none.h5", "initial")
 

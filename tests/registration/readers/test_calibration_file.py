@@ -28,9 +28,34 @@ def test_result_of_plus_is_read_as_it_is(real_data: Path) -> None:
     np.testing.assert_array_equal(found.ee_T_probe, np.eye(4))
 
 
+def test_a_third_column_of_zeros_is_completed(tmp_path: Path) -> None:
+    """Right-handed, normal to the image, as long as the mean step of a pixel; pixels stay where they were."""
+    path = tmp_path / "probe.yaml"
+    path.write_bytes("probe_A_pixel: [[0, -0.2, 0, 1], [0.1, 0, 0, 2], [0, 0, 0, 3]]\n".encode("utf-8-sig"))
+    found = read_calibration(path).probe_A_pixel
+    np.testing.assert_allclose(
+        found, [[0, -0.2, 0, 1], [0.1, 0, 0, 2], [0, 0, 0.15, 3], [0, 0, 0, 1]], atol=1e-12
+    )
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
+        (
+            "probe_A_pixel: [[0.1,0.1,0,0],[0.2,0.2,0,0],[0,0,0,0]]\n",
+            "two independent directions, received parallel",
+        ),
+        (
+            "probe_A_pixel: [0.1, 0, 0, 0, 0, 0.1, 0, 0, 0, 0, 0.1, 0]\n",
+            r"found shape \(12,\)",
+        ),
+        (
+            "probe_A_pixel: [[0.1, 0, 0], [0, 0.1, 0], [0, 0, 1]]\n",
+            r"four rows of four numbers, found shape \(3, 3\)",
+        ),
+        ("probe_A_pixel: [[0.1,0,0,0],[0,0.1,0,0],[0,0,.nan,0]]\n", "expected probe_A_pixel as four rows"),
+        ("probe_A_pixel: [[0.1,0,0,0],[0,0.1,0,0],[0,0,0,0],[1,2,3,1]]\n", "expected last row 0 0 0 1"),
+        ("probe_A_pixel: null\n", "expected probe_A_pixel as four rows"),
         ("ee_T_probe: []\n", "expected the key probe_A_pixel, found ee_T_probe"),
         ("probe_A_pixel: [[1, 2], [3]]\n", "expected probe_A_pixel as four rows of four numbers"),
         ("probe_A_pixel: [[1, 2], [3, 4]]\n", r"expected probe_A_pixel as four rows .* found shape \(2, 2\)"),

@@ -28,6 +28,16 @@ def test_result_folder_stands_for_the_sweep_in_it(tmp_path: Path) -> None:
     assert_same_sweep(AutoReader()(tmp_path / "out"), known_sweep())
 
 
+def test_a_bag_without_metadata_is_one_unless_the_folder_is_a_sweep(tmp_path: Path) -> None:
+    write_bag(tmp_path / "bag", known_sweep())
+    (tmp_path / "bag" / "metadata.yaml").unlink()
+    assert_same_sweep(AutoReader()(tmp_path / "bag"), known_sweep())
+    write_folder(tmp_path / "folder", known_sweep(frame_count=3))
+    file = next((tmp_path / "bag").glob("*.mcap"))
+    (tmp_path / "folder" / "raw.mcap").write_bytes(file.read_bytes())
+    assert len(AutoReader()(tmp_path / "folder").images) == 3
+
+
 @pytest.mark.parametrize(("name", "found"), [("empty", "none of them"), ("absent", "nothing")])
 def test_anything_else_is_refused(tmp_path: Path, name: str, found: str) -> None:
     (tmp_path / "empty").mkdir()

@@ -10,7 +10,7 @@ from PIL import Image
 from sweeps import assert_same_sweep, known_sweep
 
 from registration.errors import InputError
-from registration.readers.folder import FolderReader, frame_names, write_folder
+from registration.readers.folder import UNLISTED, FolderReader, frame_names, write_folder
 
 
 @pytest.fixture
@@ -152,6 +152,21 @@ def test_calibration_in_metres_is_refused(tmp_path: Path) -> None:
         FolderReader()(minimal(tmp_path / "lab", settings, POSES))
 
 
+@pytest.mark.parametrize(
+    "settings, message",
+    [
+        (
+            "units: m\nee_T_probe: 5\n",
+            r"sweep\.yaml: expected ee_T_probe as four rows of four numbers, found shape",
+        ),
+        ("units: [m]\n", r"sweep\.yaml: expected units mm or m, found \['m'\]"),
+    ],
+)
+def test_settings_of_another_shape_are_refused(tmp_path: Path, settings: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        FolderReader()(minimal(tmp_path / "lab", CALIBRATION_YAML + settings, POSES))
+
+
 def test_left_handed_probe_is_refused(tmp_path: Path) -> None:
     settings = CALIBRATION_YAML + "ee_T_probe: [[-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]\n"
     with pytest.raises(InputError, match=r"sweep\.yaml: ee_T_probe: expected a right-handed rotation"):
@@ -181,6 +196,105 @@ def test_frames_without_times_are_refused(tmp_path: Path) -> None:
 def test_missing_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"absent: expected a folder with frames/"):
         FolderReader()(tmp_path / "absent")
+
+
+@pytest.mark.parametrize("suffix", [".png", ".PNG", ".bmp", ".tif"])
+def test_frames_get_the_poses_of_their_numbers(tmp_path: Path, suffix: str) -> None:
+    """24 frames without leading zeros: frame 10 gets the tenth pose and not the third."""
+    path = minimal(tmp_path / "lab", CALIBRATION_YAML, "", frame_count=0)
+    rows = [f"{index},{100 + 5 * index},20,-30,0,0,0,1" for index in range(24)]
+    (path / "poses.csv").write_text("\n".join([POSES.splitlines()[0], *rows]) + "\n")
+    for index in range(24):
+        Image.fromarray(np.full((4, 5), 10 * index, np.uint8)).save(
+            path / "frames" / f"frame_{index}{suffix}"
+        )
+    (path / "frames" / f"._frame_3{suffix}").write_bytes(b"of the system's own")
+    (path / "frames" / ".DS_Store").write_bytes(b"of the system's own")
+    sweep = FolderReader()(path)
+    assert sweep.images[:, 0, 0].tolist() == [10 * index for index in range(24)]
+    np.testing.assert_array_equal(sweep.image_times_s, np.arange(24))
+    assert frame_names(path) == tuple(f"frame_{index}" for index in range(24))
+
+
+def test_mixed_padding_is_refused(tmp_path: Path) -> None:
+    path = minimal(tmp_path / "lab", CALIBRATION_YAML, POSES)
+    (path / "frames" / "f0.png").rename(path / "frames" / "f001.png")
+    with pytest.raises(
+        InputError, match="frames: expected names that differ in more than zeros and case, found f001"
+    ):
+        FolderReader()(path)
+
+
+def test_frames_of_another_kind_are_not_a_sweep_without_frames(tmp_path: Path) -> None:
+    path = minimal(tmp_path / "lab", CALIBRATION_YAML + "frame_rate_hz: 4\n", POSES, frame_count=0)
+    (path / "frames" / "f0.dcm").write_bytes(b"")
+    with pytest.raises(InputError, match=r"frames: expected pictures \(.*found f0\.dcm"):
+        FolderReader()(path)
+
+
+def test_images_that_the_table_does_not_name_are_counted(folder: Path) -> None:
+    rows = (folder / "frames.csv").read_text().splitlines()
+    (folder / "frames.csv").write_text("\n".join([*rows[:3], *rows[4:]]) + "\n")
+    assert FolderReader()(folder).dropped == {UNLISTED: 1}
+    (folder / "frames.csv").write_text("\n".join([*rows, rows[1]]) + "\n")
+    with pytest.raises(InputError, match=r"frames\.csv: expected each file once, found 000000\.png twice"):
+        FolderReader()(folder)
+
+
+def test_frames_named_by_windows_with_their_folder(folder: Path) -> None:
+    rows = (folder / "frames.csv").read_text().splitlines()
+    (folder / "frames.csv").write_text("\n".join([rows[0], *(f"frames\\{row}" for row in rows[1:])]) + "\n")
+    assert_same_sweep(FolderReader()(folder), known_sweep())
+
+
+@pytest.mark.parametrize(
+    "line, message",
+    [
+        ("0,5,100,0,20,0,-30,0,0,0,0,0,0,0,1,0", "expected 8 fields in every row, found 16 in row 2"),
+        ("0.5,100,20,-30,0,0,0", "expected 8 fields in every row, found 7 in row 2"),
+        ("0.5,1_00,20,-30,0,0,0,1", "expected numbers, found .*1_00"),
+    ],
+)
+def test_rows_that_would_go_to_the_wrong_columns_are_refused(tmp_path: Path, line: str, message: str) -> None:
+    path = minimal(tmp_path / "lab", CALIBRATION_YAML, "\n".join([POSES.splitlines()[0], line]) + "\n", 1)
+    with pytest.raises(InputError, match=message):
+        FolderReader()(path)
+
+
+def test_a_column_given_twice_is_refused(tmp_path: Path) -> None:
+    poses = "tx," + POSES.replace("0.5,100", "0,0.5,100").replace("1.5,110", "0,1.5,110")
+    with pytest.raises(InputError, match=r"expected the columns timestamp_s, .* found tx, timestamp_s, tx"):
+        FolderReader()(minimal(tmp_path / "lab", CALIBRATION_YAML, poses))
+
+
+def test_byte_order_marks_and_trailing_commas(tmp_path: Path) -> None:
+    path = minimal(tmp_path / "lab", "\ufeff" + CALIBRATION_YAML, "\ufeff" + POSES.replace("\n", ",\n"))
+    np.testing.assert_allclose(FolderReader()(path).world_T_ee[1, :3, 3], [110, 20, -30])
+
+
+def test_quaternions_slightly_off_unit_length_are_scaled(tmp_path: Path) -> None:
+    poses = POSES.replace("0,0,0,1\n", "0,0,0,1.003\n")
+    sweep = FolderReader()(minimal(tmp_path / "lab", CALIBRATION_YAML, poses))
+    np.testing.assert_allclose(sweep.world_T_ee[0, :3, :3], np.eye(3), atol=1e-12)
+
+
+@pytest.mark.parametrize("origin", [0.0, 40.0])
+def test_metres_far_from_the_origin_are_refused(tmp_path: Path, origin: float) -> None:
+    poses = POSES.replace("100,20,-30", f"{origin + 0.4},0.02,-0.03").replace(
+        "110,20,-30", f"{origin + 0.5},0.02,0"
+    )
+    with pytest.raises(InputError, match=r"poses\.csv: expected positions in mm, .*say units: m"):
+        FolderReader()(minimal(tmp_path / "lab", CALIBRATION_YAML, poses))
+    sweep = FolderReader()(minimal(tmp_path / "said", CALIBRATION_YAML + "units: m\n", poses))
+    np.testing.assert_allclose(np.ptp(sweep.world_T_ee[:, 0, 3]), 100)
+
+
+def test_a_lever_in_metres_is_refused(tmp_path: Path) -> None:
+    settings = CALIBRATION_YAML + "ee_T_probe: [[1, 0, 0, 0.07], [0, 1, 0, 0], [0, 0, 1, -0.01]]\n"
+    with pytest.raises(
+        InputError, match=r"sweep\.yaml: expected ee_T_probe in millimetres, found a lever of 0\.0707"
+    ):
+        FolderReader()(minimal(tmp_path / "lab", settings, POSES))
 
 
 def test_writing_does_not_touch_a_folder_with_content(folder: Path) -> None:

@@ -240,7 +240,7 @@ def test_missing_poses_drop_frames_and_are_counted(bag: Callable[..., Path]) -> 
             [image(0.0), image(0.1, PICTURE[:4]), pose(0.0)],
             r"message 1: expected the first image's size \(6, 9\)",
         ),
-        ([image(0.0, PICTURE, "16UC1"), pose(0.0)], "message 0: expected an encoding of mono8"),
+        ([image(0.0, PICTURE, "bayer_rggb8"), pose(0.0)], "message 0: expected an encoding of mono8"),
     ],
 )
 def test_unfitting_bags_are_refused(bag: Callable[..., Path], messages: list[Message], message: str) -> None:
@@ -254,12 +254,184 @@ def test_pose_in_another_frame_is_refused(bag: Callable[..., Path]) -> None:
         RosbagReader("/us/image", "/robot/ee_pose", world="world")(path)
 
 
-def test_quaternion_that_is_none_is_refused(bag: Callable[..., Path]) -> None:
-    broken = pose(0.0)
-    broken[3].pose.orientation.w = 0.0
-    broken[3].pose.orientation.x = 0.0
-    with pytest.raises(InputError, match="message 0: expected a finite position and a unit quaternion"):
-        READER(bag(image(0.0), broken, pose(1.0)))
+def broken_pose(time_s: float, length: float = 0.0) -> Message:
+    message = pose(time_s)
+    for axis in "xyzw":
+        setattr(message[3].pose.orientation, axis, length * getattr(message[3].pose.orientation, axis))
+    return message
+
+
+def test_poses_without_a_rotation_are_left_out_and_counted(bag: Callable[..., Path]) -> None:
+    times = np.arange(0.0, 1.01, 0.1)
+    poses = [broken_pose(t) if index in (0, 4) else broken_pose(t, 1.003) for index, t in enumerate(times)]
+    sweep = READER(bag(image(0.35), image(0.4), *poses))
+    kept = np.delete(times, [0, 4])
+    np.testing.assert_allclose(sweep.world_T_ee, world_T_ee(kept), atol=1e-9)
+    assert sweep.dropped == {"pose: message without a valid value": 2}
+    assert sweep.frames_dropped == 0
+    # The frame at the pose that was left out is in a gap.
+    assert synchronise(sweep, max_gap_s=0.15).kept.tolist() == []
+
+
+def test_only_broken_poses_are_refused(bag: Callable[..., Path]) -> None:
+    path = bag(image(0.0), broken_pose(0.0), broken_pose(1.0, 1.02))
+    expected = (
+        "ee_pose: expected valid messages, found 2 broken ones: .*message 0: expected a finite position"
+    )
+    with pytest.raises(InputError, match=expected):
+        READER(path)
+
+
+def test_broken_pictures_are_left_out_and_counted(bag: Callable[..., Path]) -> None:
+    cut = compressed(0.2, "png")
+    cut[3].data = cut[3].data[:40]
+    sweep = READER(bag(compressed(0.1, "png"), cut, compressed(0.3, "png"), pose(0.0), pose(1.0)))
+    np.testing.assert_allclose(sweep.image_times_s, [0.1, 0.3])
+    assert sweep.dropped == {"image: message without a valid value": 1}
+    assert sweep.frames_dropped == 1
+
+
+def test_broken_links_of_the_chain_are_counted_and_others_do_not_matter(bag: Callable[..., Path]) -> None:
+    times = np.arange(0.0, 1.01, 0.1)
+    hand = []
+    for index, time_s in enumerate(times):
+        link = transform(time_s, world_T_ee(np.array([time_s]))[0], "world", "ee")
+        if index == 3:
+            link.transform.rotation.w = float("nan")
+        gripper = transform(time_s, np.eye(4), "ee", "gripper")
+        gripper.transform.rotation.w = 0.0
+        hand.append(tf(time_s, gripper, link))
+    static = transform(0.0, np.eye(4), "world", "table")
+    static.transform.translation.x = float("inf")
+    path = bag(image(0.5), tf(0.0, static, topic="/tf_static"), *hand)
+    sweep = RosbagReader("/us/image", world="world", ee="ee", tf_max_gap_s=0.15)(path)
+    kept = np.delete(times, 3)
+    np.testing.assert_allclose(sweep.world_T_ee, world_T_ee(kept), atol=1e-9)
+    assert sweep.dropped == {"pose: ee to world without a valid transform": 1}
+    with pytest.raises(InputError, match=r"gripper.*; without a valid transform: .*gripper to ee"):
+        RosbagReader("/us/image", world="world", ee="gripper")(path)
+
+
+@pytest.mark.parametrize("plugin", ["SQLITE3", "MCAP"])
+@pytest.mark.parametrize("given", ["file", "folder"])
+def test_a_bag_without_metadata(bag: Callable[..., Path], plugin: str, given: str) -> None:
+    folder = bag(image(0.5), pose(0.4), pose(0.6), plugin=plugin)
+    (folder / "metadata.yaml").unlink()
+    file = next(path for path in folder.iterdir() if path.suffix in (".db3", ".mcap"))
+    (folder / f"._{file.name}").write_bytes(b"of the system's own")
+    sweep = READER(file if given == "file" else folder)
+    np.testing.assert_allclose(sweep.world_T_ee, world_T_ee(np.array([0.4, 0.6])), atol=1e-9)
+    np.testing.assert_array_equal(sweep.images[0], PICTURE)
+
+
+def test_a_file_that_the_metadata_beside_it_does_not_name_is_read_alone(bag: Callable[..., Path]) -> None:
+    folder = bag(image(0.5), pose(0.4), pose(0.6), plugin="MCAP")
+    own = folder / "other.mcap"
+    own.write_bytes(next(folder.glob("bag*.mcap")).read_bytes())
+    next(folder.glob("bag*.mcap")).unlink()
+    assert len(READER(own).images) == 1
+
+
+def test_several_files_without_metadata_are_refused(bag: Callable[..., Path]) -> None:
+    folder = bag(image(0.5), pose(0.4), pose(0.6), plugin="MCAP")
+    (folder / "metadata.yaml").unlink()
+    (folder / "second.mcap").write_bytes(b"")
+    with pytest.raises(InputError, match=r"expected a ROS 2 bag .*, found 2 files of bags without it"):
+        READER(folder)
+
+
+def unstamped(*messages: Message) -> list[Message]:
+    for _, name, _, message in messages:
+        for one in message.transforms if name.endswith("TFMessage") else [message]:
+            one.header.stamp.sec = one.header.stamp.nanosec = 0
+    return list(messages)
+
+
+def test_headers_without_times(bag: Callable[..., Path]) -> None:
+    """Messages are recorded a microsecond apart by the fixture."""
+    path = bag(*unstamped(pose(0.0), image(0.1), pose(0.2), image(0.3), pose(0.4)))
+    with pytest.raises(InputError, match=r"/us/image: expected times .*, found 0 in all 2 .*times=recorded"):
+        READER(path)
+    sweep = RosbagReader("/us/image", "/robot/ee_pose", times="recorded")(path)
+    np.testing.assert_allclose(sweep.image_times_s, [1e-6, 3e-6])
+    np.testing.assert_allclose(sweep.pose_times_s, [0, 2e-6, 4e-6])
+
+
+def test_poses_alone_without_times_are_refused(bag: Callable[..., Path]) -> None:
+    with pytest.raises(InputError, match=r"ee_pose: expected times in the headers, found 0 in all 2"):
+        READER(bag(image(0.1), *unstamped(pose(0.0), pose(0.2))))
+
+
+def test_tf_without_times(bag: Callable[..., Path]) -> None:
+    links = [tf(t, transform(t, world_T_ee(np.array([t]))[0], "world", "ee")) for t in (0.0, 0.1, 0.2)]
+    path = bag(*unstamped(links[0], image(0.1), links[1], links[2]))
+    chain = RosbagReader("/us/image", world="world", ee="ee")
+    with pytest.raises(InputError, match="ee to world: expected times in the headers, found 0 in all 3"):
+        chain(path)
+    sweep = replace(chain, times="recorded")(path)
+    np.testing.assert_allclose(sweep.pose_times_s, [0, 2e-6, 3e-6])
+
+
+def test_first_messages_without_a_time_are_left_out(bag: Callable[..., Path]) -> None:
+    start = 1.7e9
+    poses = [pose(start + t) for t in (0.0, 0.1, 0.2)]
+    path = bag(*unstamped(pose(0.5), image(0.5)), image(start + 0.1), *poses)
+    sweep = READER(path)
+    assert len(sweep.pose_times_s) == 3
+    assert sweep.image_times_s.tolist() == [start + 0.1]
+    assert sweep.dropped == {
+        "image: message without a header time": 1,
+        "pose: message without a header time": 1,
+    }
+
+
+def test_a_clock_that_began_at_0_is_one(bag: Callable[..., Path]) -> None:
+    assert READER(bag(image(0.0), image(0.5), pose(0.0), pose(1.0))).image_times_s.tolist() == [0.0, 0.5]
+
+
+def in_millimetres(message: Message) -> Message:
+    for axis in "xyz":
+        place = message[3].pose.position
+        setattr(place, axis, 1000 * getattr(place, axis))
+    return message
+
+
+def test_millimetres_are_refused_unless_they_are_said(bag: Callable[..., Path]) -> None:
+    times = np.arange(0.0, 2.0, 0.1)
+    path = bag(image(0.5), *(in_millimetres(pose(t)) for t in times))
+    with pytest.raises(InputError, match=r"bag: expected positions in m that span at most 3 m, .*units=mm"):
+        READER(path)
+    sweep = RosbagReader("/us/image", "/robot/ee_pose", units="mm")(path)
+    np.testing.assert_allclose(sweep.world_T_ee, world_T_ee(times), atol=1e-9)
+    far = RosbagReader("/us/image", "/robot/ee_pose", units="m")(path)
+    np.testing.assert_allclose(far.world_T_ee[:, :3, 3], 1000 * world_T_ee(times)[:, :3, 3])
+
+
+@pytest.mark.parametrize("kind", ["mono16", "png"])
+def test_16_bits_are_scaled_from_full_scale(bag: Callable[..., Path], kind: str) -> None:
+    wide = PICTURE.astype(np.uint16) * 257
+    wide[0, 0] = 65535
+    if kind == "mono16":
+        message = image(0.1, wide.view(np.uint8).reshape(6, -1), "mono16", padding=4)
+        message[3].width = 9
+    else:
+        stream = io.BytesIO()
+        Image.fromarray(wide).save(stream, "png")
+        message = compressed(0.2, "png")
+        message[3].data = np.frombuffer(stream.getvalue(), np.uint8)
+    expected = PICTURE.copy()
+    expected[0, 0] = 255
+    np.testing.assert_array_equal(READER(bag(message, pose(0.0), pose(1.0))).images, [expected])
+
+
+def test_12_bits_in_16_are_refused(bag: Callable[..., Path]) -> None:
+    wide = PICTURE.astype(np.uint16) * 16
+    raw = image(0.1, wide.view(np.uint8).reshape(6, -1), "mono16")
+    raw[3].width = 9
+    with pytest.raises(
+        InputError, match=r"/us/image: expected pixels of 8 bits, or of 16 bits that use their full"
+    ):
+        READER(bag(raw, pose(0.0), pose(1.0)))
 
 
 @pytest.mark.parametrize("storage", ["sqlite3", "mcap"])
@@ -287,6 +459,8 @@ def test_what_is_no_bag_and_what_lacks_calibration_is_refused(tmp_path: Path) ->
         ({"image_topic": "/i", "world": "w"}, "pose_topic"),
         ({"image_topic": "/i", "pose_topic": "/p", "out_of_order": "guess"}, "out_of_order"),
         ({"image_topic": "/i", "pose_topic": "/p", "tf_max_gap_s": 0.0}, "tf_max_gap_s"),
+        ({"image_topic": "/i", "pose_topic": "/p", "times": "guess"}, "times"),
+        ({"image_topic": "/i", "pose_topic": "/p", "units": "cm"}, "units"),
     ],
 )
 def test_settings_are_checked(settings: dict[str, Any], named: str) -> None:

@@ -1,0 +1,157 @@
+"""Whether a file in VTK's older format is whole: VTK itself fills what is missing with whatever lies in memory.
+
+The format is a list of sections, each with the number and the type of its values (VTK File Formats, "Simple Legacy
+Formats"): they are walked over, and none of the values is looked at.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from registration.errors import InputError
+
+KINDS = ("POLYDATA", "UNSTRUCTURED_GRID")
+_MAGIC = b"# vtk datafile version"
+_BYTES = {
+    "char": 1, "unsigned_char": 1, "short": 2, "unsigned_short": 2, "int": 4, "unsigned_int": 4, "long": 8,
+    "unsigned_long": 8, "float": 4, "double": 8, "vtkidtype": 4, "vtktypeint64": 8, "vtktypeuint64": 8,
+    "vtktypeint32": 4, "vtktypeuint32": 4,
+}  # fmt: skip
+_CELLS = ("VERTICES", "LINES", "POLYGONS", "TRIANGLE_STRIPS", "CELLS")
+_PER_POINT = {"VECTORS": 3, "NORMALS": 3, "TENSORS": 9, "GLOBAL_IDS": 1, "PEDIGREE_IDS": 1}
+_BLANK_LINE = re.compile(rb"\n[ \t\r]*\n")
+_WORD = re.compile(rb"\S+")
+
+
+class _UnknownSectionError(Exception):
+    """A section whose length is not known here; VTK may know it."""
+
+
+@dataclass
+class _Walk:
+    path: Path
+    data: bytes
+    at: int
+    binary: bool
+    five: bool
+    # How many values each attribute has: those of POINT_DATA or CELL_DATA; -1 before either.
+    tuples: int = -1
+
+    def line(self) -> list[str]:
+        """The words of the next line that has any; none at the end."""
+        while self.at < len(self.data):
+            end = self.data.find(b"\n", self.at)
+            end = len(self.data) if end < 0 else end
+            words = self.data[self.at : end].decode("utf-8", errors="replace").split()
+            self.at = end + 1
+            if words:
+                return words
+        return []
+
+    def skip(self, count: int, kind: str) -> None:
+        """Go past values; InputError where the file ends before they do."""
+        size = _BYTES.get(kind.lower())
+        if size is None or count < 0:
+            raise _UnknownSectionError
+        if self.binary:
+            self.at += count * size
+            if self.at > len(self.data):
+                raise self.cut(count)
+            return
+        words = _WORD.finditer(self.data, self.at)
+        for _ in range(count):
+            found = next(words, None)
+            if found is None:
+                raise self.cut(count)
+            self.at = found.end()
+
+    def cut(self, count: int) -> InputError:
+        return InputError(f"{self.path}: expected {count} more values, received fewer: cut short")
+
+
+def require_whole_legacy(path: Path) -> str:
+    """The kind of data set in the file; InputError if it is no surface, no VTK file at all, or cut short."""
+    data = path.read_bytes()
+    if not data.lower().startswith(_MAGIC):
+        raise InputError(
+            f"{path}: expected a VTK file that begins with # vtk DataFile Version, received another"
+        )
+    head = data.split(b"\n", 3)
+    form = head[2].strip().upper() if len(head) == 4 else b""
+    five = head[0].split()[-1] >= b"5"
+    walk = _Walk(path, data, sum(len(line) + 1 for line in head[:3]), form == b"BINARY", five)
+    words = walk.line()
+    kind = words[1].upper() if form in (b"ASCII", b"BINARY") and len(words) == 2 else "none"
+    if kind not in KINDS:
+        raise InputError(f"{path}: expected a surface (POLYDATA or UNSTRUCTURED_GRID), received {kind}")
+    try:
+        while words := walk.line():
+            _section(walk, words)
+    except _UnknownSectionError:
+        pass
+    except (IndexError, ValueError) as refusal:
+        raise InputError(
+            f"{path}: expected sections of VTK, received {' '.join(words)[:40]!r}: cut short"
+        ) from refusal
+    return kind
+
+
+def _section(walk: _Walk, words: list[str]) -> None:
+    name = words[0].upper()
+    if name == "POINTS":
+        walk.skip(3 * int(words[1]), words[2])
+    elif name in _CELLS:
+        _cells(walk, words)
+    elif name == "CELL_TYPES":
+        walk.skip(int(words[1]), "int")
+    elif name == "METADATA":
+        _past_blank_line(walk)
+    elif name in ("POINT_DATA", "CELL_DATA"):
+        walk.tuples = int(words[1])
+    elif name == "FIELD":
+        for _ in range(int(words[2])):
+            array = walk.line()
+            # Arrays of a field may be followed by what is known of them.
+            if array[:1] == ["METADATA"]:
+                _past_blank_line(walk)
+                array = walk.line()
+            walk.skip(int(array[1]) * int(array[2]), array[3])
+    elif walk.tuples >= 0:
+        _attribute(walk, name, words)
+    else:
+        raise ValueError(name)
+
+
+def _cells(walk: _Walk, words: list[str]) -> None:
+    count, size = int(words[1]), int(words[2])
+    if not walk.five:
+        walk.skip(size, "int")
+        return
+    for name, values in (("OFFSETS", count), ("CONNECTIVITY", size)):
+        part = walk.line()
+        if part[0] != name:
+            raise ValueError(part[0])
+        walk.skip(values, part[1])
+
+
+def _attribute(walk: _Walk, name: str, words: list[str]) -> None:
+    if name == "SCALARS":
+        table = walk.line()
+        if table[0].upper() != "LOOKUP_TABLE":
+            raise ValueError(table[0])
+        walk.skip(walk.tuples * int(words[3] if len(words) > 3 else 1), words[2])
+    elif name in _PER_POINT:
+        walk.skip(walk.tuples * _PER_POINT[name], words[2])
+    elif name == "TEXTURE_COORDINATES":
+        walk.skip(walk.tuples * int(words[2]), words[3])
+    else:
+        raise _UnknownSectionError
+
+
+def _past_blank_line(walk: _Walk) -> None:
+    end = _BLANK_LINE.search(walk.data, walk.at)
+    if end is None:
+        raise ValueError("METADATA without an end")
+    walk.at = end.end()

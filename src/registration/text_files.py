@@ -1,0 +1,42 @@
+"""Text from a user's files: with or without a byte-order mark, and numbers that mean one thing only."""
+
+from __future__ import annotations
+
+import codecs
+from pathlib import Path
+
+from registration.errors import InputError
+
+_UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+
+
+def read_text(path: Path) -> str:
+    """The text of a file in UTF-8, or in UTF-16 if its byte-order mark says so; the mark itself is left out.
+
+    Raises InputError for a file that cannot be read or is not text in either.
+    """
+    path = Path(path)
+    try:
+        content = path.read_bytes()
+    except OSError as refusal:
+        raise InputError(
+            f"{path}: expected a readable file, found {refusal.strerror or refusal}"
+        ) from refusal
+    encoding = "utf-16" if content.startswith(_UTF16_MARKS) else "utf-8-sig"
+    try:
+        return content.decode(encoding)
+    except UnicodeDecodeError as refusal:
+        raise InputError(f"{path}: expected text in UTF-8, found bytes that are none") from refusal
+
+
+def parse_number(text: str) -> float:
+    """The value of a number written with a decimal point.
+
+    Python alone takes ``1_000`` for a thousand and digits of every script; here they raise ValueError, as do commas.
+
+    >>> parse_number(" -5.25e1 ")
+    -52.5
+    """
+    if "_" in text or not text.isascii():
+        raise ValueError(f"could not convert string to float: {text!r}")
+    return float(text)
