@@ -10,7 +10,8 @@ import torch
 from scipy.optimize import linear_sum_assignment
 from torch import Tensor
 
-from models.averaging.channel_ties import ChannelTies, Layout
+from models.averaging.channel_groups import Layout
+from models.averaging.channel_ties import ChannelTies
 from models.averaging.members import Weights, combination, require_alike
 from models.errors import InputError
 

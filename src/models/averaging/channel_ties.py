@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,11 +18,9 @@ from torch import Tensor, nn
 from torch.nn.modules.batchnorm import _NormBase
 from torch.overrides import TorchFunctionMode
 
+from models.averaging.channel_groups import ChannelGroups, Layout
 from models.errors import InputError
 from models.networks import NetworkRecipe
-
-# The groups of channels that lie one after the other on an axis.
-Layout = tuple[int, ...]
 
 # Modules and functions that treat every channel alike and apart from the others.
 _CHANNELWISE_MODULES = (
@@ -108,51 +106,12 @@ def _tensors(outputs: Any) -> Iterator[Tensor]:
             yield from _tensors(each)
 
 
-@dataclass
-class _Groups:
-    """Groups of channels that are found to be one (union-find)."""
-
-    sizes: list[int] = field(default_factory=list)
-    parents: list[int] = field(default_factory=list)
-    labels: list[list[np.ndarray]] = field(default_factory=list)
-
-    def new(self, size: int) -> int:
-        self.sizes.append(size)
-        self.parents.append(len(self.parents))
-        self.labels.append([])
-        return self.parents[-1]
-
-    def root(self, group: int) -> int:
-        while self.parents[group] != group:
-            group = self.parents[group]
-        return group
-
-    def unite(self, first: Layout, second: Layout, where: str) -> None:
-        if [self.sizes[group] for group in first] != [self.sizes[group] for group in second]:
-            raise InputError(
-                f"network: expected channels joined in {where} to be grouped alike, "
-                f"found groups of {[self.sizes[g] for g in first]} and {[self.sizes[g] for g in second]}"
-            )
-        for one, other in zip(first, second, strict=True):
-            low, high = sorted((self.root(one), self.root(other)))
-            if low != high:
-                self.parents[high] = low
-                self.labels[low] += self.labels[high]
-
-    def restrict(self, group: int, labels: np.ndarray) -> None:
-        self.labels[self.root(group)].append(labels)
-
-    def blocks(self, group: int) -> np.ndarray:
-        labels = [np.zeros(self.sizes[group], dtype=np.int64), *self.labels[self.root(group)]]
-        return np.unique(np.stack(labels), axis=1, return_inverse=True)[1].reshape(-1)
-
-
 class _Trace(TorchFunctionMode):
     """Follows channels through modules, by hooks, and through the functions called between them."""
 
     def __init__(self, network: nn.Module) -> None:
         super().__init__()
-        self.groups = _Groups()
+        self.groups = ChannelGroups()
         self.axes: dict[str, dict[int, Layout]] = {}
         self.network = network
         # One layer may stand under several names.
