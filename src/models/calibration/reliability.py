@@ -82,7 +82,7 @@ class ReliabilityTable:
 
 
 def equal_width_table(
-    probability: Float[np.ndarray, "*any"], reference: Shaped[np.ndarray, "*any"], n_bins: int
+    probability: Float[np.ndarray, "*any"], reference: Shaped[np.ndarray, "..."], n_bins: int
 ) -> ReliabilityTable:
     """The table of ``n_bins`` bins of equal width; a bin holds its lower edge, the last one both.
 
@@ -102,7 +102,7 @@ def equal_width_table(
 
 
 def fine_table(
-    probability: Float[np.ndarray, "*any"], reference: Shaped[np.ndarray, "*any"]
+    probability: Float[np.ndarray, "*any"], reference: Shaped[np.ndarray, "..."]
 ) -> ReliabilityTable:
     """The table of ``FINE_BINS`` bins as fine as 16-bit floats, towards 1 as towards 0, that others are made of."""
     values, labels = checked(probability, reference)
@@ -132,7 +132,7 @@ def adaptive_table(fine: ReliabilityTable, n_bins: int) -> ReliabilityTable:
 
 
 def checked(
-    probability: Float[np.ndarray, "*any"], reference: Shaped[np.ndarray, "*any"]
+    probability: Float[np.ndarray, "*any"], reference: Shaped[np.ndarray, "..."]
 ) -> tuple[Float64[np.ndarray, "n"], Bool[np.ndarray, "n"]]:
     """Probabilities and labels, flat; InputError if they are not such."""
     if probability.shape != reference.shape:

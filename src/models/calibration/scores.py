@@ -44,7 +44,7 @@ class PixelStatistics:
     def of(
         cls,
         probability: Float[np.ndarray, "*any"],
-        reference: Shaped[np.ndarray, "*any"],
+        reference: Shaped[np.ndarray, "..."],
         n_bins: int = N_BINS,
     ) -> PixelStatistics:
         """Those of probabilities and a reference of 0 and 1 of the same shape; InputError for anything else."""
@@ -119,15 +119,16 @@ class CalibrationStatistics:
     def of(
         cls,
         probability: Float[np.ndarray, "h w"],
-        reference: Shaped[np.ndarray, "h w"],
+        reference: Shaped[np.ndarray, "..."],
         *,
         band_px: float,
         n_bins: int = N_BINS,
     ) -> CalibrationStatistics:
         """Those of one image; ``band_px`` as in ``boundary_band``."""
+        everywhere = PixelStatistics.of(probability, reference, n_bins)
         band = boundary_band(reference, band_px)
         return cls(
-            PixelStatistics.of(probability, reference, n_bins),
+            everywhere,
             PixelStatistics.of(probability[band], reference[band], n_bins),
         )
 

@@ -112,6 +112,10 @@ def test_refuses_other_ranges_shapes_and_bins() -> None:
     for wrong in (probability + 1, np.full(10, np.nan)):
         with pytest.raises(InputError, match="probability: expected 0 to 1"):
             equal_width_table(wrong, reference, 5)
+    with pytest.raises(
+        InputError, match=r"reference: expected the probabilities' shape \(10,\), received \(9,\)"
+    ):
+        equal_width_table(probability, reference[1:], 5)
     with pytest.raises(InputError, match="reference: expected 0 and 1"):
         fine_table(probability, 2 * reference.astype(int) + 1)
     with pytest.raises(InputError, match="bins: expected 5 in both"):
