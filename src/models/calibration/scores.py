@@ -174,7 +174,13 @@ def boundary_band(reference: Shaped[np.ndarray, "h w"], width_px: float) -> Bool
     if not 1 <= width_px < math.inf:
         raise InputError(f"band_px: expected a number of pixels from 1, received {width_px}")
     mask = np.asarray(reference).astype(bool)
+    band = np.zeros(mask.shape, dtype=bool)
     if mask.all() or not mask.any():
-        return np.zeros(mask.shape, bool)
-    distance = np.where(mask, distance_transform_edt(mask), distance_transform_edt(~mask))
-    return np.asarray(distance <= width_px)
+        return band
+    # Farther from the mask than the width there is no band.
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    margin = math.ceil(width_px) + 1
+    box = tuple(slice(max(int(at[0]) - margin, 0), int(at[-1]) + margin + 1) for at in (rows, columns))
+    part = mask[box]
+    band[box] = np.where(part, distance_transform_edt(part), distance_transform_edt(~part)) <= width_px
+    return band

@@ -4,9 +4,18 @@ import torch
 from torch import Tensor
 
 from models.attention_unet import AttentionUNet
-from models.averaging import WeightMatching, align_all, channel_ties, permuted
+from models.averaging import (
+    BatchEvaluation,
+    Member,
+    WeightMatching,
+    align_all,
+    channel_ties,
+    interpolation_barriers,
+    permuted,
+)
 from models.averaging.channel_ties import ChannelTies
 from models.errors import InputError
+from models.losses import DiceCrossEntropy
 from models.networks import NetworkRecipe
 from models.unet import UNet
 from models.unet3plus import UNet3Plus
@@ -114,3 +123,43 @@ def test_refuses_other_weights_and_no_sweeps() -> None:
         WeightMatching()({"a": torch.ones(1)}, {"a": torch.ones(1)}, ties)
     with pytest.raises(InputError, match="max_sweeps: expected at least 1"):
         WeightMatching(max_sweeps=0)
+
+
+def discs(seed: int, n: int) -> tuple[Tensor, Tensor]:
+    """Dark discs in noise, and their masks."""
+    generator = np.random.default_rng(seed)
+    rows, columns = np.indices((16, 16))
+    radii, centres = generator.uniform(2, 5, n), generator.uniform(5, 11, (n, 2))
+    masks = np.stack([np.hypot(rows - c[0], columns - c[1]) < r for r, c in zip(radii, centres, strict=True)])
+    images = np.where(masks, 0.25, 0.6) + 0.15 * generator.standard_normal(masks.shape)
+    return torch.from_numpy(images).float()[:, None], torch.from_numpy(masks).float()[:, None]
+
+
+def trained(recipe: NetworkRecipe, start: int, fold: int) -> dict[str, Tensor]:
+    torch.manual_seed(start)
+    network, loss = recipe().train(), DiceCrossEntropy()
+    images, masks = discs(fold, 32)
+    optimiser = torch.optim.AdamW(network.parameters(), lr=5e-3)
+    generator = torch.Generator().manual_seed(fold)
+    for _ in range(60):
+        drawn_images = torch.randperm(len(images), generator=generator)[:8]
+        optimiser.zero_grad()
+        loss(network(images[drawn_images]), masks[drawn_images]).backward()
+        optimiser.step()
+    return {name: tensor.clone() for name, tensor in network.state_dict().items()}
+
+
+def test_a_barrier_between_starts_is_lowered_by_alignment_and_there_is_none_from_one_start() -> None:
+    recipe = UNet(8, 3, dropout=0.0)
+    first, sibling, stranger = (trained(recipe, start, fold) for start, fold in ((0, 1), (0, 2), (5, 3)))
+    aligned = WeightMatching()(first, stranger, channel_ties(recipe)).weights
+    images, masks = discs(9, 24)
+    evaluate = BatchEvaluation(recipe(), DiceCrossEntropy(), lambda: [(images, masks)], lambda: [images])
+
+    def barrier(other: dict[str, Tensor]) -> float:
+        pair = [Member("first", recipe, first), Member("other", recipe, other)]
+        return interpolation_barriers(pair, evaluate, n_points=5).paths[0].loss_barrier
+
+    assert evaluate(first).dsc > 0.85 and evaluate(stranger).dsc > 0.85
+    before, after = barrier(stranger), barrier(aligned)
+    assert before > 0.2 and after < 0.5 * before and barrier(sibling) < 0.1 * before

@@ -60,6 +60,20 @@ def test_a_band_by_hand() -> None:
     assert wider[0, 1] and not wider[2, 3] and boundary_band(reference, 2.0)[2, 3]
 
 
+def test_a_band_equals_the_distances_to_the_other_class() -> None:
+    generator = np.random.default_rng(0)
+    for _ in range(5):
+        reference = generator.random((30, 40)) > 0.997
+        reference[3:9, int(generator.integers(0, 30)) :] = True
+        vessel, background = np.argwhere(reference), np.argwhere(~reference)
+        distance = np.empty(reference.shape)
+        for own, other in ((vessel, background), (background, vessel)):
+            gaps = np.hypot(*(np.subtract.outer(own[:, axis], other[:, axis]) for axis in (0, 1)))
+            distance[tuple(own.T)] = gaps.min(axis=1)
+        for width in (1, 2.5, 6):
+            np.testing.assert_array_equal(boundary_band(reference, width), distance <= width)
+
+
 def test_one_class_has_no_boundary_and_the_images_border_is_none() -> None:
     assert not boundary_band(np.zeros((4, 4), bool), 3).any()
     assert not boundary_band(np.ones((4, 4), bool), 3).any()
