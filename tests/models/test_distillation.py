@@ -83,7 +83,7 @@ def test_a_small_network_learns_what_an_ensemble_says() -> None:
         value = loss(student(images), ensemble)
         value.backward()
         optimiser.step()
-        losses.append(float(value))
+        losses.append(value.item())
     with torch.no_grad():
         learned = torch.sigmoid(student(images))
         untrained = torch.sigmoid(network(7)(images))

@@ -127,10 +127,30 @@ def closed(
     reach = radius * (1 + ROUNDING)
     margins = [math.ceil(reach / side) + 1 for side in spacing]
     padded = np.pad(mask[rows, columns], [(margin, margin) for margin in margins])
-    dilated = ndimage.distance_transform_edt(~padded, sampling=spacing) <= reach
-    eroded = ndimage.distance_transform_edt(dilated, sampling=spacing) > reach
+    eroded = ~_dilated(~_dilated(padded, reach, spacing), reach, spacing)
     result = np.zeros(mask.shape, dtype=bool)
     result[rows, columns] = eroded[margins[0] : -margins[0], margins[1] : -margins[1]]
+    return result
+
+
+def _dilated(
+    mask: Bool[np.ndarray, "h w"], reach: float, spacing: tuple[float, float]
+) -> Bool[np.ndarray, "h w"]:
+    """Pixels no farther than ``reach`` from the mask: a disc is a stack of rows, and a row a difference of sums.
+
+    For the few rows of a usual disc that is several times faster than a distance transform.
+    """
+    height, width = mask.shape
+    side = min(math.floor(reach / spacing[1]), width)
+    sums = np.zeros((height, width + 2 * side + 1), dtype=np.int32)
+    np.cumsum(mask, axis=1, out=sums[:, side + 1 : side + 1 + width])
+    sums[:, side + 1 + width :] = sums[:, side + width, None]
+    result = np.zeros(mask.shape, dtype=bool)
+    for row in range(min(math.floor(reach / spacing[0]), height - 1) + 1):
+        half = min(math.floor(math.sqrt(max(reach**2 - (row * spacing[0]) ** 2, 0)) / spacing[1]), side)
+        near = sums[:, side + half + 1 : side + half + 1 + width] > sums[:, side - half : side - half + width]
+        result[row:] |= near[: height - row]
+        result[: height - row] |= near[row:]
     return result
 
 

@@ -52,6 +52,17 @@ def test_closing_equals_scikit_image_away_from_the_border(radius: int) -> None:
     )
 
 
+@pytest.mark.parametrize("radius", [0.3, 0.55, 1.0, 2.5])
+@pytest.mark.parametrize("spacing", [(0.1, 0.3), (0.3, 0.1), (0.25, 0.25)])
+def test_closing_in_mm_equals_scikit_image_with_an_elliptic_element(
+    radius: float, spacing: tuple[float, float]
+) -> None:
+    rows, columns = np.indices((61, 61)) - 30
+    element = np.hypot(rows * spacing[0], columns * spacing[1]) <= radius + 1e-9
+    mask = np.pad(blobs(1, size=50), 31)
+    np.testing.assert_array_equal(Morphology(closing_radius_mm=radius)(mask, spacing), closing(mask, element))
+
+
 def test_closing_keeps_what_is_there_and_adds_nothing_the_second_time() -> None:
     for seed in range(3):
         mask, recipe = blobs(seed), Morphology(closing_radius_px=2.5)
