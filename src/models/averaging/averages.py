@@ -1,0 +1,115 @@
+"""Uniform and greedy averages of trained networks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from torch import Tensor
+
+from models.averaging.members import Member, Weights, combination, require_averageable
+from models.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class GreedyAverage:
+    """Result of ``greedy_average``.
+
+    Parameters
+    ----------
+    weights
+        State dict of the average.
+    members
+        Names of the networks in it, in the order in which they were added.
+    score
+        The average's score.
+    member_scores
+        Each network's own score, in the order given.
+    """
+
+    weights: dict[str, Tensor]
+    members: tuple[str, ...]
+    score: float
+    member_scores: tuple[float, ...]
+
+
+def uniform_average(members: Sequence[Member], *, same_start: bool = True) -> dict[str, Tensor]:
+    """The mean of all members' weights (the "uniform soup" of Wortsman et al., ICML 2022).
+
+    Statistics of batch normalisation are averaged like the rest, which is not what they are in the averaged network:
+    see ``models.averaging.batch_statistics``.
+
+    Parameters
+    ----------
+    members
+        Networks of one architecture, trained from one start.
+    same_start
+        As in ``models.averaging.members.require_averageable``.
+
+    Raises
+    ------
+    InputError
+        If the members can't be averaged.
+    """
+    require_averageable(members, same_start=same_start)
+    return combination([member.weights for member in members], [1 / len(members)] * len(members))
+
+
+def greedy_average(
+    members: Sequence[Member],
+    score: Callable[[Weights], float],
+    *,
+    refresh: Callable[[Weights], Weights] | None = None,
+    same_start: bool = True,
+) -> GreedyAverage:
+    """The average to which networks are added, best first, as long as its score does not fall.
+
+    The "greedy soup" of Wortsman et al., ICML 2022 (Recipe 1): a network that lowers the score is left out and the
+    next one is tried. Equal scores keep the order given.
+
+    Parameters
+    ----------
+    members
+        Networks of one architecture, trained from one start.
+    score
+        The score of a state dict on selection data, higher is better.
+    refresh
+        What is done to an average of several networks before it is scored, such as re-estimating statistics of batch
+        normalisation; single networks are scored as they are.
+    same_start
+        As in ``models.averaging.members.require_averageable``.
+
+    Raises
+    ------
+    InputError
+        If the members can't be averaged, or a score is NaN.
+    """
+    require_averageable(members, same_start=same_start)
+    scores = [_defined(score(member.weights), member.name) for member in members]
+    best_first = sorted(range(len(members)), key=lambda index: -scores[index])
+    chosen = [best_first[0]]
+    weights: Weights = members[chosen[0]].weights
+    best = scores[chosen[0]]
+    for index in best_first[1:]:
+        tried = [*chosen, index]
+        average: Weights = combination(
+            [members[each].weights for each in tried], [1 / len(tried)] * len(tried)
+        )
+        if refresh is not None:
+            average = refresh(average)
+        received = _defined(score(average), f"the average with {members[index].name}")
+        if received >= best:
+            chosen, weights, best = tried, average, received
+    return GreedyAverage(
+        {name: tensor.detach().clone() for name, tensor in weights.items()},
+        tuple(members[index].name for index in chosen),
+        best,
+        tuple(scores),
+    )
+
+
+def _defined(score: float, of: str) -> float:
+    if math.isnan(score):
+        raise InputError(f"score of {of}: expected a number, received NaN")
+    return float(score)

@@ -1,0 +1,169 @@
+"""Loss and DSC along the straight line between two networks' weights, and the barrier on it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from models.averaging.batch_statistics import reestimate_batch_statistics
+from models.averaging.members import Member, Weights, combination, require_averageable
+from models.errors import InputError
+from models.losses import Loss
+from models.shapes import Float64
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The mean loss and the mean DSC (0 to 1, over images with a vessel) of a network on fixed data."""
+
+    loss: float
+    dsc: float
+
+
+@dataclass(frozen=True, eq=False)
+class BatchEvaluation:
+    """Evaluates state dicts of one architecture on fixed data.
+
+    Parameters
+    ----------
+    network
+        Takes in each state dict in turn; left in evaluation mode.
+    loss
+        The mean over images of what it gives for a batch.
+    batches
+        Gives images and masks (b, 1, h, w) anew at every call.
+    statistics_batches
+        Gives the images that statistics of batch normalisation are re-estimated on before every evaluation; None
+        leaves them as they are in the state dict.
+    """
+
+    network: nn.Module
+    loss: Loss
+    batches: Callable[[], Iterable[tuple[Tensor, Tensor]]]
+    statistics_batches: Callable[[], Iterable[Tensor]] | None = None
+
+    @torch.no_grad()
+    def __call__(self, weights: Weights) -> Evaluation:
+        """The evaluation of ``weights``; InputError where no image shows a vessel."""
+        self.network.load_state_dict(dict(weights))
+        if self.statistics_batches is not None:
+            reestimate_batch_statistics(self.network, self.statistics_batches())
+        self.network.eval()
+        loss, images, overlaps = 0.0, 0, []
+        for batch, masks in self.batches():
+            logits = self.network(batch)
+            loss += float(self.loss(logits, masks)) * len(batch)
+            images += len(batch)
+            predicted = (logits >= 0).flatten(1).double()
+            reference = masks.flatten(1).double()
+            both, shown = (predicted * reference).sum(1), reference.sum(1)
+            overlaps += (2 * both / (predicted.sum(1) + shown))[shown > 0].tolist()
+        if not overlaps:
+            raise InputError(f"batches: expected an image with a vessel, found none in {images} images")
+        return Evaluation(loss / images, float(np.mean(overlaps)))
+
+
+@dataclass(frozen=True, eq=False)
+class InterpolationPath:
+    """Loss and DSC of ``(1 - alpha) first + alpha second`` for ``alphas`` from 0 to 1, ends included."""
+
+    first: str
+    second: str
+    alphas: Float64[np.ndarray, "n"]
+    losses: Float64[np.ndarray, "n"]
+    dscs: Float64[np.ndarray, "n"]
+
+    @property
+    def loss_barrier(self) -> float:
+        """How far the loss rises above the line between its ends: 0 where the two are linearly connected."""
+        return float(np.max(self.losses - self._between(self.losses)))
+
+    @property
+    def dsc_barrier(self) -> float:
+        """How far the DSC falls below the line between its ends."""
+        return float(np.max(self._between(self.dscs) - self.dscs))
+
+    def _between(self, values: np.ndarray) -> np.ndarray:
+        return np.asarray((1 - self.alphas) * values[0] + self.alphas * values[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class PairwiseBarriers:
+    """The paths between all pairs of networks, and their barriers as symmetric matrices in the order of ``names``."""
+
+    names: tuple[str, ...]
+    paths: tuple[InterpolationPath, ...]
+
+    @property
+    def loss(self) -> Float64[np.ndarray, "k k"]:
+        """Barriers of the loss."""
+        return self._matrix(lambda path: path.loss_barrier)
+
+    @property
+    def dsc(self) -> Float64[np.ndarray, "k k"]:
+        """Barriers of the DSC."""
+        return self._matrix(lambda path: path.dsc_barrier)
+
+    def _matrix(self, value: Callable[[InterpolationPath], float]) -> np.ndarray:
+        matrix = np.zeros((len(self.names), len(self.names)))
+        for (row, column), path in zip(combinations(range(len(self.names)), 2), self.paths, strict=True):
+            matrix[row, column] = matrix[column, row] = value(path)
+        return matrix
+
+
+def interpolation_barriers(
+    members: Sequence[Member], evaluate: Callable[[Weights], Evaluation], *, n_points: int = 11
+) -> PairwiseBarriers:
+    """Loss and DSC along the line between every pair of networks; every network itself is evaluated once.
+
+    The barrier is that of Frankle et al., ICML 2020, against the linear interpolation of both ends (Entezari et al.,
+    ICLR 2022). The networks may come from different starts: that is one thing a barrier explains.
+
+    Parameters
+    ----------
+    members
+        At least two networks of one architecture.
+    evaluate
+        Loss and DSC of a state dict, such as a ``BatchEvaluation``.
+    n_points
+        Points on each line, both ends included; at least 3.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two networks or three points, if networks are unlike, or a value is NaN.
+    """
+    if len(members) < 2:
+        raise InputError(f"members: expected at least two networks, received {len(members)}")
+    if n_points < 3:
+        raise InputError(f"n_points: expected at least 3, both ends included, received {n_points}")
+    require_averageable(members, same_start=False)
+    ends = [_defined(evaluate(member.weights), member.name) for member in members]
+    alphas = np.linspace(0.0, 1.0, n_points)
+    paths = []
+    for one, other in combinations(range(len(members)), 2):
+        first, second = members[one], members[other]
+        inner = [
+            _defined(
+                evaluate(combination([first.weights, second.weights], [1 - alpha, alpha])),
+                f"{first.name} to {second.name} at {alpha:g}",
+            )
+            for alpha in alphas[1:-1]
+        ]
+        points = [ends[one], *inner, ends[other]]
+        losses = np.array([point.loss for point in points], dtype=np.float64)
+        dscs = np.array([point.dsc for point in points], dtype=np.float64)
+        paths.append(InterpolationPath(first.name, second.name, alphas, losses, dscs))
+    return PairwiseBarriers(tuple(member.name for member in members), tuple(paths))
+
+
+def _defined(evaluation: Evaluation, of: str) -> Evaluation:
+    if math.isnan(evaluation.loss) or math.isnan(evaluation.dsc):
+        raise InputError(f"evaluation of {of}: expected a loss and a DSC, received {evaluation}")
+    return evaluation

@@ -1,0 +1,143 @@
+"""What networks must have in common before their weights may be combined, and the combination itself."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from models.errors import InputError
+from models.networks import NetworkRecipe
+
+# A state dict: tensors by name, buffers included.
+Weights = Mapping[str, Tensor]
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """A trained network that may enter an average.
+
+    Parameters
+    ----------
+    name
+        What messages and tables call it, such as ``fold 2``.
+    recipe
+        Its architecture.
+    weights
+        Its state dict.
+    start
+        ``weights_digest`` of the weights that its training began from; None where that was not recorded.
+    """
+
+    name: str
+    recipe: NetworkRecipe
+    weights: Weights
+    start: str | None = None
+
+
+def weights_digest(weights: Weights) -> str:
+    """SHA-256 over the names, types, shapes and bytes of all tensors, whatever their order and memory layout."""
+    digest = hashlib.sha256()
+    for name in sorted(weights):
+        tensor = weights[name].detach().cpu().contiguous()
+        digest.update(f"{name}|{tensor.dtype}|{tuple(tensor.shape)}|".encode())
+        digest.update(tensor.reshape(-1).view(torch.uint8).numpy().tobytes())
+    return digest.hexdigest()
+
+
+def require_averageable(members: Sequence[Member], *, same_start: bool = True) -> None:
+    """Raise InputError unless an average of these networks can mean something.
+
+    Weights of networks that were trained from different starts lie in different basins, and their average is no
+    network at all (Frankle et al., ICML 2020).
+
+    Parameters
+    ----------
+    members
+        At least one network.
+    same_start
+        Whether all trainings must have begun from the same weights. False after an alignment of the channels.
+
+    Raises
+    ------
+    InputError
+        If there is no member, or if recipes, names, shapes or types of tensors, or starts differ, or a weight is not
+        finite.
+    """
+    if not members:
+        raise InputError("members: expected at least one trained network, received none")
+    first = members[0]
+    for other in members[1:]:
+        if other.recipe != first.recipe:
+            raise InputError(
+                f"architecture of {other.name}: expected that of {first.name}, {first.recipe}, "
+                f"received {other.recipe}"
+            )
+    require_alike({member.name: member.weights for member in members})
+    if same_start and len(members) > 1:
+        _require_same_start(members)
+
+
+def _require_same_start(members: Sequence[Member]) -> None:
+    for member in members:
+        if member.start is None:
+            raise InputError(
+                f"start of {member.name}: expected the digest of the weights its training began from, found none"
+            )
+        if member.start != members[0].start:
+            raise InputError(
+                f"start of {member.name}: expected that of {members[0].name} ({members[0].start}), "
+                f"received {member.start}: networks from different starts can't be averaged"
+            )
+
+
+def require_alike(weights: Mapping[str, Weights]) -> None:
+    """Raise InputError unless all state dicts, given by name, have the same tensors and only finite numbers."""
+    reference_name, reference = next(iter(weights.items()))
+    expected = {name: (tuple(tensor.shape), tensor.dtype) for name, tensor in reference.items()}
+    for owner, tensors in weights.items():
+        received = {name: (tuple(tensor.shape), tensor.dtype) for name, tensor in tensors.items()}
+        for name in sorted(expected.keys() | received.keys()):
+            if expected.get(name) != received.get(name):
+                raise InputError(
+                    f"weights of {owner}: expected {name} as in {reference_name}, "
+                    f"{_described(expected.get(name))}, received {_described(received.get(name))}"
+                )
+        for name, tensor in tensors.items():
+            if tensor.is_floating_point() and not bool(torch.isfinite(tensor).all()):
+                raise InputError(f"weights of {owner}: expected finite numbers, found others in {name}")
+
+
+def _described(shape_and_type: tuple[tuple[int, ...], torch.dtype] | None) -> str:
+    return "absent" if shape_and_type is None else f"{shape_and_type[1]} {shape_and_type[0]}"
+
+
+def combination(weights: Sequence[Weights], coefficients: Sequence[float]) -> dict[str, Tensor]:
+    """The sum of the state dicts times their coefficients, taken in 64 bits and returned in the tensors' own type.
+
+    Tensors that are not floating (counts of batches) have no average: the elementwise maximum stands for them.
+
+    Parameters
+    ----------
+    weights
+        State dicts that ``require_alike`` accepts.
+    coefficients
+        One number for each; they sum up to 1 in an average.
+    """
+    combined: dict[str, Tensor] = {}
+    for name, like in weights[0].items():
+        tensors = [each[name].detach() for each in weights]
+        if like.is_floating_point():
+            total = torch.zeros_like(tensors[0], dtype=torch.float64)
+            for tensor, coefficient in zip(tensors, coefficients, strict=True):
+                total.add_(tensor.to(total), alpha=coefficient)
+            combined[name] = total.to(like.dtype)
+        else:
+            largest = tensors[0].clone()
+            for tensor in tensors[1:]:
+                largest = torch.maximum(largest, tensor.to(largest.device))
+            combined[name] = largest
+    return combined

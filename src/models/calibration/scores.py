@@ -1,0 +1,186 @@
+"""How well probabilities are calibrated: NLL, Brier score, ECE and ACE, everywhere and near the vessel's boundary."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+
+from models.calibration.reliability import (
+    ReliabilityTable,
+    adaptive_table,
+    checked,
+    equal_width_table,
+    fine_table,
+)
+from models.calibration.temperature import LEAST_PROBABILITY
+from models.errors import InputError
+from models.shapes import Bool, Float, Shaped
+
+N_BINS = 15
+
+
+@dataclass(frozen=True, eq=False)
+class PixelStatistics:
+    """Sums over pixels from which all scores follow; those of several images add up.
+
+    Parameters
+    ----------
+    nll_sum, brier_sum
+        Sums of the pixels' negative log-likelihoods and squared differences of probability and label.
+    equal_width, fine
+        Tables of bins of equal width and of fine ones.
+    """
+
+    nll_sum: float
+    brier_sum: float
+    equal_width: ReliabilityTable
+    fine: ReliabilityTable
+
+    @classmethod
+    def of(
+        cls,
+        probability: Float[np.ndarray, "*any"],
+        reference: Shaped[np.ndarray, "..."],
+        n_bins: int = N_BINS,
+    ) -> PixelStatistics:
+        """Those of probabilities and a reference of 0 and 1 of the same shape; InputError for anything else."""
+        values, labels = checked(probability, reference)
+        of_label = np.where(labels, values, 1 - values)
+        nll = -np.log(np.maximum(of_label, LEAST_PROBABILITY))
+        return cls(
+            float(nll.sum()),
+            float(((1 - of_label) ** 2).sum()),
+            equal_width_table(values, labels, n_bins),
+            fine_table(values, labels),
+        )
+
+    def __add__(self, other: PixelStatistics) -> PixelStatistics:
+        return PixelStatistics(
+            self.nll_sum + other.nll_sum,
+            self.brier_sum + other.brier_sum,
+            self.equal_width + other.equal_width,
+            self.fine + other.fine,
+        )
+
+    @property
+    def pixels(self) -> int:
+        """The number of pixels."""
+        return self.equal_width.pixels
+
+    @property
+    def nll(self) -> float:
+        """Mean negative log-likelihood; NaN without pixels.
+
+        A probability of 0 for what is there counts as ``LEAST_PROBABILITY``: in 32 bits it means no less.
+        """
+        return self.nll_sum / self.pixels if self.pixels else float("nan")
+
+    @property
+    def brier(self) -> float:
+        """Mean squared difference of probability and label (Brier, Monthly Weather Review 78(1), 1950)."""
+        return self.brier_sum / self.pixels if self.pixels else float("nan")
+
+    @property
+    def ece(self) -> float:
+        """Expected calibration error over bins of equal width."""
+        return self.equal_width.expected_gap
+
+    @property
+    def ace(self) -> float:
+        """Adaptive calibration error over as many bins of equally many pixels."""
+        return adaptive_table(self.fine, len(self.equal_width.counts)).expected_gap
+
+
+@dataclass(frozen=True)
+class CalibrationScores:
+    """The scores of one set of images; NaN where they have no pixels (a band without a boundary)."""
+
+    nll: float
+    brier: float
+    ece: float
+    ace: float
+    ece_boundary: float
+    pixels: int
+    pixels_boundary: int
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationStatistics:
+    """Statistics of all pixels and of those near the reference's boundary; those of several images add up."""
+
+    everywhere: PixelStatistics
+    boundary: PixelStatistics
+
+    @classmethod
+    def of(
+        cls,
+        probability: Float[np.ndarray, "h w"],
+        reference: Shaped[np.ndarray, "..."],
+        *,
+        band_px: float,
+        n_bins: int = N_BINS,
+    ) -> CalibrationStatistics:
+        """Those of one image; ``band_px`` as in ``boundary_band``."""
+        everywhere = PixelStatistics.of(probability, reference, n_bins)
+        band = boundary_band(reference, band_px)
+        return cls(
+            everywhere,
+            PixelStatistics.of(probability[band], reference[band], n_bins),
+        )
+
+    def __add__(self, other: CalibrationStatistics) -> CalibrationStatistics:
+        return CalibrationStatistics(self.everywhere + other.everywhere, self.boundary + other.boundary)
+
+    @property
+    def scores(self) -> CalibrationScores:
+        """The scores."""
+        return CalibrationScores(
+            self.everywhere.nll,
+            self.everywhere.brier,
+            self.everywhere.ece,
+            self.everywhere.ace,
+            self.boundary.ece,
+            self.everywhere.pixels,
+            self.boundary.pixels,
+        )
+
+
+def calibration_statistics(
+    images: Iterable[tuple[np.ndarray, np.ndarray]], *, band_px: float, n_bins: int = N_BINS
+) -> CalibrationStatistics:
+    """The statistics of a stream of probabilities and references (h, w), of any sizes, in constant memory."""
+    total: CalibrationStatistics | None = None
+    for probability, reference in images:
+        one = CalibrationStatistics.of(probability, reference, band_px=band_px, n_bins=n_bins)
+        total = one if total is None else total + one
+    if total is None:
+        raise InputError("images: expected probabilities and references, received none")
+    return total
+
+
+def boundary_band(reference: Shaped[np.ndarray, "h w"], width_px: float) -> Bool[np.ndarray, "h w"]:
+    """Pixels on either side of the reference's boundary, no farther than ``width_px`` from a pixel of the other side.
+
+    A width of 1 takes the pixels that share an edge with one of the other class. The image's border is no boundary:
+    nothing is known beyond it. A reference of one class has an empty band.
+
+    >>> boundary_band(np.array([[0, 0, 0, 1, 1, 1]], bool), 1.0).astype(int)
+    array([[0, 0, 1, 1, 0, 0]])
+    """
+    if not 1 <= width_px < math.inf:
+        raise InputError(f"band_px: expected a number of pixels from 1, received {width_px}")
+    mask = np.asarray(reference).astype(bool)
+    band = np.zeros(mask.shape, dtype=bool)
+    if mask.all() or not mask.any():
+        return band
+    # Farther from the mask than the width there is no band.
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    margin = math.ceil(width_px) + 1
+    box = tuple(slice(max(int(at[0]) - margin, 0), int(at[-1]) + margin + 1) for at in (rows, columns))
+    part = mask[box]
+    band[box] = np.where(part, distance_transform_edt(part), distance_transform_edt(~part)) <= width_px
+    return band

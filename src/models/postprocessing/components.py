@@ -1,0 +1,54 @@
+"""Connected components of a 2-D mask, looked for in its bounding box alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from models.errors import InputError
+from models.shapes import Bool, Shaped
+
+CONNECTIVITIES = (1, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Components:
+    """Labels from 1 to ``count`` of the components, 0 for background, in the mask's bounding box ``box``.
+
+    They are numbered by their first pixels, row by row.
+    """
+
+    labels: Shaped[np.ndarray, "a b"]
+    count: int
+    box: tuple[slice, slice]
+
+    @property
+    def areas(self) -> np.ndarray:
+        """The number of pixels of each label, that of the background first."""
+        return np.bincount(self.labels.ravel(), minlength=self.count + 1)
+
+
+def components(mask: Bool[np.ndarray, "h w"], connectivity: int) -> Components:
+    """The components of a mask: with ``connectivity`` 1 over edges, with 2 over edges and corners."""
+    box = bounding_box(mask)
+    labels, count = ndimage.label(mask[box], structure=ndimage.generate_binary_structure(2, connectivity))
+    return Components(labels, int(count), box)
+
+
+def bounding_box(mask: Bool[np.ndarray, "h w"]) -> tuple[slice, slice]:
+    """The rows and columns between which all of a mask lies; empty ones for an empty mask."""
+    rows = np.flatnonzero(mask.any(axis=1))
+    if not len(rows):
+        return slice(0, 0), slice(0, 0)
+    columns = np.flatnonzero(mask[rows[0] : rows[-1] + 1].any(axis=0))
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+
+
+def require_connectivity(connectivity: int) -> None:
+    """Raise InputError unless it is 1 or 2."""
+    if connectivity not in CONNECTIVITIES:
+        raise InputError(
+            f"connectivity: expected 1 (edges) or 2 (edges and corners), received {connectivity}"
+        )

@@ -1,0 +1,91 @@
+"""From a probability map to a mask with two thresholds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.errors import InputError
+from models.postprocessing.components import components, require_connectivity
+from models.shapes import Bool, Float
+
+
+@dataclass(frozen=True)
+class Hysteresis:
+    """Pixels of at least ``low`` that hang together with one of at least ``high`` (Canny, IEEE TPAMI 8(6), 1986).
+
+    With ``low`` equal to ``high`` it is a plain threshold.
+
+    Parameters
+    ----------
+    low, high
+        Probabilities, above 0 and at most 1, ``low`` at most ``high``; shares of the image's own highest probability
+        with ``relative``.
+    relative
+        Whether thresholds are relative to each image's highest probability.
+    min_peak
+        Presence gate: an image whose highest probability is below this (0 to 1) has an empty mask.
+    connectivity
+        1: pixels that share an edge hang together; 2: those that share a corner too.
+
+    Raises
+    ------
+    InputError
+        If a parameter is out of range.
+    """
+
+    low: float = 0.5
+    high: float = 0.5
+    relative: bool = False
+    min_peak: float = 0.0
+    connectivity: int = 1
+
+    def __post_init__(self) -> None:
+        if not 0 < self.low <= self.high <= 1:
+            raise InputError(f"low, high: expected 0 < low <= high <= 1, received {self.low} and {self.high}")
+        if not 0 <= self.min_peak <= 1:
+            raise InputError(f"min_peak: expected 0 to 1, received {self.min_peak}")
+        require_connectivity(self.connectivity)
+
+    def __call__(self, probability: Float[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
+        """The mask of one image.
+
+        Parameters
+        ----------
+        probability
+            Of vessel, 0 to 1.
+
+        Raises
+        ------
+        InputError
+            If a probability is NaN or out of range.
+        """
+        peak = peak_of(probability)
+        if not present(peak, self.min_peak, probability.dtype):
+            return np.zeros(probability.shape, dtype=bool)
+        scale = peak if self.relative else 1.0
+        low, high = self.low * scale, self.high * scale
+        candidates = probability >= low
+        if high <= low or not candidates.any():
+            return np.asarray(candidates)
+        found = components(candidates, self.connectivity)
+        kept = np.zeros(found.count + 1, dtype=bool)
+        kept[found.labels[probability[found.box] >= high]] = True
+        kept[0] = False
+        mask = np.zeros(probability.shape, dtype=bool)
+        mask[found.box] = kept[found.labels]
+        return mask
+
+
+def present(peak: float, min_peak: float, dtype: np.dtype) -> bool:
+    """Whether an image of this highest probability passes the gate, compared as the probabilities are: in ``dtype``."""
+    return bool(peak > 0 and peak >= dtype.type(min_peak))
+
+
+def peak_of(probability: Float[np.ndarray, "h w"]) -> float:
+    """The highest probability; InputError if one is not a probability."""
+    lowest, highest = float(probability.min()), float(probability.max())
+    if not (lowest >= 0 and highest <= 1):
+        raise InputError(f"probability: expected 0 to 1, received {lowest:g} to {highest:g}")
+    return highest

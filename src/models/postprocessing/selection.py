@@ -1,0 +1,101 @@
+"""Thresholds and least area chosen together, on groups set aside for choices."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.errors import InputError
+from models.postprocessing.component_scores import ComponentScorer, SelectionCase
+from models.postprocessing.options import Option, PostprocessingGrid
+from models.shapes import Float64
+
+# DSCs that differ by less are the same.
+DSC_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class PostprocessingSelection:
+    """Result of ``select_postprocessing``.
+
+    Parameters
+    ----------
+    best
+        The option chosen.
+    dsc
+        Its mean DSC: over groups, of the means over their images with a vessel.
+    false_alarm_rate
+        The share of images without a vessel in which it finds one; NaN where there are none.
+    within_limit
+        Whether ``max_false_alarm_rate`` could be kept; if not, the options with the fewest false alarms were left.
+    options, dscs, false_alarm_rates
+        All options with their scores.
+    """
+
+    best: Option
+    dsc: float
+    false_alarm_rate: float
+    within_limit: bool
+    options: tuple[Option, ...]
+    dscs: Float64[np.ndarray, "n"]
+    false_alarm_rates: Float64[np.ndarray, "n"]
+
+
+def select_postprocessing(
+    cases: Iterable[SelectionCase], grid: PostprocessingGrid, *, max_false_alarm_rate: float | None = None
+) -> PostprocessingSelection:
+    """The option of the highest mean DSC; of equal ones that with fewer false alarms, then the simplest.
+
+    Cases are read once, one after the other.
+
+    Parameters
+    ----------
+    cases
+        Images of selection groups.
+    grid
+        What is tried.
+    max_false_alarm_rate
+        Only options with at most this share of false alarms (0 to 1) are compared; None for all.
+
+    Raises
+    ------
+    InputError
+        If no image shows a vessel, a limit is set without any image of no vessel, a spacing is missing, or a case is
+        not as expected.
+    """
+    options = grid.options
+    scorer = ComponentScorer(options)
+    dsc_sums: dict[str, np.ndarray] = {}
+    counts: dict[str, int] = {}
+    false_alarms, empty = np.zeros(len(options)), 0
+    for case in cases:
+        dsc, found = scorer(case)
+        if dsc is None:
+            false_alarms, empty = false_alarms + found, empty + 1
+        else:
+            dsc_sums[case.group] = dsc_sums.get(case.group, 0.0) + dsc
+            counts[case.group] = counts.get(case.group, 0) + 1
+    if not counts:
+        raise InputError(f"cases: expected an image with a vessel, found none in {empty} images")
+    dscs = np.mean([dsc_sums[group] / counts[group] for group in sorted(counts)], axis=0)
+    rates = false_alarms / empty if empty else np.full(len(options), np.nan)
+    within, allowed = _allowed(rates, max_false_alarm_rate)
+    keys = zip(-np.round(dscs[allowed] / DSC_ROUNDING), np.nan_to_num(rates[allowed]), allowed, strict=True)
+    best = int(min(keys)[2])
+    return PostprocessingSelection(
+        options[best], float(dscs[best]), float(rates[best]), within, options, dscs, rates
+    )
+
+
+def _allowed(rates: np.ndarray, limit: float | None) -> tuple[bool, np.ndarray]:
+    """Whether a limit can be kept, and the options that are left."""
+    if limit is None:
+        return True, np.arange(len(rates))
+    if not 0 <= limit <= 1:
+        raise InputError(f"max_false_alarm_rate: expected 0 to 1, received {limit}")
+    if np.isnan(rates).all():
+        raise InputError("cases: expected an image without a vessel to know false alarms by, found none")
+    least = float(rates.min())
+    return least <= limit, np.flatnonzero(rates <= max(limit, least))
