@@ -21,6 +21,9 @@ def _of_label(model: CtModel) -> list[str]:
     if mask is None:
         return []
     found = []
+    stated, used = model.source.stated_units, model.source.units
+    if stated and stated != used:
+        found.append(f"The header says that lengths are in {stated}: units={used} was taken instead.")
     if mask.pieces_dropped:
         found.append(
             f"Label {mask.label} lies in {mask.pieces_dropped + 1} pieces: only the largest was taken, "

@@ -22,7 +22,7 @@ def read_calibration(path: Path, image: str = "Image", probe: str = "Probe") -> 
 
     From PLUS's XML the chain from ``image`` to ``probe`` is taken, and ``ee_T_probe`` is the identity.
     """
-    if path.suffix == ".xml":
+    if path.suffix.lower() == ".xml":
         try:
             probe_A_pixel = read_device_set(path).transforms.chain(image, probe)
         except InputError as failure:
