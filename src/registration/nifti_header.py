@@ -93,9 +93,8 @@ class NiftiHeader:
     def _require_agreement(self, to_mm: Float64[np.ndarray, "4 4"], path: Path) -> None:
         assert self.qform is not None
         assert self.sform is not None
-        corners = np.array(
-            list(itertools.product(*[(0, size - 1) for size in self.sizes[:3]])), dtype=np.float64
-        )
+        sizes = (*self.sizes, 1, 1)[:3]
+        corners = np.array(list(itertools.product(*[(0, size - 1) for size in sizes])), dtype=np.float64)
         apart = frames.apply(to_mm @ self.qform, corners) - frames.apply(to_mm @ self.sform, corners)
         apart_mm = float(np.linalg.norm(apart, axis=1).max())
         voxel_mm = float(np.linalg.norm((to_mm @ self.qform)[:3, :3], axis=0).min())

@@ -77,7 +77,8 @@ def run(folder: Path, name: str, **change: Any) -> tuple[Outcome, dict[str, Any]
 
 def check(folder: Path, name: str, **change: Any) -> None:
     given = settings(folder, name, **change)
-    ct_model.check(**{key: given[key] for key in ("input", "label", "space", "units")})
+    names = ("input", "label", "space", "units", "nifti_form")
+    ct_model.check(**{key: given[key] for key in names if key in given})
 
 
 def test_a_label_map_becomes_a_model(tmp_path: Path) -> None:
@@ -208,8 +209,18 @@ def test_one_of_several_labels(tmp_path: Path) -> None:
         ("tube.stl", {"label": 1}, r"label: expected none, because .*tube\.stl is a mesh, received 1"),
         (
             "tube.stl",
-            {"label": "one"},
-            "label: expected a whole number other than 0, the background, received 'one'",
+            {"label": 1.5},
+            "label: expected a whole number other than 0, the background, or the name of a segment, received 1.5",
+        ),
+        (
+            "tube.stl",
+            {"label": "aorta"},
+            r"label: expected none, because .*tube\.stl is a mesh, received aorta",
+        ),
+        (
+            "tube.stl",
+            {"nifti_form": "sform"},
+            "nifti_form: expected qform or sform, and that for NIfTI files alone",
         ),
         ("tube.stl", {"label": 0}, "label: expected a whole number other than 0"),
         ("tube.stl", {"input": ""}, "input: expected the file of a label map or a mesh, received none"),
