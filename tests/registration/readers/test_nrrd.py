@@ -85,7 +85,8 @@ def test_the_order_of_axes_is_the_headers(tmp_path: Path, kinds: str) -> None:
         "domain domain list", kinds
     )
     sequence = read_nrrd(written(tmp_path, header, stored.tobytes()), "MF")
-XX
+    coloured = {"vector", "RGB-color", "3-color"} & set(kinds.split())
+    np.testing.assert_array_equal(sequence.pixels, RGB if coloured else PIXELS)
     assert sequence.frame_fields == ({"ImageStatus": "OK"}, {"Timestamp": "2.5"})
 
 
