@@ -79,7 +79,7 @@ def test_numbers_in_files_of_their_own(tmp_path: Path, where: str, name: str) ->
     (tmp_path / "all.raw").write_bytes(RAW)
     path = write(tmp_path / name, more=f"data file: {where}\n", data=b"")
     # SimpleITK takes an empty line after a list for a file's name.
-    path.write_bytes(path.read_bytes().rstrip() + (b"" if where.startswith("LIST") else b"\n\n"))
+    path.write_bytes(path.read_bytes().rstrip() + (b"\n" if where.startswith("LIST") else b"\n\n"))
     np.testing.assert_array_equal(read_nrrd_file(path).values, VALUES)
     if name == "a.nhdr":
         np.testing.assert_array_equal(simpleitk(path), VALUES)
