@@ -198,9 +198,8 @@ def test_units_of_nrrd_and_metaimage(tmp_path: Path) -> None:
     content = metaimage_bytes(LABELS, "1 0 0 0 1 0 0 0 1").replace(b"NDims", b"DistanceUnits = cm\nNDims")
     (tmp_path / "a.mha").write_bytes(content)
     found = read_label_map(tmp_path / "a.mha")
-    np.testing.assert_allclose(
-        found.ct_A_voxel, np.array([[10.0, 0, 0, 70], [0, 10, 0, 80], [0, 0, 10, 90], [0, 0, 0, 1]])
-    )
+    expected = [[10.0, 0, 0, 70], [0, 10, 0, 80], [0, 0, 10, 90], [0, 0, 0, 1]]
+    np.testing.assert_allclose(found.ct_A_voxel, expected)
 
 
 def test_units_of_axes_without_directions(tmp_path: Path) -> None:
