@@ -83,10 +83,13 @@ class NiftiHeader:
             raise InputError(
                 f"nifti_form: expected {' or '.join(there) or 'none'}, as {path} has it, received {form}"
             )
+        for name in [form] if form else there:
+            frames.require_affine(there[name], f"{path}: {name}")
         if len(there) == 2 and form is None:
             self._require_agreement(to_mm, path)
         if not there:
-            return "", to_mm @ np.diag([*self.spacing, 1.0])
+            alone = frames.require_affine(np.diag([*self.spacing, 1.0]), f"{path}: pixdim")
+            return "", to_mm @ alone
         name = form or next(iter(there))
         return name, to_mm @ there[name]
 
@@ -121,6 +124,10 @@ def _header(head: bytes, order: str, layout: _Layout, named: Path) -> NiftiHeade
 
     dim, pixdim, codes = at(layout.dim), at(layout.pixdim), at(layout.codes)
     sizes = tuple(int(size) for size in dim[1 : 1 + max(int(dim[0]), 0)])
+    if not 1 <= dim[0] <= 7 or min(sizes) < 1:
+        raise InputError(
+            f"{named}: expected 1 to 7 axes of one voxel at least, found {list(map(int, dim))} in dim"
+        )
     unit = int(at(layout.units)[0]) & 7
     if unit not in UNITS:
         raise InputError(f"{named}: expected a length in m, mm or um, found code {unit} in xyzt_units")

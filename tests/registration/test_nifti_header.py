@@ -100,6 +100,27 @@ def test_a_transform_that_is_not_there_cannot_be_chosen(tmp_path: Path) -> None:
         read_nifti_header(path, path).ras_A_voxel("qform", 1.0, path)
 
 
+@pytest.mark.parametrize(
+    ("codes", "place", "kind", "values", "message"),
+    [
+        ((1, 0), 76, "8f", (1, 0, 0, 0, 0, 0, 0, 0), "qform: expected an invertible matrix"),
+        ((0, 0), 76, "8f", (1, 0.5, 0, 1, 0, 0, 0, 0), "pixdim: expected an invertible matrix"),
+        ((1, 1), 280, "f", (np.nan,), "sform: expected finite entries"),
+        ((0, 1), 40, "8h", (3, 7, -6, 5, 1, 1, 1, 1), "expected 1 to 7 axes of one voxel at least"),
+        ((0, 1), 40, "8h", (300, 7, 6, 5, 1, 1, 1, 1), "expected 1 to 7 axes of one voxel at least"),
+    ],
+)
+def test_headers_of_no_volume_are_refused(
+    tmp_path: Path, codes: tuple[int, int], place: int, kind: str, values: tuple[float, ...], message: str
+) -> None:
+    content = bytearray(nifti_bytes(LABELS, RAS, codes, qform=RAS))
+    struct.pack_into("<" + kind, content, place, *values)
+    path = tmp_path / "a.nii"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=rf"a\.nii: {message}"):
+        read_nifti_header(path, path).ras_A_voxel(None, 1.0, path)
+
+
 @pytest.mark.parametrize(("code", "units"), [(0, ""), (1, "m"), (2, "mm"), (3, "um"), (2 + 8, "mm")])
 def test_the_unit_of_length(tmp_path: Path, code: int, units: str) -> None:
     path = tmp_path / "a.nii"

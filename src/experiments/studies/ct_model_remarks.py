@@ -36,6 +36,11 @@ def _of_label(model: CtModel) -> list[str]:
             f"The label touches the border of the volume ({', '.join(model.cut_sides)}): the vessel goes on there, and "
             "the surface has an open end."
         )
+    if len(model.cut_sides) == 6:
+        found.append(
+            "It touches all six sides, as in a volume that was cropped to its label: ends that are none then need the "
+            "whole volume."
+        )
     if model.source.lost_mm > LOST_VOXELS * float(mask.spacing_mm.max()):
         found.append(
             f"Parts of the label up to {model.source.lost_mm:.1f} mm away from the surface are too thin for its "

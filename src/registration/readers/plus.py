@@ -11,9 +11,15 @@ from jaxtyping import Float64
 
 from registration import frames
 from registration.errors import InputError
-from registration.readers.plus_calibration import ImagePlacement, image_placement, poses, recorded_links
+from registration.readers.plus_calibration import (
+    ImagePlacement,
+    image_placement,
+    known_frames,
+    poses,
+    recorded_links,
+)
 from registration.readers.plus_config import read_device_set
-from registration.readers.plus_fields import CLOCKS, frame_times_s, read_sequence
+from registration.readers.plus_fields import CLOCKS, ambiguous_names, frame_times_s, read_sequence
 from registration.readers.sequence import PlusSequence
 from registration.readers.streams import as_grey, distinct_times
 from registration.readers.transform_graph import TransformGraph
@@ -99,7 +105,12 @@ class PlusReader:
     ) -> tuple[Float64[np.ndarray, "n 4 4"], np.ndarray, tuple[str, ...]]:
         """The pose of every frame, why it has none (n,), empty where it has one, and what contradicts the poses."""
         links = recorded_links(sequence, defined, self._known, path)
-        rigid, reasons, remarks = poses(links, self.ee, self.world, len(sequence.frame_fields), path)
+        try:
+            rigid, reasons, remarks = poses(links, self.ee, self.world, len(sequence.frame_fields), path)
+        except InputError as failure:
+            unclear = ambiguous_names(sequence, known_frames(defined, self._known))
+            several = f" ({', '.join(unclear)} could link several pairs of frames)" if unclear else ""
+            raise InputError(f"{failure}{several}") from failure
         if (reasons != "").all():
             raise InputError(
                 f"{path}: expected at least one frame with a valid {self.ee}To{self.world}, found none"

@@ -43,12 +43,16 @@ class ImagePlacement:
     remarks: tuple[str, ...]
 
 
+def known_frames(defined: TransformGraph, known: tuple[str, ...]) -> set[str]:
+    """The frames that settings and a device set name."""
+    return {*known, *(frame for pair in defined.edges for frame in pair)}
+
+
 def recorded_links(
     sequence: PlusSequence, defined: TransformGraph, known: tuple[str, ...], path: Path
 ) -> tuple[Link, ...]:
     """The transforms of a recording and of a device set; ``known`` names frames that settings speak of."""
-    frames_of_set = tuple(frame for pair in defined.edges for frame in pair)
-    pairs = transform_names(sequence, {*known, *frames_of_set})
+    pairs = transform_names(sequence, known_frames(defined, known))
     stacks = {pair: frame_transform(sequence, *pair, str(path)) for pair in pairs}
     return links_from(stacks, defined.edges)
 
@@ -113,7 +117,7 @@ def _pose_remarks(
     worst_mm, worst_deg, other_text = 0.0, 0.0, ""
     for other in found[1:]:
         both = valid & (_reasons(other.links, len(valid)) == "")
-        if other.dead or not both.any():
+        if not both.any():
             continue
         apart = np.linalg.inv(np.broadcast_to(other.matrix, world_A_ee.shape)[both]) @ world_A_ee[both]
         moved_mm = float(np.linalg.norm(apart[:, :3, 3], axis=1).max())
@@ -139,8 +143,8 @@ def _image_remarks(
     worst_mm, other_text = 0.0, ""
     shape = (len(valid), 4, 4)
     for other in found[1:]:
-        both = valid & (_reasons(tuple(link for link in other.links if link.moving), len(valid)) == "")
-        if other.dead or not both.any():
+        both = valid & (_reasons(other.links, len(valid)) == "")
+        if not both.any():
             continue
         pairs = zip(
             np.broadcast_to(ee_A_pixel, shape)[both], np.broadcast_to(other.matrix, shape)[both], strict=True

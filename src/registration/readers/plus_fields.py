@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float64
 
+from registration import frames
 from registration.errors import InputError
 from registration.readers.metaimage import metaimage_bytes, read_metaimage
 from registration.readers.nrrd import nrrd_bytes, read_nrrd
 from registration.readers.sequence import PlusSequence
-from registration.readers.transform_names import resolve
+from registration.readers.transform_names import resolve, splits
 from registration.whole import write_whole
 
 TRANSFORM = "Transform"
@@ -66,8 +67,8 @@ def frame_transform(
 ) -> tuple[Float64[np.ndarray, "n 4 4"], np.ndarray]:
     """The named transform of every frame and whether it is valid, (n,) bool.
 
-    It counts as valid where it is there, of finite numbers, and its status is OK or not given (files of old versions
-    of PLUS).
+    It counts as valid where it is there, has an inverse, and its status is OK or not given (files of old versions of
+    PLUS).
     """
     key = f"{source}To{target}{TRANSFORM}"
     matrices = np.tile(np.eye(4), (len(sequence.frame_fields), 1, 1))
@@ -84,8 +85,8 @@ def frame_transform(
             ) from failure
         if numbers.shape != (16,):
             raise InputError(f"{name}: expected 16 numbers in {key} of frame {index}, found {len(numbers)}")
-        # What is not finite is no measurement, and the identity keeps a chain through it invertible.
-        if np.isfinite(numbers).all():
+        # What has no inverse is no measurement, and the identity keeps a chain through it invertible.
+        if frames.is_affine(numbers.reshape(4, 4)):
             matrices[index], valid[index] = numbers.reshape(4, 4), True
     return matrices, valid
 
@@ -95,7 +96,18 @@ def transform_names(sequence: PlusSequence, known: Collection[str] = ()) -> list
 
     ``known`` names frames of which it is sure that they exist, for names that can be read in several ways.
     """
-    keys = dict.fromkeys(key for fields in sequence.frame_fields for key in fields if key.endswith(TRANSFORM))
-    names = [key.removesuffix(TRANSFORM) for key in keys]
+    names = _names(sequence)
     found = resolve(names, known)
     return [found[name] for name in names if name in found]
+
+
+def ambiguous_names(sequence: PlusSequence, known: Collection[str] = ()) -> list[str]:
+    """The transforms whose names could stand for several pairs of frames; ``transform_names`` leaves them out."""
+    names = _names(sequence)
+    found = resolve(names, known)
+    return [name for name in names if name not in found and len(splits(name)) > 1]
+
+
+def _names(sequence: PlusSequence) -> list[str]:
+    keys = dict.fromkeys(key for fields in sequence.frame_fields for key in fields if key.endswith(TRANSFORM))
+    return [key.removesuffix(TRANSFORM) for key in keys]

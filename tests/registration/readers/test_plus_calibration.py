@@ -174,12 +174,36 @@ def test_a_broken_transform_outside_the_chain_does_not_matter(tmp_path: Path) ->
     np.testing.assert_allclose(sweep.world_T_ee, world_T_ee(TIMES_S), atol=1e-9)
 
 
-def test_a_frame_with_a_pose_of_no_numbers_is_dropped_and_counted(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", ["nan", "inf", "0"])
+def test_a_frame_whose_pose_is_no_transform_is_dropped_and_counted(tmp_path: Path, number: str) -> None:
     sequence = tracked_sequence()
     fields = [dict(frame) for frame in sequence.frame_fields]
-    fields[2]["ProbeToTrackerTransform"] = " ".join(["nan"] * 16)
+    fields[2]["ProbeToTrackerTransform"] = " ".join([number] * 16)
     sweep = read(tmp_path, PlusSequence(sequence.pixels, tuple(fields)))
     assert sweep.dropped == {"ProbeToTrackerTransform INVALID": 1}
+
+
+def test_frames_with_to_in_their_names(tmp_path: Path) -> None:
+    sequence = tracked_sequence()
+    renamed = tuple(
+        {
+            key.replace("Probe", "TestTool").replace("Reference", "Torso"): value
+            for key, value in frame.items()
+        }
+        for frame in sequence.frame_fields
+    )
+    sweep = read(tmp_path, PlusSequence(sequence.pixels, renamed), ee="TestTool", world="Torso")
+    np.testing.assert_allclose(sweep.world_T_ee, world_T_ee(TIMES_S), atol=1e-9)
+    np.testing.assert_allclose(sweep.calibration.probe_A_pixel, CALIBRATION.probe_A_pixel)
+    unclear = tuple({**frame, "HandToEyeToHeadTransform": text(np.eye(4))} for frame in sequence.frame_fields)
+    with pytest.raises(
+        InputError, match=r"found ProbeToTracker, .* \(HandToEyeToHead could link several pairs of frames\)"
+    ):
+        read(tmp_path, PlusSequence(sequence.pixels, unclear), world="World")
+    hand = read(
+        tmp_path, PlusSequence(sequence.pixels, unclear), ee="HandToEye", world="Head", uncalibrated=True
+    )
+    np.testing.assert_array_equal(hand.world_T_ee, np.tile(np.eye(4), (4, 1, 1)))
 
 
 def test_the_cropped_nwire_phantom_of_plus(real_data: Path) -> None:
