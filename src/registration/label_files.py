@@ -154,7 +154,7 @@ def _nrrd(path: Path, target: Path) -> _Copy:
     with target.open("wb") as stream:
         stream.write(nrrd_header(file.fields, file.keys, "raw"))
         stream.write(np.ascontiguousarray(file.values.astype(file.values.dtype.newbyteorder("<"))).tobytes())
-    if file.fields.get("space", "").lower().endswith("left-handed"):
+    if file.fields.get("space", "").lower().startswith("3d-left-handed"):
         raise InputError(
             f"{path}: expected axes of the patient or right-handed ones, received space {file.fields['space']}, "
             "which may be a mirror image"

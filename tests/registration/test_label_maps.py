@@ -49,6 +49,7 @@ def test_nifti_is_in_ras_and_comes_out_in_lps(tmp_path: Path) -> None:
         ("right-anterior-superior", LPS_FROM_RAS),
         ("RAS", LPS_FROM_RAS),
         ("left-anterior-superior", np.diag([1.0, -1.0, 1.0, 1.0])),
+        ("LAS", np.diag([1.0, -1.0, 1.0, 1.0])),
     ],
 )
 def test_every_space_that_nrrd_names(tmp_path: Path, space: str, lps_A_space: np.ndarray) -> None:
