@@ -72,16 +72,7 @@ def read_label_map(
             f"{' x '.join(map(str, image.GetSize()))} with {image.GetNumberOfComponentsPerPixel()} a voxel"
         )
     ct_A_voxel = _voxel_axes(image, path)
-    stated = _states_space(facts, path)
-    if stated and space is not None:
-        raise InputError(
-            f"space: expected none, because the header of {path} says how its axes lie, received {space}"
-        )
-    if not stated and space is None:
-        raise InputError(
-            f"space: expected lps or ras, because the header of {path} does not say how its axes lie in the patient, "
-            "received none"
-        )
+    _require_one_space(facts, space, path)
     if space == "ras":
         ct_A_voxel = np.diag([-1.0, -1.0, 1.0, 1.0]) @ ct_A_voxel
     layers = _layers(image, path)
@@ -112,6 +103,20 @@ def _voxel_axes(image: Any, path: Path) -> Float64[np.ndarray, "4 4"]:
     ct_A_voxel[:3, :3] = direction * spacing_mm
     ct_A_voxel[:3, 3] = image.GetOrigin()
     return ct_A_voxel
+
+
+def _require_one_space(facts: Mapping[str, str], space: str | None, path: Path) -> None:
+    """Raise InputError unless either the header or the user says how the axes lie."""
+    stated = _states_space(facts, path)
+    if stated and space is not None:
+        raise InputError(
+            f"space: expected none, because the header of {path} says how its axes lie, received {space}"
+        )
+    if not stated and space is None:
+        raise InputError(
+            f"space: expected lps or ras, because the header of {path} does not say how its axes lie in the patient, "
+            "received none"
+        )
 
 
 def _states_space(facts: Mapping[str, str], path: Path) -> bool:

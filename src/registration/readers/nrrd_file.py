@@ -84,17 +84,7 @@ def read_nrrd_file(path: Path) -> NrrdFile:
             f"{path}: expected a number type and encoding raw, gzip, bzip2, ascii or hex, "
             f"found type {fields.get('type')}, encoding {_encoding(fields)}"
         )
-    encoding = Encoding(
-        packing,
-        whole_number(fields.get("line skip", "0"), "line skip", path),
-        whole_number(fields.get("byte skip", "0"), "byte skip", path),
-        ">" if fields.get("endian", "little").lower() == "big" else "<",
-    )
-    if encoding.lines_skipped < 0 or encoding.bytes_skipped < (-1 if packing == "raw" else 0):
-        raise InputError(
-            f"{path}: expected a line skip of 0 or more and a byte skip of 0 or more (or -1 for raw data), found "
-            f"{encoding.lines_skipped} and {encoding.bytes_skipped} for {packing} data"
-        )
+    encoding = _storage(fields, packing, path)
     files = _data_files(fields.get("data file", ""), listed, path)
     count = math.prod(sizes)
     if not files:
@@ -110,6 +100,21 @@ def nrrd_header(fields: dict[str, str], keys: dict[str, str], encoding: str) -> 
     lines += ["endian: little", f"encoding: {encoding}"]
     lines += [f"{_escaped(key)}:={_escaped(value)}" for key, value in keys.items()]
     return ("\n".join(lines) + "\n\n").encode("latin-1")
+
+
+def _storage(fields: dict[str, str], packing: str, path: Path) -> Encoding:
+    encoding = Encoding(
+        packing,
+        whole_number(fields.get("line skip", "0"), "line skip", path),
+        whole_number(fields.get("byte skip", "0"), "byte skip", path),
+        ">" if fields.get("endian", "little").lower() == "big" else "<",
+    )
+    if encoding.lines_skipped < 0 or encoding.bytes_skipped < (-1 if packing == "raw" else 0):
+        raise InputError(
+            f"{path}: expected a line skip of 0 or more and a byte skip of 0 or more (or -1 for raw data), found "
+            f"{encoding.lines_skipped} and {encoding.bytes_skipped} for {packing} data"
+        )
+    return encoding
 
 
 def _encoding(fields: dict[str, str]) -> str:

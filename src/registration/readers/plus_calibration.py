@@ -92,13 +92,27 @@ def image_placement(
     if not len(valid):
         raise InputError(f"{path}: expected at least one frame with a valid {best.text}, found none")
     first = ee_A_pixel[valid[0]] if ee_A_pixel.ndim == 3 else ee_A_pixel
-    remarks = _image_remarks(found, ee_A_pixel, (height, width), reasons == "", path)
+    remarks = (
+        *_unused(links, best, path),
+        *_image_remarks(found, ee_A_pixel, (height, width), reasons == "", path),
+    )
     moving = ee_A_pixel.ndim == 3 and not (ee_A_pixel[valid] == first).all()
     return ImagePlacement(
         ee_A_pixel=first,
         image_A_pixel=np.linalg.inv(first) @ ee_A_pixel if moving else None,
         reasons=reasons,
         remarks=remarks,
+    )
+
+
+def _unused(links: tuple[Link, ...], best: Chain, path: Path) -> tuple[str, ...]:
+    """Whether a device set was named that says nothing of the calibration."""
+    given = [link.name for link in links if link.given]
+    if best.given or not given:
+        return ()
+    return (
+        f"{path.name}: the device set ({', '.join(given)}) leads to no calibration: {best.text} of the recording was "
+        "taken.",
     )
 
 

@@ -140,6 +140,16 @@ def test_a_device_set_that_says_the_same_is_no_contradiction(tmp_path: Path) -> 
     assert read(tmp_path, tracked_sequence(), device_set=given).remarks == ()
 
 
+def test_a_device_set_that_leads_nowhere_is_told(tmp_path: Path) -> None:
+    given = device_set(tmp_path, Image_to_TransducerOrigin=np.diag([0.1, 0.1, 0.1, 1.0]))
+    sweep = read(tmp_path, tracked_sequence(), device_set=given)
+    np.testing.assert_array_equal(sweep.calibration.probe_A_pixel, CALIBRATION.probe_A_pixel)
+    assert sweep.remarks == (
+        "a.igs.mha: the device set (ImageToTransducerOrigin) leads to no calibration: ImageToProbe of the recording "
+        "was taken.",
+    )
+
+
 def test_a_device_set_and_a_crop_together(tmp_path: Path) -> None:
     crop = frames.translation((-335.0, -285.0, 0.0))
     moved = frames.translation((5.0, 0.0, 0.0)) @ CALIBRATION.probe_A_pixel
