@@ -114,6 +114,15 @@ def require_affine(A_A_B: Float[np.ndarray, "*n 4 4"], name: str) -> Float64[np.
     return A_A_B
 
 
+def is_affine(A_A_B: Float[np.ndarray, "4 4"]) -> bool:
+    """Whether a matrix is finite, has the last row 0 0 0 1 and an inverse."""
+    try:
+        require_affine(A_A_B, "A_A_B")
+    except InputError:
+        return False
+    return True
+
+
 def require_rigid(
     A_T_B: Float[np.ndarray, "*n 4 4"], name: str, tolerance: float = RIGID_TOLERANCE
 ) -> Float64[np.ndarray, "*n 4 4"]:

@@ -1,20 +1,31 @@
-"""Volumes from files, whole or not at all: what the reading library leaves unsaid is checked here."""
+"""Volumes from files, whole or not at all: what the reading library leaves unsaid is checked here.
+
+SimpleITK reads voxels and axes. It sees a copy whose voxels were unpacked and counted here (it takes packed voxels with
+a wrong sum or without their end for others), whose NIfTI transforms agree, and whose lengths become millimetres after.
+"""
 
 from __future__ import annotations
 
 import gzip
-import math
 import shutil
 import struct
 import tempfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from jaxtyping import Float64
+
 from registration.errors import InputError
 from registration.file_checks import require_file
+from registration.length_units import MM_PER_UNIT, quoted, stated_units
+from registration.nifti_header import FORMS, NiftiHeader, read_nifti_header
+from registration.readers.metaimage_file import read_metaimage_file
+from registration.readers.nrrd_file import nrrd_header, read_nrrd_file
 
 # The suffixes that are read, and SimpleITK's name of what reads them: the choice is not left to a file's content.
 READERS = {
@@ -25,11 +36,23 @@ READERS = {
     ".mha": "MetaImageIO",
     ".mhd": "MetaImageIO",
 }
-_META_BYTES = {
-    "MET_CHAR": 1, "MET_UCHAR": 1, "MET_SHORT": 2, "MET_USHORT": 2, "MET_INT": 4, "MET_UINT": 4, "MET_LONG": 4,
-    "MET_ULONG": 4, "MET_LONG_LONG": 8, "MET_ULONG_LONG": 8, "MET_FLOAT": 4, "MET_DOUBLE": 8,
-}  # fmt: skip
-_LONGEST_HEADER_LINE = 1 << 16
+# Under this name the image carries the unit that the file states, empty where it states none.
+UNITS_KEY = "stated units"
+_DETACHED = {"ElementDataFile", "CompressedData", "CompressedDataSize", "HeaderSize", "BinaryData"}
+_DETACHED |= {"BinaryDataByteOrderMSB", "ElementByteOrderMSB"}
+
+
+@dataclass(frozen=True)
+class _Copy:
+    """A file that SimpleITK reads as it should, and what it does not say of it.
+
+    ``units`` are those of the axes of space (or of the voxels' axes, where the file names no others), empty where
+    none are stated; ``lps_A_voxel`` is in mm, None where SimpleITK's is taken.
+    """
+
+    path: Path
+    units: tuple[str, ...] = ()
+    lps_A_voxel: Float64[np.ndarray, "4 4"] | None = None
 
 
 def volume_suffix(path: Path) -> str:
@@ -38,8 +61,14 @@ def volume_suffix(path: Path) -> str:
     return next((suffix for suffix in sorted(READERS, key=len, reverse=True) if name.endswith(suffix)), "")
 
 
-def read_volume(path: Path) -> Any:
-    """Read a file as SimpleITK's image. Raises InputError for one that is missing, unreadable, or cut short."""
+def read_volume(path: Path, units: str | None = None, nifti_form: str | None = None) -> Any:
+    """Read a file as SimpleITK's image, its lengths in millimetres.
+
+    ``units`` (mm, cm, m or um) is what the file's numbers are, in place of what its header states (mm where it states
+    nothing). ``nifti_form`` (qform or sform) chooses where a NIfTI file's two transforms differ. Raises InputError for
+    a file that is missing, unreadable, or cut short, whose transforms differ without a choice, or whose unit is not
+    known.
+    """
     import SimpleITK
 
     path = require_file(Path(path))
@@ -48,15 +77,21 @@ def read_volume(path: Path) -> Any:
         raise InputError(
             f"{path}: expected one of {', '.join(READERS)}, received {path.suffix or 'no suffix'}"
         )
-    with _complete(path, suffix) as complete:
+    if nifti_form is not None and (nifti_form not in FORMS or READERS[suffix] != READERS[".nii"]):
+        raise InputError(
+            f"nifti_form: expected {' or '.join(FORMS)}, and that for NIfTI files alone, received {nifti_form!r} for "
+            f"{path.name}"
+        )
+    with _complete(path, suffix, units, nifti_form) as copy:
         reader = SimpleITK.ImageFileReader()
         reader.SetImageIO(READERS[suffix])
-        reader.SetFileName(str(complete))
+        reader.SetFileName(str(copy.path))
         SimpleITK.ProcessObject.SetGlobalWarningDisplay(False)
         try:
-            return reader.Execute()
+            image = reader.Execute()
         except RuntimeError as refusal:
             raise InputError(f"{path}: {_why(str(refusal), suffix)}") from refusal
+    return _placed(image, copy, units)
 
 
 def _why(message: str, suffix: str) -> str:
@@ -68,22 +103,107 @@ def _why(message: str, suffix: str) -> str:
     )
 
 
+def _placed(image: Any, copy: _Copy, units: str | None) -> Any:
+    """The image with its lengths in millimetres, and the unit that its file states among its metadata."""
+    # NIfTI files of one volume may have a fourth axis of a single entry.
+    while image.GetDimension() > 3 and image.GetSize()[-1] == 1:
+        image = image[(slice(None),) * (image.GetDimension() - 1) + (0,)]
+    dimension = image.GetDimension()
+    if copy.lps_A_voxel is not None and dimension == 3:
+        _set_axes(image, copy.lps_A_voxel)
+    else:
+        used = (units,) * dimension if units is not None else copy.units[:dimension]
+        if used:
+            factors = np.diag([*(MM_PER_UNIT[unit] for unit in used), *[1.0] * (dimension - len(used)), 1.0])
+            _set_axes(image, factors @ _axes(image))
+    image.SetMetaData(UNITS_KEY, " ".join(dict.fromkeys(copy.units)))
+    return image
+
+
+def _axes(image: Any) -> Float64[np.ndarray, "m m"]:
+    dimension = image.GetDimension()
+    matrix = np.eye(dimension + 1)
+    direction = np.array(image.GetDirection(), dtype=np.float64).reshape(dimension, dimension)
+    matrix[:-1, :-1] = direction * np.array(image.GetSpacing(), dtype=np.float64)
+    matrix[:-1, -1] = image.GetOrigin()
+    return matrix
+
+
+def _set_axes(image: Any, matrix: Float64[np.ndarray, "m m"]) -> None:
+    spacing = np.linalg.norm(matrix[:-1, :-1], axis=0)
+    # A size of nothing is refused where the axes are read; it must not become NaN here.
+    image.SetSpacing(np.where(spacing > 0, spacing, 1.0).tolist())
+    image.SetDirection((matrix[:-1, :-1] / np.where(spacing > 0, spacing, 1.0)).reshape(-1).tolist())
+    image.SetOrigin(matrix[:-1, -1].tolist())
+
+
 @contextmanager
-def _complete(path: Path, suffix: str) -> Iterator[Path]:
-    """Give a file that is known to be complete; NRRD files are checked as they are read."""
+def _complete(path: Path, suffix: str, units: str | None, form: str | None) -> Iterator[_Copy]:
+    """Give a copy that is known to be complete."""
+    with tempfile.TemporaryDirectory() as folder:
+        if suffix in (".nii", ".nii.gz"):
+            yield _nifti(path, suffix, Path(folder) / "volume.nii", units, form)
+        elif suffix in (".nrrd", ".nhdr"):
+            yield _nrrd(path, Path(folder) / "volume.nrrd")
+        else:
+            yield _metaimage(path, Path(folder) / "volume.mha")
+
+
+def _nrrd(path: Path, target: Path) -> _Copy:
+    file = read_nrrd_file(path)
+    with target.open("wb") as stream:
+        stream.write(nrrd_header(file.fields, file.keys, "raw"))
+        stream.write(np.ascontiguousarray(file.values.astype(file.values.dtype.newbyteorder("<"))).tobytes())
+    if file.fields.get("space", "").lower().startswith("3d-left-handed"):
+        raise InputError(
+            f"{path}: expected axes of the patient or right-handed ones, received space {file.fields['space']}, "
+            "which may be a mirror image"
+        )
+    # Where the header has directions, lengths are along the axes of space, otherwise along those of the voxels.
+    field = "space units" if "space directions" in file.fields else "units"
+    return _Copy(target, stated_units(quoted(file.fields.get(field, "")), field, path))
+
+
+def _metaimage(path: Path, target: Path) -> _Copy:
+    file = read_metaimage_file(path)
+    fields = {name: value for name, value in file.fields.items() if name not in _DETACHED}
+    fields = {"BinaryData": "True", "BinaryDataByteOrderMSB": "False", "CompressedData": "False"} | fields
+    # ObjectType comes first in a file that MetaIO writes, ElementDataFile last in any.
+    ordered = {"ObjectType": fields.pop("ObjectType", "Image"), **fields, "ElementDataFile": "LOCAL"}
+    with target.open("wb") as stream:
+        stream.write("".join(f"{name} = {value}\n" for name, value in ordered.items()).encode("latin-1"))
+        stream.write(np.ascontiguousarray(file.values.astype(file.values.dtype.newbyteorder("<"))).tobytes())
+    stated = stated_units([file.fields.get("DistanceUnits", "")], "DistanceUnits", path)
+    return _Copy(target, stated * len(file.sizes))
+
+
+def _nifti(path: Path, suffix: str, target: Path, units: str | None, form: str | None) -> _Copy:
+    """The reader returns zeros for what is missing of a NIfTI file, without a word, and takes one of two transforms."""
+    # Unpacked under a name of its own: the reader would prefer a file x.nii that stands beside x.nii.gz.
+    source = path
     if suffix == ".nii.gz":
-        # Unpacked under a name of its own: the reader would prefer a file x.nii that stands beside x.nii.gz.
-        with tempfile.TemporaryDirectory() as folder:
-            unpacked = Path(folder) / "volume.nii"
-            _unpack(path, unpacked)
-            _check_nifti(unpacked, path)
-            yield unpacked
-        return
-    if suffix == ".nii":
-        _check_nifti(path, path)
-    elif suffix in (".mha", ".mhd"):
-        _check_metaimage(path)
-    yield path
+        _unpack(path, target)
+        source = target
+    header = read_nifti_header(source, path)
+    _require_bytes(path, source.stat().st_size, header.bytes)
+    unit = units or header.units or "mm"
+    name, ras_A_voxel = header.ras_A_voxel(form, MM_PER_UNIT[unit], path)
+    if source != target and (header.qform is not None) and (header.sform is not None):
+        shutil.copyfile(source, target)
+        source = target
+    if source == target:
+        _keep_form(target, header, name)
+    lps_A_voxel = np.diag([-1.0, -1.0, 1.0, 1.0]) @ ras_A_voxel if name else ras_A_voxel
+    return _Copy(source, (header.units,) * 3 if header.units else (), lps_A_voxel)
+
+
+def _keep_form(path: Path, header: NiftiHeader, name: str) -> None:
+    """Take the code of the other transform out of a copy, so that the reader has no choice."""
+    for form, place in zip(FORMS, header.code_places, strict=True):
+        if name and form != name:
+            with path.open("r+b") as stream:
+                stream.seek(place)
+                stream.write(struct.pack(header.code_format, 0))
 
 
 def _unpack(path: Path, target: Path) -> None:
@@ -94,58 +214,6 @@ def _unpack(path: Path, target: Path) -> None:
         raise InputError(
             f"{path}: expected a complete gzip file, received one that breaks off ({refusal})"
         ) from refusal
-
-
-def _check_nifti(path: Path, named: Path) -> None:
-    """The reader returns zeros for what is missing of a NIfTI file, without a word."""
-    with path.open("rb") as stream:
-        head = stream.read(540)
-    order = next((order for order in "<>" if head[:4] in (_int(order, 348), _int(order, 540))), "")
-    if not order or len(head) < 348:
-        raise InputError(f"{named}: expected the header of a NIfTI volume, received another file")
-    # Where the header says how many axes there are, their lengths, the bits of a voxel, and where voxels begin.
-    places = ("8h", 40, "h", 72, "f", 108) if head[:4] == _int(order, 348) else ("8q", 16, "h", 14, "q", 168)
-    sizes = struct.unpack_from(order + str(places[0]), head, int(places[1]))
-    bits = struct.unpack_from(order + str(places[2]), head, int(places[3]))[0]
-    begin = struct.unpack_from(order + str(places[4]), head, int(places[5]))[0]
-    expected = int(begin) + math.prod(sizes[1 : 1 + max(sizes[0], 0)]) * bits // 8
-    _require_bytes(named, path.stat().st_size, expected)
-
-
-def _int(order: str, value: int) -> bytes:
-    return struct.pack(order + "i", value)
-
-
-def _check_metaimage(path: Path) -> None:
-    """The reader prints lines of its own about what is missing of a MetaImage file."""
-    fields: dict[str, str] = {}
-    with path.open("rb") as stream:
-        while "ElementDataFile" not in fields:
-            name, equals, value = stream.readline(_LONGEST_HEADER_LINE).decode("latin-1").partition("=")
-            if not equals:
-                raise InputError(
-                    f"{path}: expected a MetaImage header that ends in ElementDataFile, received another"
-                )
-            fields[name.strip()] = value.strip()
-        begin = stream.tell()
-    where = fields["ElementDataFile"]
-    data = path if where.upper() == "LOCAL" else path.parent / where
-    if where.upper().startswith("LIST") or "%" in where:
-        return
-    if not data.is_file():
-        raise InputError(f"{path}: expected its voxels in {data}, received no such file")
-    try:
-        if fields.get("CompressedData", "").lower() == "true":
-            expected = int(fields.get("CompressedDataSize", "1"))
-        else:
-            channels = int(fields.get("ElementNumberOfChannels", "1"))
-            sizes = [int(size) for size in fields["DimSize"].split()]
-            expected = math.prod(sizes) * channels * _META_BYTES[fields["ElementType"]]
-    except (KeyError, ValueError) as refusal:
-        raise InputError(
-            f"{path}: expected a header that can be read, received {refusal!r} in it"
-        ) from refusal
-    _require_bytes(path, data.stat().st_size - (begin if data == path else 0), expected)
 
 
 def _require_bytes(path: Path, received: int, expected: int) -> None:

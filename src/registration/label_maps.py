@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64, Shaped
+from jaxtyping import Float64, Int64, Shaped
 
 from registration import frames
 from registration.errors import InputError
-from registration.label_files import read_volume
+from registration.label_files import UNITS_KEY, read_volume
+from registration.segments import Segment, read_segments, scan_ends
 
 SPACES = ("lps", "ras")
 # NRRD files that name their axes arrive here in these ones; other names say nothing about the patient.
@@ -25,12 +26,19 @@ class LabelMap:
 
     ``labels`` (i, j, k) are whole numbers; ``ct_A_voxel`` (4, 4) maps the index (i, j, k) of a voxel's centre to
     millimetres in LPS, whatever axes the file has: its columns are at right angles, and left-handed where the file's
-    axes are. ``names`` are the segments' names, where the file has any.
+    axes are. ``names`` are the segments' names, where the file has any. ``layers`` (n, i, j, k) are there where
+    segments overlap: ``labels`` is the first of them, ``segments`` says which segment lies in which. ``scan_ends``
+    (3, 2) are the first and last index of the scan along each axis, None where the scan ends with the file. ``units``
+    are those that the header states, empty for none.
     """
 
     labels: Shaped[np.ndarray, "i j k"]
     ct_A_voxel: Float64[np.ndarray, "4 4"]
     names: Mapping[int, str]
+    layers: Shaped[np.ndarray, "n i j k"] | None = None
+    segments: tuple[Segment, ...] = ()
+    scan_ends: Int64[np.ndarray, "3 2"] | None = None
+    units: str = ""
 
     @property
     def spacing_mm(self) -> Float64[np.ndarray, "3"]:
@@ -42,37 +50,41 @@ class LabelMap:
         return f"{label} ({self.names[label]})" if label in self.names else str(label)
 
 
-def read_label_map(path: Path, space: str | None = None) -> LabelMap:
+def read_label_map(
+    path: Path, space: str | None = None, units: str | None = None, nifti_form: str | None = None
+) -> LabelMap:
     """Read a label map (NIfTI, NRRD, MetaImage) into LPS and millimetres.
 
     ``space`` (lps or ras) is what the file's axes are where its header does not say: NIfTI without qform and sform,
-    NRRD without an anatomical space. MetaImage files are in LPS by convention. Raises InputError for a file that is
-    missing, unreadable or cut short, has not three axes or more than one value a voxel, values that are no labels,
-    sheared axes, or an unknown space, and for a ``space`` that the header states itself.
+    NRRD without an anatomical space. MetaImage files are in LPS by convention. ``units`` replaces the header's unit of
+    length, ``nifti_form`` chooses between qform and sform that differ. Raises InputError for a file that is missing,
+    unreadable or cut short, has not three axes or more than one value a voxel (but for layers of segments), values
+    that are no labels, sheared axes, or an unknown space, and for a ``space`` that the header states itself.
     """
     if space not in (None, *SPACES):
         raise InputError(f"space: expected lps or ras, received {space!r}")
-    image = read_volume(path)
-    if image.GetDimension() != 3 or image.GetNumberOfComponentsPerPixel() != 1:
+    image = read_volume(path, units, nifti_form)
+    facts = {key: image.GetMetaData(key) for key in image.GetMetaDataKeys()}
+    segments = read_segments(facts)
+    if image.GetDimension() != 3 or (image.GetNumberOfComponentsPerPixel() != 1 and not segments):
         raise InputError(
             f"{path}: expected a volume of 3 axes with one label a voxel, received {image.GetDimension()} axes of "
             f"{' x '.join(map(str, image.GetSize()))} with {image.GetNumberOfComponentsPerPixel()} a voxel"
         )
-    facts = {key: image.GetMetaData(key) for key in image.GetMetaDataKeys()}
     ct_A_voxel = _voxel_axes(image, path)
-    stated = _states_space(facts, path)
-    if stated and space is not None:
-        raise InputError(
-            f"space: expected none, because the header of {path} says how its axes lie, received {space}"
-        )
-    if not stated and space is None:
-        raise InputError(
-            f"space: expected lps or ras, because the header of {path} does not say how its axes lie in the patient, "
-            "received none"
-        )
+    _require_one_space(facts, space, path)
     if space == "ras":
         ct_A_voxel = np.diag([-1.0, -1.0, 1.0, 1.0]) @ ct_A_voxel
-    return LabelMap(_labels(image, path), ct_A_voxel, _segment_names(facts))
+    layers = _layers(image, path)
+    return LabelMap(
+        labels=layers[0],
+        ct_A_voxel=ct_A_voxel,
+        names={segment.label: segment.name for segment in segments if segment.name and segment.layer == 0},
+        layers=layers if len(layers) > 1 else None,
+        segments=segments,
+        scan_ends=scan_ends(facts, layers.shape[1:], ct_A_voxel) if segments else None,
+        units=facts.get(UNITS_KEY, ""),
+    )
 
 
 def _voxel_axes(image: Any, path: Path) -> Float64[np.ndarray, "4 4"]:
@@ -93,6 +105,20 @@ def _voxel_axes(image: Any, path: Path) -> Float64[np.ndarray, "4 4"]:
     return ct_A_voxel
 
 
+def _require_one_space(facts: Mapping[str, str], space: str | None, path: Path) -> None:
+    """Raise InputError unless either the header or the user says how the axes lie."""
+    stated = _states_space(facts, path)
+    if stated and space is not None:
+        raise InputError(
+            f"space: expected none, because the header of {path} says how its axes lie, received {space}"
+        )
+    if not stated and space is None:
+        raise InputError(
+            f"space: expected lps or ras, because the header of {path} does not say how its axes lie in the patient, "
+            "received none"
+        )
+
+
 def _states_space(facts: Mapping[str, str], path: Path) -> bool:
     """Whether a header says how the axes lie in the patient."""
     if "qform_code" in facts or "sform_code" in facts:
@@ -102,25 +128,16 @@ def _states_space(facts: Mapping[str, str], path: Path) -> bool:
     return True
 
 
-def _labels(image: Any, path: Path) -> Shaped[np.ndarray, "i j k"]:
+def _layers(image: Any, path: Path) -> Shaped[np.ndarray, "n i j k"]:
     import SimpleITK
 
-    # SimpleITK hands arrays over with the last axis first.
-    values = SimpleITK.GetArrayFromImage(image).transpose(2, 1, 0)
+    # SimpleITK hands arrays over with the last axis first, and values of one voxel last.
+    values = SimpleITK.GetArrayFromImage(image)
+    values = values[None] if values.ndim == 3 else np.moveaxis(values, -1, 0)
+    values = values.transpose(0, 3, 2, 1)
     if not np.issubdtype(values.dtype, np.floating):
         return values
     whole = np.isfinite(values).all() and bool((values == np.round(values)).all())
     if not whole:
         raise InputError(f"{path}: expected whole numbers as labels, received a volume with fractions or NaN")
     return values.astype(np.int32)
-
-
-def _segment_names(facts: Mapping[str, str]) -> dict[int, str]:
-    """The names that 3D Slicer keeps with a segmentation, by label."""
-    names = {}
-    for key, value in facts.items():
-        if key.startswith("Segment") and key.endswith("_LabelValue") and value.strip().isdigit():
-            name = facts.get(key.removesuffix("LabelValue") + "Name", "").strip()
-            if name:
-                names[int(value)] = name
-    return names

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-
-import numpy as np
 
 from registration.errors import InputError
 from registration.file_checks import require_file
@@ -18,6 +15,7 @@ from registration.label_surface import LabelSurface
 from registration.mesh_repair import Repaired, repair
 from registration.model_files import lps_from, stated_space
 from registration.model_units import MM_PER_UNIT, to_millimetres
+from registration.nifti_header import FORMS
 from registration.vessel_mask import VesselMask, vessel_mask
 
 MESHES = (".stl", ".ply", ".obj", ".vtk", ".vtp")
@@ -27,9 +25,9 @@ MESHES = (".stl", ".ply", ".obj", ".vtk", ".vtp")
 class ModelInput:
     """The surface of a vessel in mm in LPS, and where it came from.
 
-    ``units`` (mm, cm or m) is what the file's numbers were taken for, ``space`` the axes it has: lps or ras, or
-    ``header`` for a volume that says so itself. A label map leaves its ``mask``, its ``label_name`` and how far
-    from the surface its voxels lie at most (``lost_mm``), a mesh what was ``repaired``.
+    ``units`` (mm, cm or m) is what the file's numbers were taken for, ``stated_units`` what its header says, ``space``
+    the axes it has: lps or ras, or ``header`` for a volume that says so itself. A label map leaves its ``mask``, its
+    ``label_name`` and how far from the surface its voxels lie at most (``lost_mm``), a mesh what was ``repaired``.
     """
 
     mesh: Mesh
@@ -39,34 +37,49 @@ class ModelInput:
     label_name: str = ""
     lost_mm: float = 0.0
     repaired: Repaired | None = None
+    stated_units: str = ""
 
 
 def read_model(
     path: Path,
     surface: LabelSurface,
-    label: int | None = None,
+    label: int | str | None = None,
     space: str | None = None,
     units: str | None = None,
+    nifti_form: str | None = None,
 ) -> ModelInput:
     """Read a label map or a mesh; ``surface`` makes the surface of a label.
 
-    ``label`` chooses among several labels, ``space`` (lps or ras) is needed where the file does not state its axes,
-    ``units`` (mm, cm or m) overrides the check of the vessel's size. Raises InputError for what cannot be read, for
-    a missing choice, and for a model that is no vessel's size.
+    ``label`` (a number, or the name of a segment) chooses among several labels, ``space`` (lps or ras) is needed where
+    the file does not state its axes, ``units`` (mm, cm or m) overrides the header and the check of the vessel's size,
+    ``nifti_form`` (qform or sform) chooses where both are there and differ. Raises InputError for what cannot be read,
+    for a missing choice, and for a model that is no vessel's size.
     """
-    path = check_model(path, label, space, units)
+    path = check_model(path, label, space, units, nifti_form)
     if volume_suffix(path):
-        return _from_labels(path, surface, label, space, units)
+        found = read_label_map(path, space, units, nifti_form)
+        return _from_labels(path, found, surface, label, space, units)
     return _from_mesh(path, space, units)
 
 
-def check_model(path: Path, label: int | None, space: str | None, units: str | None) -> Path:
+def check_model(
+    path: Path,
+    label: int | str | None,
+    space: str | None,
+    units: str | None,
+    nifti_form: str | None = None,
+) -> Path:
     """Return the path, or raise InputError for what is wrong without reading all of the file."""
     path = require_file(Path(path))
     if space is not None and space not in SPACES:
         raise InputError(f"space: expected lps or ras, received {space!r}")
     if units is not None and units not in MM_PER_UNIT:
         raise InputError(f"units: expected one of {', '.join(MM_PER_UNIT)}, received {units!r}")
+    if nifti_form is not None and (nifti_form not in FORMS or not volume_suffix(path).startswith(".nii")):
+        raise InputError(
+            f"nifti_form: expected {' or '.join(FORMS)}, and that for NIfTI files alone, received {nifti_form!r} for "
+            f"{path.name}"
+        )
     if volume_suffix(path):
         return path
     if path.suffix.lower() not in MESHES:
@@ -78,9 +91,13 @@ def check_model(path: Path, label: int | None, space: str | None, units: str | N
 
 
 def _from_labels(
-    path: Path, surface: LabelSurface, label: int | None, space: str | None, units: str | None
+    path: Path,
+    found: LabelMap,
+    surface: LabelSurface,
+    label: int | str | None,
+    space: str | None,
+    units: str | None,
 ) -> ModelInput:
-    found = _scaled(read_label_map(path, space), MM_PER_UNIT[units or "mm"])
     try:
         mask = vessel_mask(found, label)
         smooth = surface(mask)
@@ -88,14 +105,14 @@ def _from_labels(
         raise InputError(f"{path}: {refusal}") from refusal
     if units is None:
         to_millimetres(smooth.mesh, None, str(path))
-    name = found.names.get(mask.label, "")
     return ModelInput(
         smooth.mesh,
-        units or "mm",
+        units or found.units or "mm",
         space or "header",
         mask=mask,
-        label_name=name,
+        label_name=mask.name,
         lost_mm=smooth.lost_mm,
+        stated_units=found.units,
     )
 
 
@@ -118,8 +135,3 @@ def _from_mesh(path: Path, space: str | None, units: str | None) -> ModelInput:
     whole = to_millimetres(repaired.mesh, units, str(path))
     mesh = Mesh(lps_from(whole.vertices_mm, used), whole.triangles)
     return ModelInput(mesh, units or "mm", used, repaired=replace(repaired, mesh=mesh))
-
-
-def _scaled(found: LabelMap, scale: float) -> LabelMap:
-    names: Mapping[int, str] = found.names
-    return LabelMap(found.labels, np.diag([scale, scale, scale, 1.0]) @ found.ct_A_voxel, names)

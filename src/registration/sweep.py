@@ -48,7 +48,10 @@ class TrackedSweep:
 
     ``images`` (n, height, width) uint8, ``image_times_s`` (n,), ``world_T_ee`` (m, 4, 4) rigid, in mm,
     ``pose_times_s`` (m,) strictly increasing. A tracker-only recording has n = 0. ``dropped`` counts by
-    reason the recorded frames that the reader left out, and, under reasons that begin with ``pose:``, the poses.
+    reason the recorded frames that the reader left out, and, under reasons that begin with ``pose:``, the poses;
+    ``remarks`` are sentences for the user about what contradicts itself in the recording. ``image_A_pixel`` (n, 4, 4),
+    where the calibration is not the same for all frames (cropped elsewhere, another depth), maps each frame's pixels to
+    those that ``calibration`` speaks of.
     """
 
     images: UInt8[np.ndarray, "n height width"]
@@ -57,8 +60,17 @@ class TrackedSweep:
     pose_times_s: Float64[np.ndarray, "m"]
     calibration: ProbeCalibration
     dropped: Mapping[str, int] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+    image_A_pixel: Float64[np.ndarray, "n 4 4"] | None = None
 
     def __post_init__(self) -> None:
+        if self.image_A_pixel is not None:
+            frames.require_affine(self.image_A_pixel, "image_A_pixel")
+            if len(self.image_A_pixel) != len(self.images):
+                raise InputError(
+                    f"image_A_pixel: expected one matrix for each of {len(self.images)} images, "
+                    f"received {len(self.image_A_pixel)}"
+                )
         if len(self.images) != len(self.image_times_s):
             raise InputError(
                 f"image_times_s: expected one time for each of {len(self.images)} images, "
@@ -80,6 +92,22 @@ class TrackedSweep:
     def frames_dropped(self) -> int:
         """How many recorded frames the reader left out."""
         return count_frames(self.dropped)
+
+    @property
+    def ee_A_pixel(self) -> Float64[np.ndarray, "n 4 4"]:
+        """From each frame's pixel ``(column, row, 0, 1)`` to millimetres on the end effector."""
+        shape = (len(self.images), 4, 4)
+        if self.image_A_pixel is None:
+            return np.broadcast_to(self.calibration.ee_A_pixel, shape)
+        return np.asarray(self.calibration.ee_A_pixel @ self.image_A_pixel)
+
+    def require_one_calibration(self, format: str) -> None:
+        """Raise InputError where frames differ in calibration, which files of ``format`` cannot say."""
+        if self.image_A_pixel is not None:
+            raise InputError(
+                f"sweep: expected one calibration for all frames to write {format}, received frames whose transforms "
+                "from pixels differ (format=plus_mha keeps them)"
+            )
 
 
 @dataclass(frozen=True)

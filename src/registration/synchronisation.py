@@ -37,7 +37,7 @@ def synchronise(sweep: TrackedSweep, max_gap_s: float, offset_s: float = 0.0) ->
     )
     return PosedFrames(
         kept=np.flatnonzero(keep).astype(np.int64),
-        world_A_pixel=world_T_ee @ sweep.calibration.ee_A_pixel,
+        world_A_pixel=world_T_ee @ sweep.ee_A_pixel[keep],
         dropped=_add_counts(dict(sweep.dropped), reasons[~keep]),
     )
 

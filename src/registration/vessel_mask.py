@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float64
+from jaxtyping import Bool, Float64, Shaped
 
 from registration import frames
 from registration.errors import InputError
 from registration.label_maps import LabelMap
+from registration.segments import Segment
 
 # Segmentations of the whole body have a hundred labels or two, a CT itself has thousands of values.
 MOST_LABELS = 300
@@ -21,9 +22,9 @@ class VesselMask:
     """The voxels of one vessel: its largest piece, cavities filled, cropped to the box around it.
 
     ``inside`` (i, j, k) with the map ``ct_A_voxel`` of its own indices to mm in LPS. ``cut`` (3, 2) says for the low
-    and the high side of each axis whether the vessel reaches the border of the volume there: it was cut off by the
-    scan, and goes on. ``pieces_dropped`` and ``voxels_dropped`` count what was not in the largest piece,
-    ``voxels_filled`` those in cavities.
+    and the high side of each axis whether the vessel reaches the border of the scan there: it was cut off, and goes on.
+    ``name`` is the segment's, where the file has one. ``pieces_dropped`` and ``voxels_dropped`` count what was not in
+    the largest piece, ``voxels_filled`` those in cavities.
     """
 
     inside: Bool[np.ndarray, "i j k"]
@@ -33,6 +34,7 @@ class VesselMask:
     pieces_dropped: int
     voxels_dropped: int
     voxels_filled: int
+    name: str = ""
 
     @property
     def spacing_mm(self) -> Float64[np.ndarray, "3"]:
@@ -45,8 +47,8 @@ class VesselMask:
         return float(self.inside.sum() * np.prod(self.spacing_mm))
 
 
-def vessel_mask(label_map: LabelMap, label: int | None = None) -> VesselMask:
-    """The vessel with that ``label``; it may be left out where there is only one.
+def vessel_mask(label_map: LabelMap, label: int | str | None = None) -> VesselMask:
+    """The vessel with that ``label``, a number or the name of a segment; it may be left out where there is only one.
 
     The largest piece is by voxels that touch at least at a corner; cavities are what it encloses on all sides. Raises
     InputError for an empty map, for a label that is not there, and for a choice that was not made.
@@ -54,8 +56,8 @@ def vessel_mask(label_map: LabelMap, label: int | None = None) -> VesselMask:
     from scipy.ndimage import binary_fill_holes
     from scipy.ndimage import label as label_pieces
 
-    chosen = _choose(label_map, label)
-    there = label_map.labels == chosen
+    labels, chosen, name = _choose(label_map, label)
+    there = labels == chosen
     box = _box(there)
     pieces, count = label_pieces(there[box], structure=np.ones((3, 3, 3)))
     sizes = np.bincount(pieces.reshape(-1))[1:]
@@ -63,8 +65,10 @@ def vessel_mask(label_map: LabelMap, label: int | None = None) -> VesselMask:
     inner = _box(largest)
     inside = binary_fill_holes(largest[inner])
     start = np.array([outer.start + own.start for outer, own in zip(box, inner, strict=True)])
-    shape = np.array(label_map.labels.shape)
-    cut = np.stack([start == 0, start + inside.shape == shape], axis=1)
+    ends = label_map.scan_ends
+    if ends is None:
+        ends = np.stack([np.zeros(3, dtype=np.int64), np.array(labels.shape) - 1], axis=1)
+    cut = np.stack([start <= ends[:, 0], start + inside.shape - 1 >= ends[:, 1]], axis=1)
     ct_A_voxel = frames.compose(label_map.ct_A_voxel, frames.translation(start.astype(np.float64)))
     return VesselMask(
         inside=inside,
@@ -74,10 +78,51 @@ def vessel_mask(label_map: LabelMap, label: int | None = None) -> VesselMask:
         pieces_dropped=int(count) - 1,
         voxels_dropped=int(sizes.sum() - sizes.max()),
         voxels_filled=int(inside.sum() - sizes.max()),
+        name=name,
     )
 
 
-def _choose(label_map: LabelMap, label: int | None) -> int:
+def _choose(label_map: LabelMap, label: int | str | None) -> tuple[Shaped[np.ndarray, "i j k"], int, str]:
+    """The labels of the layer that is meant, the value in them, and the segment's name."""
+    if label_map.layers is not None:
+        segment = _segment(label_map.segments, label)
+        layer = (
+            label_map.layers[segment.layer] if segment.layer < len(label_map.layers) else np.zeros((1, 1, 1))
+        )
+        if not (layer == segment.label).any():
+            raise InputError(
+                f"label: expected a segment with voxels, received {_named(segment)}, which has none"
+            )
+        return layer, segment.label, segment.name
+    if isinstance(label, str):
+        label = _segment(label_map.segments, label).label
+    chosen = _value(label_map, label)
+    return label_map.labels, chosen, label_map.names.get(chosen, "")
+
+
+def _segment(segments: tuple[Segment, ...], label: int | str | None) -> Segment:
+    """The one segment that is meant by its name, its identifier or its value."""
+    listed = ", ".join(_named(segment) for segment in segments[:LISTED_LABELS])
+    listed += f" and {len(segments) - LISTED_LABELS} more" if len(segments) > LISTED_LABELS else ""
+    if not segments:
+        raise InputError(f"label: expected a number, because the file names no segments, received {label!r}")
+    if label is None:
+        found = segments
+    elif isinstance(label, int):
+        found = tuple(segment for segment in segments if segment.label == label)
+    else:
+        found = tuple(segment for segment in segments if label in (segment.name, segment.identifier))
+    if len(found) != 1:
+        received = "none" if label is None else f"{label!r}, which {len(found)} of them have"
+        raise InputError(f"label: expected the name of one of {listed}, received {received}")
+    return found[0]
+
+
+def _named(segment: Segment) -> str:
+    return segment.name or segment.identifier or str(segment.label)
+
+
+def _value(label_map: LabelMap, label: int | None) -> int:
     there = label_map.labels[label_map.labels != 0]
     values = [int(value) for value in np.unique(there)]
     if len(values) > MOST_LABELS:

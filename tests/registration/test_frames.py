@@ -181,3 +181,9 @@ def test_mean_rigid_lies_between_opposite_turns() -> None:
 def test_mean_of_no_poses_is_refused() -> None:
     with pytest.raises(InputError, match="A_T_B: expected at least one pose"):
         frames.mean_rigid(np.empty((0, 4, 4)))
+
+
+def test_what_is_affine() -> None:
+    assert frames.is_affine(np.diag([2.0, 3.0, -1.0, 1.0]))
+    for broken in (np.zeros((4, 4)), np.full((4, 4), np.nan), np.diag([1.0, 1.0, 0.0, 1.0])):
+        assert not frames.is_affine(broken)

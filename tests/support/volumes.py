@@ -62,9 +62,17 @@ def write_volume(path: Path, label_map: LabelMap, compressed: bool = False) -> P
 
 
 def nifti_bytes(
-    labels: np.ndarray, ras_A_voxel: np.ndarray, codes: tuple[int, int], order: str = "<"
+    labels: np.ndarray,
+    ras_A_voxel: np.ndarray,
+    codes: tuple[int, int],
+    order: str = "<",
+    qform: np.ndarray | None = None,
+    units: int = 2,
 ) -> bytes:
-    """A NIfTI-1 file by hand: uint8 labels (i, j, k), the sform ``ras_A_voxel`` in mm, (qform, sform) codes."""
+    """A NIfTI-1 file by hand: uint8 labels (i, j, k), the sform ``ras_A_voxel``, (qform, sform) codes.
+
+    ``qform`` is the other transform, of the same voxel size; ``units`` the code of the length (1 m, 2 mm, 3 um).
+    """
     head = bytearray(352)
     spacing_mm = np.linalg.norm(ras_A_voxel[:3, :3], axis=0)
     struct.pack_into(order + "i", head, 0, 348)
@@ -73,7 +81,13 @@ def nifti_bytes(
     struct.pack_into(order + "8f", head, 76, 1, *spacing_mm, 0, 0, 0, 0)
     struct.pack_into(order + "f", head, 108, 352)
     struct.pack_into(order + "f", head, 112, 1)
-    head[123] = 2
+    head[123] = units
+    if qform is not None:
+        rotation = qform[:3, :3] / np.linalg.norm(qform[:3, :3], axis=0)
+        mirror = -1.0 if np.linalg.det(rotation) < 0 else 1.0
+        quaternion = Rotation.from_matrix(rotation * [1, 1, mirror]).as_quat(canonical=True)
+        struct.pack_into(order + "f", head, 76, mirror)
+        struct.pack_into(order + "6f", head, 256, *quaternion[:3], *qform[:3, 3])
     struct.pack_into(order + "hh", head, 252, *codes)
     struct.pack_into(order + "12f", head, 280, *ras_A_voxel[:3].reshape(-1))
     head[344:348] = b"n+1\0"

@@ -62,7 +62,8 @@ class Value:
 
 
 def reading_values(plus: Path) -> Iterator[Value]:
-    """Frame counts, invalid transforms, a stylus."""
+    """Frame counts, invalid transforms, recordings of poses alone, a stylus."""
+    from registration.readers.plus import PlusReader
     from registration.readers.plus_config import read_device_set
     from registration.readers.plus_fields import frame_transform, read_sequence
 
@@ -71,6 +72,9 @@ def reading_values(plus: Path) -> Iterator[Value]:
     name = "NwirePhantomFreehand.igs.mha"
     invalid = ~frame_transform(read_sequence(plus / name), "Stylus", "Tracker", name)[1]
     yield Value(name, "frames with an INVALID stylus", 97, int(invalid.sum()))
+    for name, count in (("SyntheticTrackerBuffer20.igs.mha", 20), ("Prostate10_tracker.igs.mha", 10)):
+        poses = PlusReader(ee="Tool", world="Tracker")(plus / name).world_T_ee
+        yield Value(name, "poses of Tool in Tracker", count, len(poses))
     stylus = read_device_set(plus / "StylusCalibration.results.xml").transforms.chain("StylusTip", "Stylus")
     yield Value("StylusCalibration.results.xml", "tip_x_mm", 210.019, float(stylus[0, 3]), tolerance=1e-3)
 
@@ -139,6 +143,27 @@ def spatial_values(plus: Path) -> Iterator[Value]:
     yield from _calibration_values(_FCAL1, older, wires_mm, phantom_registration(in_phantom, in_reference))
 
 
+def cropped_values(plus: Path) -> Iterator[Value]:
+    """Where the first pixel of a sequence that PLUS cropped lies, and how far from the same pixel of the whole one."""
+    from registration import frames
+    from registration.readers.plus import PlusReader
+    from registration.synchronisation import synchronise
+
+    wires = "NwirePhantomFreehand"
+    reader = PlusReader(device_set=str(plus / f"PlusDeviceSet_{wires}_vtkVolumeReconstructorTest2.xml"))
+    first_mm, whole_mm = (
+        frames.apply(
+            synchronise(reader(plus / f"{name}.igs.mha"), max_gap_s=1.0).world_A_pixel[0], np.array([pixel])
+        )[0]
+        for name, pixel in ((f"{wires}Cropped", (0.0, 0.0, 0.0)), (wires, (335.0, 285.0, 0.0)))
+    )
+    name = f"{wires}Cropped.igs.mha"
+    for axis, theirs, ours in zip("xyz", (5.77, -114.93, -36.93), first_mm, strict=True):
+        yield Value(name, f"first pixel of frame 0, {axis}_mm", theirs, float(ours), tolerance=0.01)
+    apart_mm = float(np.linalg.norm(first_mm - whole_mm))
+    yield Value(name, "distance from the same pixel of the whole sequence, mm", 0.01, apart_mm, "below")
+
+
 def placement_values(plus: Path) -> Iterator[Value]:
     """Frames pasted into a volume beside PLUS's own reconstructions."""
     spine, wires = "SpinePhantomFreehand", "NwirePhantomFreehand"
@@ -153,6 +178,7 @@ def placement_values(plus: Path) -> Iterator[Value]:
 
 ALL: tuple[Callable[[Path], Iterator[Value]], ...] = (
     reading_values,
+    cropped_values,
     interpolation_values,
     temporal_values,
     spatial_values,

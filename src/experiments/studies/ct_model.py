@@ -27,17 +27,25 @@ WHERE = "surface.ply and surface.stl hold the model in mm in LPS; open scene.htm
 LPS_NOTE = "LPS: x points to the patient's left, y to the back, z to the head."
 
 
-def check(*, input: str, label: int | None, space: str | None, units: str | None) -> None:
+def check(
+    *,
+    input: str,
+    label: int | str | None,
+    space: str | None,
+    units: str | None,
+    nifti_form: str | None = None,
+) -> None:
     """Raise InputError for a file that is not there or of no known kind, and for settings that do not exist."""
-    check_model(_path(input), _label(label), space, units)
+    check_model(_path(input), _label(label), space, units, nifti_form)
 
 
 def run(
     *,
     input: str,
-    label: int | None,
+    label: int | str | None,
     space: str | None,
     units: str | None,
+    nifti_form: str | None = None,
     label_surface: LabelSurface,
     centerline: CenterlineExtractor,
     workspace: Path,
@@ -53,7 +61,7 @@ def run(
     timing: dict[str, float] = {}
     progress.note(f"reading {path.name}")
     with _timed(timing, "surface_s"):
-        source = read_model(path, label_surface, _label(label), space, units)
+        source = read_model(path, label_surface, _label(label), space, units, nifti_form)
     progress.note(f"centerline of {len(source.mesh.triangles)} triangles")
     with _timed(timing, "centerline_s"):
         lines, refusal = _centerline(source.mesh, centerline)
@@ -82,11 +90,14 @@ def _path(value: str) -> Path:
     return Path(value)
 
 
-def _label(value: object) -> int | None:
-    if value is None:
-        return None
+def _label(value: object) -> int | str | None:
+    if value is None or (isinstance(value, str) and value):
+        return value
     if isinstance(value, bool) or not isinstance(value, int) or value == 0:
-        raise InputError(f"label: expected a whole number other than 0, the background, received {value!r}")
+        raise InputError(
+            "label: expected a whole number other than 0, the background, or the name of a segment, "
+            f"received {value!r}"
+        )
     return value
 
 

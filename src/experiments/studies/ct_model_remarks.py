@@ -21,6 +21,9 @@ def _of_label(model: CtModel) -> list[str]:
     if mask is None:
         return []
     found = []
+    stated, used = model.source.stated_units, model.source.units
+    if stated and stated != used:
+        found.append(f"The header says that lengths are in {stated}: units={used} was taken instead.")
     if mask.pieces_dropped:
         found.append(
             f"Label {mask.label} lies in {mask.pieces_dropped + 1} pieces: only the largest was taken, "
@@ -32,6 +35,11 @@ def _of_label(model: CtModel) -> list[str]:
         found.append(
             f"The label touches the border of the volume ({', '.join(model.cut_sides)}): the vessel goes on there, and "
             "the surface has an open end."
+        )
+    if len(model.cut_sides) == 6:
+        found.append(
+            "It touches all six sides, as in a volume that was cropped to its label: ends that are none then need the "
+            "whole volume."
         )
     if model.source.lost_mm > LOST_VOXELS * float(mask.spacing_mm.max()):
         found.append(

@@ -84,7 +84,11 @@ def run(
     values, source = _masks(masks, model_path, path, recorded, progress)
     found = chain(values[posed.kept], posed.world_A_pixel, progress.note)
     _write(workspace, found)
-    told = record(found, posed, recorded, near_mm) | {"sweep": str(path), "masks": source.source}
+    told = record(found, posed, recorded, near_mm) | {
+        "sweep": str(path),
+        "masks": source.source,
+        "remarks": list(recorded.remarks),
+    }
     text = json.dumps(told, indent=2, allow_nan=False)
     files.write_text(workspace / "reconstruction.json", text + "\n")
     scene(found, told, path.name).write(workspace / "scene.html")
@@ -124,6 +128,6 @@ def _outcome(
         metrics=metrics(told),
         cases=table_of_frames,
         tables={"reconstruction": table(told)},
-        findings=(*remarks(found, told), WHERE),
+        findings=(*told["remarks"], *remarks(found, told), WHERE),
         inputs=inputs,
     )

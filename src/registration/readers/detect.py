@@ -31,7 +31,7 @@ class AutoReader:
 
     def __call__(self, path: Path) -> TrackedSweep:
         """Read the sweep. Raises InputError for a path that is none of the three."""
-        if path.is_file() and path.suffix in SUFFIXES:
+        if path.is_file() and path.suffix.lower() in SUFFIXES:
             return self.plus(path)
         if path.suffix.lower() in BAG_SUFFIXES or (path / METADATA).is_file():
             return self.ros2(path)
@@ -44,7 +44,7 @@ class AutoReader:
             if candidate.exists():
                 return self(candidate)
         raise InputError(
-            f"{path}: expected a folder with sweep.yaml, a PLUS sequence (.mha, .nrrd) or a ROS 2 bag, found "
+            f"{path}: expected a folder with sweep.yaml, a PLUS sequence ({', '.join(SUFFIXES)}) or a ROS 2 bag, found "
             f"{'none of them' if path.exists() else 'nothing'}"
         )
 

@@ -72,6 +72,7 @@ class FolderReader:
 
 def write_folder(path: Path, sweep: TrackedSweep) -> None:
     """Write a sweep as a plain folder; both streams keep their own times, nothing is lost but what was dropped."""
+    sweep.require_one_calibration("a plain folder")
     with whole_folder(path) as stage:
         (stage / "frames").mkdir()
         names = [f"{index:06d}.png" for index in range(len(sweep.images))]

@@ -1,58 +1,59 @@
-"""PLUS sequences in NRRD files (``.igs.nrrd``): a text header, an empty line, then raw or gzipped pixels.
+"""PLUS sequences in NRRD files (``.igs.nrrd``, ``.igs.nhdr``): frames, and text keys for each.
 
-Format: http://teem.sourceforge.net/nrrd/format.html. Frames are the axis of kind ``list`` (or ``time``).
+Which axis holds the frames and which the colours is what ``kinds`` says: PLUS writes the frames last, 3D Slicer first.
 """
 
 from __future__ import annotations
 
 import gzip
-import zlib
 from pathlib import Path
 
 import numpy as np
 
 from registration.errors import InputError
-from registration.readers.sequence import PlusSequence, numbered_fields, split_fields, to_mf
+from registration.readers.nrrd_file import NrrdFile, read_nrrd_file
+from registration.readers.sequence import PlusSequence, is_placeholder, numbered_fields, split_fields, to_mf
 
-_TYPES = {
-    "uchar": "u1", "unsigned char": "u1", "uint8": "u1", "uint8_t": "u1",
-    "char": "i1", "signed char": "i1", "int8": "i1", "int8_t": "i1",
-    "short": "i2", "int16": "i2", "int16_t": "i2", "ushort": "u2", "unsigned short": "u2", "uint16": "u2",
-    "uint16_t": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "double": "f8",
-}  # fmt: skip
 _WRITTEN = {"u1": "uint8", "i1": "int8", "u2": "uint16", "i2": "int16", "u4": "uint32", "i4": "int32"}
 _WRITTEN |= {"f4": "float", "f8": "double"}
-_STRUCTURAL = {
+_PLANE = {"domain", "space"}
+_FRAMES = {"list", "time"}
+_COLOURS = {"vector", "RGB-color", "RGBA-color", "3-color", "4-color", "3-vector", "4-vector"}
+_NO_AXIS = {"scalar", "stub"}
+# Of a header's fields those that speak of the numbers' layout alone, which a sequence in memory does not keep.
+_KEPT_OUT = {
     "dimension", "encoding", "endian", "kinds", "sizes", "space dimension", "space directions", "space origin", "type",
-    "space", "ultrasound image orientation", "data file", "datafile",
+    "space", "data file", "byte skip", "line skip", "ultrasound image orientation",
 }  # fmt: skip
 
 
 def read_nrrd(path: Path, orientation: str | None = None) -> PlusSequence:
     """Read a sequence; ``orientation`` stands in for (and overrules) the one that the file names.
 
-    Raises InputError, naming the file, for a file that is no NRRD, an encoding or type that is not known, more than
-    one spatial axis too many, or fewer pixels than the header promises.
+    Raises InputError, naming the file, for a file that is no NRRD, an encoding or type that is not known, axes that
+    are no 2-D frames, or fewer pixels than the header promises.
     """
-    fields, data = _read_parts(path)
-    header, by_frame = split_fields(fields, path)
-    count, height, width, channels = _shape(header, path)
+    file = read_nrrd_file(path)
+    header, by_frame = split_fields(file.fields | file.keys, path)
+    pixels = _frames_first(file, path)
+    count, height, width = pixels.shape[:3]
+    if is_placeholder(width, height):
+        count = max(count, max(by_frame, default=-1) + 1)
     # In NRRD files PLUS names the status of a frame's image Status, in MetaImage files ImageStatus.
     frame_fields = tuple(
         {"ImageStatus" if key == "Status" else key: value for key, value in by_frame.get(number, {}).items()}
         for number in range(count)
     )
-    kept_header = {key: value for key, value in header.items() if key not in _STRUCTURAL}
-    stored = orientation or header.get("ultrasound image orientation")
-    # An NRRD axis cannot have size 0: PLUS gives tracker-only recordings one pixel a frame and no orientation.
-    if 0 in (width, height) or (stored is None and (width, height) == (1, 1)):
+    kept_header = {key: value for key, value in header.items() if key not in _KEPT_OUT}
+    # An NRRD axis cannot have size 0: PLUS gives recordings of poses alone one pixel a frame.
+    if is_placeholder(width, height):
         return PlusSequence(np.zeros((count, 0, 0), np.uint8), frame_fields, kept_header)
+    stored = orientation or header.get("ultrasound image orientation")
     if stored is None:
         raise InputError(
             f"{path}: expected the key 'ultrasound image orientation', found none (set orientation)"
         )
-    shape = (count, height, width) if channels == 1 else (count, height, width, channels)
-    return PlusSequence(to_mf(_decode(header, data, shape, path), stored, path), frame_fields, kept_header)
+    return PlusSequence(to_mf(pixels, stored, path), frame_fields, kept_header)
 
 
 def nrrd_bytes(sequence: PlusSequence, compressed: bool) -> bytes:
@@ -82,74 +83,58 @@ def nrrd_bytes(sequence: PlusSequence, compressed: bool) -> bytes:
     )
 
 
-def _read_parts(path: Path) -> tuple[dict[str, str], bytes]:
-    """The header's fields and keys, and the bytes after the empty line (or in the file that it names)."""
-    try:
-        content = path.read_bytes()
-        if not content.startswith(b"NRRD"):
-            raise InputError(f"{path}: expected an NRRD file, found one that does not begin with NRRD")
-        # Pixels may hold anything, line ends too: only the first empty line counts.
-        ends = [(content.find(mark), mark) for mark in (b"\n\n", b"\r\n\r\n") if mark in content]
-        end, mark = min(ends, default=(len(content), b""))
-        head, data = content[:end], content[end + len(mark) :]
-        fields: dict[str, str] = {}
-        for line in head.decode("latin-1").splitlines()[1:]:
-            if line.startswith("#") or ":" not in line:
-                continue
-            key, _, value = line.partition(":")
-            fields[key.strip()] = value.removeprefix("=").strip()
-        detached = fields.get("data file", fields.get("datafile"))
-        return fields, (path.parent / detached).read_bytes() if detached else data
-    except OSError as failure:
-        raise InputError(
-            f"{path}: expected a readable file, found {failure.strerror or failure}"
-        ) from failure
+def _frames_first(file: NrrdFile, path: Path) -> np.ndarray:
+    """The numbers as (frame, row, column), and a last axis for the channels where there are several."""
+    roles = _roles(file, path)
+    # The header lists the fastest axis first, NumPy has it last.
+    place = {
+        role: len(roles) - 1 - roles.index(role)
+        for role in ("frame", "row", "column", "colour")
+        if role in roles
+    }
+    order = [place[role] for role in ("frame", "row", "column", "colour") if role in place]
+    alone = [axis for axis in range(len(roles)) if axis not in order]
+    pixels = file.values.transpose(*alone, *order)
+    pixels = pixels.reshape(pixels.shape[len(alone) :])
+    if "frame" not in place:
+        pixels = pixels[None]
+    return pixels[..., 0] if "colour" in place and pixels.shape[-1] == 1 else pixels
 
 
-def _shape(header: dict[str, str], path: Path) -> tuple[int, int, int, int]:
-    """Frames, height, width and channels, from the sizes and kinds of the axes."""
-    try:
-        sizes = [int(size) for size in header["sizes"].split()]
-    except (KeyError, ValueError) as failure:
-        raise InputError(
-            f"{path}: expected whole numbers for sizes, found {header.get('sizes')}"
-        ) from failure
-    kinds = header.get("kinds", "").split() or ["domain"] * len(sizes)
-    domains = [size for size, kind in zip(sizes, kinds, strict=False) if kind in ("domain", "space")]
-    counts = [size for size, kind in zip(sizes, kinds, strict=False) if kind in ("list", "time")]
-    channels = [
-        size
-        for size, kind in zip(sizes, kinds, strict=False)
-        if kind in ("vector", "RGB-color", "RGBA-color", "3-color")
-    ]
-    if len(domains) == 3 and domains[2] == 1:
-        domains = domains[:2]
-    known = len(domains) + len(counts) + len(channels) >= len([kind for kind in kinds if kind]) - 1
-    if len(domains) != 2 or len(counts) > 1 or len(channels) > 1 or not known:
-        raise InputError(
-            f"{path}: expected two domain axes and at most one list axis (frames), found sizes {sizes}, kinds {kinds}"
-        )
-    return (counts or [1])[0], domains[1], domains[0], (channels or [1])[0]
+def _roles(file: NrrdFile, path: Path) -> list[str]:
+    """What each axis of the header is: column, row, frame, colour, or empty for one of a single entry."""
+    kinds = file.per_axis("kinds") or ["???"] * len(file.sizes)
+    directions = file.per_axis("space directions")
+    refusal = InputError(
+        f"{path}: expected two domain axes, at most one list axis (frames) and one of colours, found sizes "
+        f"{list(file.sizes)}, kinds {' '.join(kinds)}"
+    )
+    if len(kinds) != len(file.sizes):
+        raise refusal
+    roles: list[str] = []
+    for axis, (kind, size) in enumerate(zip(kinds, file.sizes, strict=True)):
+        if kind in _FRAMES:
+            roles.append("frame")
+        elif kind in _COLOURS:
+            roles.append("colour")
+        elif kind in _NO_AXIS and size == 1:
+            roles.append("")
+        elif kind in _PLANE or (kind in ("???", "none") and _spatial(directions, axis, len(file.sizes))):
+            roles.append("plane")
+        else:
+            raise refusal
+    plane = [axis for axis, role in enumerate(roles) if role == "plane"]
+    # Software of volumes writes an image as a slice of one voxel.
+    if len(plane) == 3 and file.sizes[plane[2]] == 1:
+        roles[plane.pop()] = ""
+    if len(plane) != 2 or roles.count("frame") > 1 or roles.count("colour") > 1:
+        raise refusal
+    roles[plane[0]], roles[plane[1]] = "column", "row"
+    return roles
 
 
-def _decode(header: dict[str, str], data: bytes, shape: tuple[int, ...], path: Path) -> np.ndarray:
-    kind = _TYPES.get(header.get("type", ""))
-    encoding = header.get("encoding", "raw").lower()
-    if kind is None or encoding not in ("raw", "gz", "gzip"):
-        raise InputError(
-            f"{path}: expected a number type and encoding raw or gzip, "
-            f"found type {header.get('type')}, encoding {encoding}"
-        )
-    if encoding != "raw":
-        try:
-            data = zlib.decompressobj(wbits=zlib.MAX_WBITS | 32).decompress(data)
-        except zlib.error as failure:
-            raise InputError(f"{path}: expected gzipped pixels, found broken data ({failure})") from failure
-    expected = int(np.prod(shape)) * np.dtype(kind).itemsize
-    if len(data) < expected:
-        raise InputError(
-            f"{path}: expected {expected} bytes of pixels, found {len(data)} (a truncated file?)"
-        )
-    order = ">" if header.get("endian", "little").lower() == "big" else "<"
-    numbers = np.frombuffer(data, np.dtype(order + kind), count=int(np.prod(shape)))
-    return numbers.reshape(shape).astype(kind, copy=False)
+def _spatial(directions: list[str], axis: int, count: int) -> bool:
+    """Whether an axis without a kind lies in space: where directions say so, or in a header of two axes alone."""
+    if len(directions) == count:
+        return directions[axis].lower() != "none"
+    return count == 2

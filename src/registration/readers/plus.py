@@ -11,8 +11,15 @@ from jaxtyping import Float64
 
 from registration import frames
 from registration.errors import InputError
+from registration.readers.plus_calibration import (
+    ImagePlacement,
+    image_placement,
+    known_frames,
+    poses,
+    recorded_links,
+)
 from registration.readers.plus_config import read_device_set
-from registration.readers.plus_fields import CLOCKS, TRANSFORM, frame_graph, frame_times_s, read_sequence
+from registration.readers.plus_fields import CLOCKS, ambiguous_names, frame_times_s, read_sequence
 from registration.readers.sequence import PlusSequence
 from registration.readers.streams import as_grey, distinct_times
 from registration.readers.transform_graph import TransformGraph
@@ -26,6 +33,9 @@ class PlusReader:
     ``world``, ``ee`` and ``image`` are PLUS's names of those frames: the poses are the chain from ``ee`` to ``world``
     through the transforms that each frame carries, the calibration is the chain from ``image`` to ``ee`` through
     those and the coordinate definitions of ``device_set`` (an XML file; or a ``.results.xml`` of a calibration).
+    What the device set says of the calibration comes before what the file says; of poses, what was tracked comes
+    first. Contradictions are in the sweep's ``remarks``. Frames with ``ImageToCroppedImageTransform`` were cropped:
+    their pixels are those of CroppedImage. A calibration that changes from frame to frame is kept for each frame.
     The tracked marker on the probe, which PLUS calls Probe, is the end effector; ``ee_T_probe`` is the identity.
     ``tracker`` names a second sequence with the poses, recorded beside a video. ``clock`` is ``filtered`` or
     ``unfiltered``. ``orientation`` overrules the file's. Poses may be off orthonormal by ``rigid_tolerance`` and
@@ -62,13 +72,15 @@ class PlusReader:
             if self.device_set is None
             else read_device_set(Path(self.device_set)).transforms
         )
-        world_T_ee, pose_reasons = self._poses(tracked, defined, tracker_path)
+        world_T_ee, pose_reasons, remarks = self._poses(tracked, defined, tracker_path)
+        placed = self._placement(video, defined, path)
         image_reasons = _image_reasons(video)
         dropped: Counter[str] = Counter()
         if self.tracker is None:
             image_reasons = np.where(image_reasons == "", pose_reasons, image_reasons)
         else:
             dropped.update(f"pose: {reason}" for reason in pose_reasons[pose_reasons != ""])
+        image_reasons = np.where(image_reasons == "", placed.reasons, image_reasons)
         dropped.update(image_reasons[image_reasons != ""].tolist())
         valid_pose, keep = pose_reasons == "", image_reasons == ""
         pose_times_s, world_T_ee = distinct_times(
@@ -82,53 +94,49 @@ class PlusReader:
             image_times_s=frame_times_s(video, self.clock, str(path))[keep],
             world_T_ee=world_T_ee,
             pose_times_s=pose_times_s,
-            calibration=self._calibration(video, defined, path),
+            calibration=ProbeCalibration(ee_T_probe=np.eye(4), probe_A_pixel=placed.ee_A_pixel),
             dropped=dict(dropped),
+            remarks=(*remarks, *placed.remarks),
+            image_A_pixel=None if placed.image_A_pixel is None else placed.image_A_pixel[keep],
         )
 
     def _poses(
         self, sequence: PlusSequence, defined: TransformGraph, path: Path
-    ) -> tuple[Float64[np.ndarray, "n 4 4"], np.ndarray]:
-        """The pose of every frame, and why it has none: text (n,), empty where it has one."""
-        by_frame, valid = frame_graph(sequence, path)
-        graph = by_frame.joined(defined)
+    ) -> tuple[Float64[np.ndarray, "n 4 4"], np.ndarray, tuple[str, ...]]:
+        """The pose of every frame, why it has none (n,), empty where it has one, and what contradicts the poses."""
+        links = recorded_links(sequence, defined, self._known, path)
         try:
-            links = graph.path(self.ee, self.world)
+            rigid, reasons, remarks = poses(links, self.ee, self.world, len(sequence.frame_fields), path)
         except InputError as failure:
-            raise InputError(f"{path}: {failure}") from failure
-        reasons = np.full(len(sequence.frame_fields), "", dtype="U96")
-        for source, target in links:
-            bad = ~valid.get((source, target), np.ones(len(reasons), dtype=bool)) & (reasons == "")
-            reasons[bad] = f"{source}To{target}{TRANSFORM} INVALID"
+            unclear = ambiguous_names(sequence, known_frames(defined, self._known))
+            several = f" ({', '.join(unclear)} could link several pairs of frames)" if unclear else ""
+            raise InputError(f"{failure}{several}") from failure
         if (reasons != "").all():
             raise InputError(
                 f"{path}: expected at least one frame with a valid {self.ee}To{self.world}, found none"
             )
-        world_T_ee = np.broadcast_to(graph.chain(self.ee, self.world), (len(reasons), 4, 4))
         name = f"{path}: {self.ee}To{self.world}"
-        rigid = np.array(world_T_ee)
         frames.require_rigid(rigid[reasons == ""], name, self.rigid_tolerance)
-        return frames.nearest_rigid(rigid), reasons
+        return frames.nearest_rigid(rigid), reasons, remarks
 
-    def _calibration(self, video: PlusSequence, defined: TransformGraph, path: Path) -> ProbeCalibration:
-        """From pixels to the tracked marker: constant links from the file, others from the device set."""
-        by_frame, valid = frame_graph(video, path)
-        constant = {
-            pair: stack[valid[pair]][0]
-            for pair, stack in by_frame.edges.items()
-            if valid[pair].any() and (np.ptp(stack[valid[pair]], axis=0) == 0).all()
-        }
+    def _placement(self, video: PlusSequence, defined: TransformGraph, path: Path) -> ImagePlacement:
+        """From pixels to the tracked marker; millimetres where there are no pixels or no calibration is wanted."""
+        none = ImagePlacement(np.eye(4), None, np.full(len(video.frame_fields), "", dtype="U96"), ())
         if self.uncalibrated:
-            return ProbeCalibration(np.eye(4), np.eye(4))
-        if video.tracker_only and (self.image, self.ee) not in {**constant, **defined.edges}:
-            return ProbeCalibration(np.eye(4), np.eye(4))
+            return none
+        links = recorded_links(video, defined, self._known, path)
         try:
-            ee_A_pixel = defined.joined(TransformGraph(constant)).chain(self.image, self.ee)
+            return image_placement(links, self.image, self.ee, video, path)
         except InputError as failure:
+            if video.tracker_only:
+                return none
             raise InputError(
                 f"{path}: no calibration (set device_set, or uncalibrated=true where none is needed): {failure}"
             ) from failure
-        return ProbeCalibration(ee_T_probe=np.eye(4), probe_A_pixel=ee_A_pixel)
+
+    @property
+    def _known(self) -> tuple[str, ...]:
+        return (self.world, self.ee, self.image)
 
 
 def _image_reasons(video: PlusSequence) -> np.ndarray:

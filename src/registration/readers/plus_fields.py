@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float64
 
+from registration import frames
 from registration.errors import InputError
 from registration.readers.metaimage import metaimage_bytes, read_metaimage
 from registration.readers.nrrd import nrrd_bytes, read_nrrd
 from registration.readers.sequence import PlusSequence
-from registration.readers.transform_graph import TransformGraph
+from registration.readers.transform_names import resolve, splits
 from registration.whole import write_whole
 
 TRANSFORM = "Transform"
 CLOCKS = {"filtered": "Timestamp", "unfiltered": "UnfilteredTimestamp"}
-SUFFIXES = (".mha", ".nrrd")
+# What is read, and by which of the two formats; what is written.
+_READ = {".mha": read_metaimage, ".mhd": read_metaimage, ".nrrd": read_nrrd, ".nhdr": read_nrrd}
+_WRITTEN = {".mha": metaimage_bytes, ".nrrd": nrrd_bytes}
+SUFFIXES = tuple(_READ)
 
 
 def read_sequence(path: Path, orientation: str | None = None) -> PlusSequence:
@@ -25,20 +29,22 @@ def read_sequence(path: Path, orientation: str | None = None) -> PlusSequence:
 
     ``orientation`` overrules the file's own. Raises InputError, naming the file, for another suffix.
     """
-    if path.suffix not in SUFFIXES:
+    read = _READ.get(path.suffix.lower())
+    if read is None:
         raise InputError(
-            f"{path}: expected a file that ends in {' or '.join(SUFFIXES)}, received {path.suffix!r}"
+            f"{path}: expected a file that ends in {', '.join(SUFFIXES)}, received {path.suffix!r}"
         )
-    return (read_metaimage if path.suffix == ".mha" else read_nrrd)(path, orientation)
+    return read(path, orientation)
 
 
 def write_sequence(path: Path, sequence: PlusSequence, compressed: bool = True) -> None:
     """Write a sequence file as a whole, in the format that the suffix names."""
-    if path.suffix not in SUFFIXES:
+    write = _WRITTEN.get(path.suffix.lower())
+    if write is None:
         raise InputError(
-            f"{path}: expected a name that ends in {' or '.join(SUFFIXES)}, received {path.suffix!r}"
+            f"{path}: expected a name that ends in {' or '.join(_WRITTEN)}, received {path.suffix!r}"
         )
-    write_whole(path, (metaimage_bytes if path.suffix == ".mha" else nrrd_bytes)(sequence, compressed))
+    write_whole(path, write(sequence, compressed))
 
 
 def frame_times_s(sequence: PlusSequence, clock: str, name: str) -> Float64[np.ndarray, "n"]:
@@ -61,7 +67,8 @@ def frame_transform(
 ) -> tuple[Float64[np.ndarray, "n 4 4"], np.ndarray]:
     """The named transform of every frame and whether it is valid, (n,) bool.
 
-    It counts as valid where it is there and its status is OK or not given (files of old versions of PLUS).
+    It counts as valid where it is there, has an inverse, and its status is OK or not given (files of old versions of
+    PLUS).
     """
     key = f"{source}To{target}{TRANSFORM}"
     matrices = np.tile(np.eye(4), (len(sequence.frame_fields), 1, 1))
@@ -69,26 +76,38 @@ def frame_transform(
     for index, fields in enumerate(sequence.frame_fields):
         if key not in fields or fields.get(f"{key}Status", "OK") != "OK":
             continue
-        numbers = np.array(fields[key].split(), dtype=np.float64)
+        words = fields[key].split()
+        try:
+            numbers = np.array(words, dtype=np.float64)
+        except ValueError as failure:
+            raise InputError(
+                f"{name}: expected numbers in {key} of frame {index}, found {failure}"
+            ) from failure
         if numbers.shape != (16,):
             raise InputError(f"{name}: expected 16 numbers in {key} of frame {index}, found {len(numbers)}")
-        matrices[index], valid[index] = numbers.reshape(4, 4), True
+        # What has no inverse is no measurement, and the identity keeps a chain through it invertible.
+        if frames.is_affine(numbers.reshape(4, 4)):
+            matrices[index], valid[index] = numbers.reshape(4, 4), True
     return matrices, valid
 
 
-def transform_names(sequence: PlusSequence) -> list[tuple[str, str]]:
-    """The (from, to) pairs that any frame has a transform for, in the order in which they occur."""
+def transform_names(sequence: PlusSequence, known: Collection[str] = ()) -> list[tuple[str, str]]:
+    """The (from, to) pairs that any frame has a transform for, in the order in which they occur.
+
+    ``known`` names frames of which it is sure that they exist, for names that can be read in several ways.
+    """
+    names = _names(sequence)
+    found = resolve(names, known)
+    return [found[name] for name in names if name in found]
+
+
+def ambiguous_names(sequence: PlusSequence, known: Collection[str] = ()) -> list[str]:
+    """The transforms whose names could stand for several pairs of frames; ``transform_names`` leaves them out."""
+    names = _names(sequence)
+    found = resolve(names, known)
+    return [name for name in names if name not in found and len(splits(name)) > 1]
+
+
+def _names(sequence: PlusSequence) -> list[str]:
     keys = dict.fromkeys(key for fields in sequence.frame_fields for key in fields if key.endswith(TRANSFORM))
-    pairs = [key.removesuffix(TRANSFORM).partition("To") for key in keys]
-    return [(source, target) for source, _, target in pairs if source and target]
-
-
-def frame_graph(
-    sequence: PlusSequence, path: Path
-) -> tuple[TransformGraph, Mapping[tuple[str, str], np.ndarray]]:
-    """All transforms of all frames as stacks, and where each is valid."""
-    stacks = {pair: frame_transform(sequence, *pair, str(path)) for pair in transform_names(sequence)}
-    # A frame without a valid transform holds whatever the tracker wrote: the identity keeps the chain invertible.
-    return TransformGraph({pair: stack for pair, (stack, _) in stacks.items()}), {
-        pair: valid for pair, (_, valid) in stacks.items()
-    }
+    return [key.removesuffix(TRANSFORM) for key in keys]

@@ -12,6 +12,7 @@ from jaxtyping import Float64
 from registration.errors import InputError
 from registration.readers.plus_config import numbers, parse_xml
 from registration.readers.transform_graph import TransformGraph
+from registration.readers.transform_names import resolve
 
 
 @dataclass(frozen=True)
@@ -111,11 +112,11 @@ def _pose(node: ElementTree.Element, probe: str, reference: str, path: Path) -> 
     """The chain from reference to probe through the transforms that the frame was recorded with."""
     fields = {str(field.get("Name")): field for field in node.findall("TrackedFrame/CustomFrameField")}
     edges: dict[tuple[str, str], np.ndarray] = {}
-    for name, field in fields.items():
-        source, to, target = name.removesuffix("Transform").partition("To")
-        status = fields.get(f"{name}Status")
-        if name.endswith("Transform") and to and (status is None or status.get("Value") == "OK"):
-            edges[source, target] = numbers(field, "Value", 16, path).reshape(4, 4)
+    names = [name.removesuffix("Transform") for name in fields if name.endswith("Transform")]
+    for name, pair in resolve(names, (probe, reference)).items():
+        status = fields.get(f"{name}TransformStatus")
+        if status is None or status.get("Value") == "OK":
+            edges[pair] = numbers(fields[f"{name}Transform"], "Value", 16, path).reshape(4, 4)
     try:
         return TransformGraph(edges).chain(reference, probe)
     except InputError as failure:

@@ -34,21 +34,23 @@ def write_plus(
     if len(sweep.images):
         posed = synchronise(sweep, max_gap_s)
         times_s, pixels, dropped = sweep.image_times_s[posed.kept], sweep.images[posed.kept], posed.dropped
-        poses = posed.world_A_pixel @ frames.invert_affine(ee_A_pixel, "ee_A_pixel")
+        poses = posed.world_A_pixel @ frames.invert_affine(sweep.ee_A_pixel[posed.kept], "ee_A_pixel")
+        images = sweep.ee_A_pixel[posed.kept]
     else:
         times_s, poses, dropped = sweep.pose_times_s, sweep.world_T_ee, dict(sweep.dropped)
         pixels = np.zeros((len(times_s), 0, 0), np.uint8)
+        images = np.broadcast_to(ee_A_pixel, (len(times_s), 4, 4))
     fields = tuple(
         {
             pose_key: _text(pose),
             f"{pose_key}Status": "OK",
-            image_key: _text(ee_A_pixel),
+            image_key: _text(image),
             f"{image_key}Status": "OK",
             "Timestamp": repr(float(time_s)),
             "UnfilteredTimestamp": repr(float(time_s)),
             "ImageStatus": "OK" if len(sweep.images) else "INVALID",
         }
-        for time_s, pose in zip(times_s, frames.nearest_rigid(poses), strict=True)
+        for time_s, pose, image in zip(times_s, frames.nearest_rigid(poses), images, strict=True)
     )
     write_sequence(path, PlusSequence(pixels, fields), compressed)
     return dropped

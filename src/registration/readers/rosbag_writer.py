@@ -40,6 +40,7 @@ def write_bag(
     times_s = np.concatenate([sweep.image_times_s, sweep.pose_times_s])
     if np.abs(times_s).max(initial=0) >= _MOST_SECONDS:
         raise InputError(f"sweep: expected times below {_MOST_SECONDS} s for a ROS bag, received larger ones")
+    sweep.require_one_calibration("a ROS bag")
     plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
     with whole_folder(path) as stage:
         # The writer wants to make the bag's folder itself, and names the files in it after the folder.

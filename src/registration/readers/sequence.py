@@ -45,6 +45,11 @@ class PlusSequence:
         return self.pixels.size == 0
 
 
+def is_placeholder(width: int, height: int) -> bool:
+    """Whether frames of this size stand for no image: PLUS gives recordings of poses 0 by 0 pixels, or 1 by 1."""
+    return 0 in (width, height) or (width, height) == (1, 1)
+
+
 def split_fields(fields: Mapping[str, str], path: Path) -> tuple[dict[str, str], dict[int, dict[str, str]]]:
     """Part the fields of a file from those of its frames (``Seq_Frame0012_Timestamp`` is of frame 12)."""
     header: dict[str, str] = {}

@@ -12,7 +12,13 @@ from experiments.reporting.plus_values import Value, table
 
 @pytest.mark.parametrize(
     ("part", "count"),
-    [("reading_values", 4), ("interpolation_values", 2), ("temporal_values", 3), ("spatial_values", 12)],
+    [
+        ("reading_values", 6),
+        ("cropped_values", 4),
+        ("interpolation_values", 2),
+        ("temporal_values", 3),
+        ("spatial_values", 12),
+    ],
 )
 def test_published_values_are_met(real_data: Path, part: str, count: int) -> None:
     values = list(getattr(plus_values, part)(real_data / "plus"))

@@ -6,13 +6,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sweeps import assert_same_sweep, known_sweep
+from plus_sequences import tracked_sequence
+from sweeps import CALIBRATION, assert_same_sweep, known_sweep
 
 from experiments.errors import InputError
 from experiments.outcome import Silent
 from experiments.studies import convert
+from registration import frames
 from registration.readers.detect import AutoReader
 from registration.readers.folder import write_folder
+from registration.readers.plus import PlusReader
+from registration.readers.plus_config import device_set_xml
+from registration.readers.plus_fields import write_sequence
+from registration.readers.transform_graph import TransformGraph
 from registration.synchronisation import synchronise
 
 
@@ -50,6 +56,23 @@ def test_frames_keep_their_place_through_plus(source: Path, tmp_path: Path, form
     np.testing.assert_array_equal(found.images, known_sweep().images)
     expected = synchronise(known_sweep(), 0.1).world_A_pixel
     np.testing.assert_allclose(synchronise(found, 1.0).world_A_pixel, expected, atol=1e-9)
+
+
+def test_calibrations_that_contradict_each_other_are_told(tmp_path: Path) -> None:
+    write_sequence(tmp_path / "a.igs.mha", tracked_sequence())
+    moved = frames.translation((0.0, 0.0, 12.0)) @ CALIBRATION.probe_A_pixel
+    (tmp_path / "set.xml").write_text(device_set_xml(TransformGraph({("Image", "Probe"): moved})))
+    (tmp_path / "out").mkdir()
+    outcome = convert.run(
+        input=str(tmp_path / "a.igs.mha"),
+        acquisition=PlusReader(device_set=str(tmp_path / "set.xml")),
+        format="folder",
+        max_gap_s=1.0,
+        workspace=tmp_path / "out",
+        progress=Silent(),
+    )
+    assert "ImageToProbe (device set) was taken" in outcome.findings[1]
+    assert "up to 12.0 mm elsewhere" in outcome.findings[1]
 
 
 def test_frames_without_a_pose_are_told(source: Path, tmp_path: Path) -> None:

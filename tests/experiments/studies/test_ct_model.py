@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from tubes import straight, tube
 from vessels import bent_tube
-from volumes import OBLIQUE, voxel_axes, voxelised, write_volume
+from volumes import OBLIQUE, nrrd_bytes, voxel_axes, voxelised, write_volume
 
 import experiments.errors
 import registration.errors
@@ -77,7 +77,8 @@ def run(folder: Path, name: str, **change: Any) -> tuple[Outcome, dict[str, Any]
 
 def check(folder: Path, name: str, **change: Any) -> None:
     given = settings(folder, name, **change)
-    ct_model.check(**{key: given[key] for key in ("input", "label", "space", "units")})
+    names = ("input", "label", "space", "units", "nifti_form")
+    ct_model.check(**{key: given[key] for key in names if key in given})
 
 
 def test_a_label_map_becomes_a_model(tmp_path: Path) -> None:
@@ -155,6 +156,36 @@ def test_a_label_that_the_scan_cut_is_told_and_left_open(tmp_path: Path) -> None
     assert any("touches the border of the volume (last k)" in sentence for sentence in outcome.findings)
 
 
+def test_a_segment_by_name_in_a_file_cropped_to_it_is_whole(tmp_path: Path) -> None:
+    whole = tube_labels()
+    used = [np.flatnonzero((whole.labels > 0).any(axis=tuple({0, 1, 2} - {axis}))) for axis in range(3)]
+    first, last = np.array([axis[0] for axis in used]), np.array([axis[-1] for axis in used])
+    cropped = whole.labels[tuple(slice(low, high + 1) for low, high in zip(first, last, strict=True))]
+    at = whole.ct_A_voxel @ voxel_axes((1, 1, 1), np.eye(3), tuple(first))
+    ras = np.diag([-1.0, -1.0, 1.0, 1.0]) @ whole.ct_A_voxel
+    extent = [number for size in whole.labels.shape for number in (0, size - 1)]
+    place = ";".join(f"{number:.17g}" for number in [*ras.reshape(-1), *extent])
+    names = "Segment0_LabelValue:=3\nSegment0_Name:=aorta\n"
+    more = f"{names}Segmentation_ConversionParameters:=Reference image geometry|{place};|text&\n"
+    (tmp_path / "tube.seg.nrrd").write_bytes(nrrd_bytes(cropped, "LPS", at, more))
+    _, record = run(tmp_path, "tube.seg.nrrd", label="aorta", centerline=StraightLine())
+    assert (record["label"]["cut_sides"], record["label"]["name"]) == ([], "aorta")
+    assert record["quality"]["watertight"]
+    # The same voxels without their place in the scan: open on all sides, and told why.
+    (tmp_path / "bare.seg.nrrd").write_bytes(nrrd_bytes(cropped, "LPS", at, names))
+    outcome, record = run(tmp_path, "bare.seg.nrrd", label="aorta", centerline=StraightLine())
+    assert len(record["label"]["cut_sides"]) == 6
+    assert any("touches all six sides" in sentence for sentence in outcome.findings)
+
+
+def test_units_against_the_header_are_told(tmp_path: Path) -> None:
+    whole = tube_labels()
+    at = np.diag([0.1, 0.1, 0.1, 1.0]) @ whole.ct_A_voxel
+    (tmp_path / "tube.nrrd").write_bytes(nrrd_bytes(whole.labels, "LPS", at, 'space units: "mm" "mm" "mm"\n'))
+    outcome, _ = run(tmp_path, "tube.nrrd", units="cm", centerline=StraightLine())
+    assert "The header says that lengths are in mm: units=cm was taken instead." in outcome.findings
+
+
 def test_pieces_and_cavities_are_told(tmp_path: Path) -> None:
     broken = tube_labels()
     inside = np.argwhere(broken.labels > 0)
@@ -208,8 +239,18 @@ def test_one_of_several_labels(tmp_path: Path) -> None:
         ("tube.stl", {"label": 1}, r"label: expected none, because .*tube\.stl is a mesh, received 1"),
         (
             "tube.stl",
-            {"label": "one"},
-            "label: expected a whole number other than 0, the background, received 'one'",
+            {"label": 1.5},
+            "label: expected a whole number other than 0, the background, or the name of a segment, received 1.5",
+        ),
+        (
+            "tube.stl",
+            {"label": "aorta"},
+            r"label: expected none, because .*tube\.stl is a mesh, received aorta",
+        ),
+        (
+            "tube.stl",
+            {"nifti_form": "sform"},
+            "nifti_form: expected qform or sform, and that for NIfTI files alone",
         ),
         ("tube.stl", {"label": 0}, "label: expected a whole number other than 0"),
         ("tube.stl", {"input": ""}, "input: expected the file of a label map or a mesh, received none"),

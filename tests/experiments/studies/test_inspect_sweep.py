@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +56,11 @@ def with_late_frames() -> TrackedSweep:
         sweep.calibration,
         {"ImageStatus INVALID": 3},
     )
+
+
+def test_remarks_of_the_reader_are_findings(tmp_path: Path) -> None:
+    outcome, _ = looked_at(tmp_path, replace(known_sweep(), remarks=("Two calibrations differ by 12.0 mm.",)))
+    assert outcome.findings[1:] == ("Two calibrations differ by 12.0 mm.",)
 
 
 def test_page_holds_frames_and_planes(tmp_path: Path) -> None:

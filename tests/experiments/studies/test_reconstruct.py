@@ -22,7 +22,7 @@ from models.predictor import Predictor
 from registration.centerline_io import read_centerline_table
 from registration.geometry import Mesh
 from registration.geometry_io import read_centerline, read_surface
-from registration.readers.folder import write_folder
+from registration.readers.folder import FolderReader, write_folder
 
 FILES = {
     "cloud.ply", "surface.ply", "surface.stl", "centerline.vtp", "centerline.csv", "centerline.mrk.json",
@@ -205,3 +205,16 @@ def test_a_sweep_without_pictures_is_refused(tmp_path: Path) -> None:
     none = replace(tube.sweep, images=np.zeros((0, 0, 0), np.uint8), image_times_s=np.zeros(0))
     with pytest.raises(InputError, match=r"sweep: expected frames with a pose in .* received none"):
         run(tmp_path / "out", sweep, masks, acquisition=lambda path: none)
+
+
+def test_what_contradicts_itself_in_the_recording_is_told(tmp_path: Path) -> None:
+    sweep, masks = recorded(tmp_path, tube_sweep())
+    remark = "Two calibrations differ by 12.0 mm."
+    outcome = run(
+        tmp_path / "out",
+        sweep,
+        masks,
+        acquisition=lambda path: replace(FolderReader()(path), remarks=(remark,)),
+    )
+    assert outcome.findings[0] == remark
+    assert json.loads((tmp_path / "out" / "reconstruction.json").read_text())["remarks"] == [remark]

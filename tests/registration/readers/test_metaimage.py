@@ -58,10 +58,11 @@ def test_every_number_type_comes_back(tmp_path: Path, kind: type) -> None:
         ("MET_UCHAR", "MET_STRING", "expected ElementType MET_UCHAR"),
         ("4 3 2", "4 3 9", "expected 108 bytes of pixels, found 24"),
         ("4 3 2", "4 3 x", "expected DimSize with whole numbers"),
-        ("4 3 2", "4 3 2 2", "expected DimSize 'width height count'"),
+        ("4 3 2", "4 3 2 1 1", "expected DimSize 'width height count'"),
         ("NDims = 3\n", "NDims 3\n", "expected a MetaImage header"),
+        ("NDims = 3\n", "NDims = 3\nKinds = list domain domain\n", "expected the frames as the last axis"),
         ("NDims = 3\n", "NDims = 3\nCompressedData = True\n", "expected zlib-compressed pixels"),
-        ("LOCAL", "absent.raw", "expected a readable file, found No such file"),
+        ("LOCAL", "absent.raw", "expected its voxels in .*absent.raw, received no such file"),
     ],
 )
 def test_broken_files_are_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
@@ -73,10 +74,20 @@ def test_truncated_compressed_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "c.igs.mha"
     whole = metaimage_bytes(PlusSequence(PIXELS, ({}, {})), compressed=True)
     path.write_bytes(whole[:-12])
-    with pytest.raises(InputError, match=r"c\.igs\.mha: expected 24 bytes of pixels, found .* truncated"):
+    with pytest.raises(
+        InputError, match=r"c\.igs\.mha: expected zlib-compressed pixels with their end, .*cut short"
+    ):
         read_metaimage(path)
 
 
 def test_missing_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none\.mha: expected a readable file"):
         read_metaimage(tmp_path / "none.mha")
+
+
+@pytest.mark.parametrize("orientation", ["UltrasoundImageOrientation = MFA\n", ""])
+def test_a_placeholder_of_one_pixel_is_no_image(tmp_path: Path, orientation: str) -> None:
+    header = HEADER.replace("UltrasoundImageOrientation = UF\n", orientation).replace("4 3 2", "1 1 2")
+    sequence = read_metaimage(written(tmp_path, header, b"00"))
+    assert sequence.tracker_only
+    assert sequence.frame_fields == ({}, {"Timestamp": "2.5"})

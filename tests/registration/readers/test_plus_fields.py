@@ -10,6 +10,7 @@ from plus_sequences import tracked_sequence
 
 from registration import frames
 from registration.errors import InputError
+from registration.readers.detect import AutoReader
 from registration.readers.plus_fields import (
     frame_times_s,
     frame_transform,
@@ -52,6 +53,28 @@ def test_what_is_written_is_read_by_simpleitk(tmp_path: Path, compressed: bool) 
     np.testing.assert_array_equal(np.moveaxis(picture, 2, 0), sequence.pixels)
 
 
+@pytest.mark.parametrize("name", ["a.IGS.MHA", "a.igs.mhd", "A.MHD", "a.IGS.NRRD", "a.igs.nhdr", "A.NHDR"])
+def test_every_suffix_in_any_case(tmp_path: Path, name: str) -> None:
+    sequence = tracked_sequence()
+    kind = "mha" if "m" in name.lower().rpartition(".")[2] else "nrrd"
+    write_sequence(tmp_path / f"x.igs.{kind}", sequence, compressed=False)
+    content = (tmp_path / f"x.igs.{kind}").read_bytes()
+    raw = sequence.pixels.tobytes()
+    head = content[: -len(raw)]
+    if name.lower().endswith("hd"):
+        head, data = head.replace(b"ElementDataFile = LOCAL", b"ElementDataFile = a.raw"), b""
+    elif name.lower().endswith("hdr"):
+        head, data = head.replace(b"encoding: raw", b"encoding: raw\ndata file: a.raw"), b""
+    else:
+        data = raw
+    (tmp_path / "a.raw").write_bytes(raw)
+    (tmp_path / name).write_bytes(head + data)
+    found = read_sequence(tmp_path / name)
+    np.testing.assert_array_equal(found.pixels, sequence.pixels)
+    assert found.frame_fields == sequence.frame_fields
+    assert AutoReader()(tmp_path / name).images.shape == sequence.pixels.shape
+
+
 def test_files_of_both_orientations_and_of_a_tracker_alone(real_data: Path) -> None:
     plus = real_data / "plus"
     # MF and MFA differ in the stacking of volumes, not in the frames: the beam enters from the top in both, so
@@ -91,9 +114,11 @@ def test_interpolated_poses_of_plus_do_not_jump(real_data: Path) -> None:
     )
 
 
-@pytest.mark.parametrize("name", ["a.mhd", "a.png", "a"])
+@pytest.mark.parametrize("name", ["a.mhb", "a.png", "a"])
 def test_other_suffixes_are_refused(tmp_path: Path, name: str) -> None:
-    with pytest.raises(InputError, match=r"expected a file that ends in \.mha or \.nrrd, received"):
+    with pytest.raises(
+        InputError, match=r"expected a file that ends in \.mha, \.mhd, \.nrrd, \.nhdr, received"
+    ):
         read_sequence(tmp_path / name)
     with pytest.raises(InputError, match=r"expected a name that ends in \.mha or \.nrrd, received"):
         write_sequence(tmp_path / name, tracked_sequence())

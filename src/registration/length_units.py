@@ -1,0 +1,54 @@
+"""Units of length as headers of volumes spell them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from registration.errors import InputError
+
+MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3}
+_SPELLINGS = {
+    "mm": ("mm", "millimeter", "millimetre", "millimeters", "millimetres"),
+    "cm": ("cm", "centimeter", "centimetre", "centimeters", "centimetres"),
+    "m": ("m", "meter", "metre", "meters", "metres"),
+    "um": (
+        "um",
+        "micron",
+        "microns",
+        "micrometer",
+        "micrometre",
+        "micrometers",
+        "micrometres",
+        "µm",
+        "μm",
+        "Î¼m",
+    ),
+}
+_UNIT = {spelling: unit for unit, spellings in _SPELLINGS.items() for spelling in spellings}
+# What headers write where they know none.
+_UNSTATED = {"", "?", "???", "none", "unknown"}
+
+
+def quoted(text: str) -> list[str]:
+    """The words of a NRRD field of quoted strings; quotes may be missing."""
+    return re.findall(r'"([^"]*)"', text) or text.split()
+
+
+def stated_units(words: Sequence[str], field: str, path: Path) -> tuple[str, ...]:
+    """The unit of each axis, empty where a header states none of them.
+
+    Raises InputError for a unit that is no length, and for a header that states the unit of some axes only.
+    """
+    # Headers are read as Latin-1, in which the micro sign of a UTF-8 file has two characters.
+    plain = [word.strip().replace("Â", "") for word in words]
+    known = [word for word in plain if word.lower() not in _UNSTATED]
+    if not known:
+        return ()
+    units = [_UNIT.get(word if word in _UNIT else word.lower()) for word in plain]
+    if None in units:
+        raise InputError(
+            f"{path}: expected {field} of {', '.join(MM_PER_UNIT)} for every axis, found {', '.join(plain)}"
+        )
+    return tuple(str(unit) for unit in units)

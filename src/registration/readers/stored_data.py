@@ -1,0 +1,158 @@
+"""Numbers as image files store them: skipped, packed, spread over several files, and checked to be all there.
+
+What libraries leave unchecked is checked here: the sum at the end of a packed stream, and that it ends at all.
+"""
+
+from __future__ import annotations
+
+import bz2
+import re
+import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from registration.errors import InputError
+
+_NUMBERED = re.compile(r"%0?\d*[diu]")
+_MOST_FILES = 100_000
+
+
+@dataclass(frozen=True)
+class Encoding:
+    """How bytes in a file become numbers.
+
+    ``packing`` is raw, gzip, zlib, bzip2, ascii or hex; ``lines_skipped`` and ``bytes_skipped`` stand before the
+    numbers: lines before unpacking, bytes after it, -1 for all bytes but those of the numbers themselves.
+    ``order`` is < or > (little or big end first).
+    """
+
+    packing: str = "raw"
+    lines_skipped: int = 0
+    bytes_skipped: int = 0
+    order: str = "<"
+
+    def decode(self, data: bytes, kind: str, count: int, path: Path | str) -> np.ndarray:
+        """The ``count`` numbers of NumPy's type ``kind`` in ``data``. Raises InputError where they are not there."""
+        for _ in range(self.lines_skipped):
+            _, end, data = data.partition(b"\n")
+            if not end:
+                raise InputError(f"{path}: expected {self.lines_skipped} lines to skip, found fewer")
+        data = _unpack(data, self.packing, path)
+        if self.packing == "ascii":
+            return _from_text(data[max(self.bytes_skipped, 0) :], kind, count, path)
+        size = count * np.dtype(kind).itemsize
+        first = len(data) - size if self.bytes_skipped == -1 else self.bytes_skipped
+        if first < 0 or len(data) - first < size:
+            raise InputError(
+                f"{path}: expected {size} bytes of pixels, found {max(0, len(data) - max(first, 0))} "
+                "(the file was cut short)"
+            )
+        numbers = np.frombuffer(data, np.dtype(self.order + kind), count=count, offset=first)
+        return numbers.astype(kind, copy=False)
+
+
+def read_numbers(
+    files: Sequence[Path], encoding: Encoding, kind: str, count: int, path: Path, begin: int = 0
+) -> np.ndarray:
+    """The numbers in ``files`` one after the other, equally many in each; ``begin`` is the byte they begin at.
+
+    ``path`` names the header in messages. Raises InputError for a file that is not there or holds too little.
+    """
+    if not files or count % len(files):
+        raise InputError(f"{path}: expected {count} numbers in equal parts, found {len(files)} data files")
+    parts = []
+    for file in files:
+        try:
+            data = file.read_bytes()[begin:]
+        except OSError as failure:
+            raise InputError(
+                f"{path}: expected its voxels in {file}, received {(failure.strerror or str(failure)).lower()}"
+            ) from failure
+        name = path if file == path else f"{path}: {file.name}"
+        parts.append(encoding.decode(data, kind, count // len(files), name))
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def read_bytes(path: Path) -> bytes:
+    """All of a file. Raises InputError, naming it, where it cannot be read."""
+    try:
+        return path.read_bytes()
+    except OSError as failure:
+        raise InputError(
+            f"{path}: expected a readable file, found {failure.strerror or failure}"
+        ) from failure
+
+
+def numbered_files(pattern: str, words: Sequence[str], path: Path) -> list[Path]:
+    """The files beside ``path`` that a C pattern names: ``slice%03d.raw``, first, last and step of its number."""
+    try:
+        first, last, step = (int(word) for word in (*words[:2], *(words[2:3] or ["1"])))
+        numbers = range(first, last + (1 if step > 0 else -1), step)
+    except ValueError as failure:
+        raise InputError(
+            f"{path}: expected first, last and step of the numbers in {pattern}, found {' '.join(words)!r}"
+        ) from failure
+    if len(_NUMBERED.findall(pattern)) != 1 or pattern.count("%") != 1 or not 0 < len(numbers) <= _MOST_FILES:
+        raise InputError(
+            f"{path}: expected a pattern with one number (slice%03d.raw 1 20 1), found {pattern}"
+        )
+    return [path.parent / (pattern % number) for number in numbers]
+
+
+def whole_number(text: str, name: str, path: Path) -> int:
+    """The whole number in a field of a header; ``name`` is the field's."""
+    try:
+        return int(text)
+    except ValueError as failure:
+        raise InputError(f"{path}: expected a whole number in {name}, found {text!r}") from failure
+
+
+def _unpack(data: bytes, packing: str, path: Path | str) -> bytes:
+    if packing == "hex":
+        try:
+            return bytes.fromhex(data.decode("ascii"))
+        except ValueError as failure:
+            raise InputError(f"{path}: expected hexadecimal digits as pixels, found others") from failure
+    if packing in ("gzip", "zlib"):
+        # 32 recognises either header; several gzip streams in a row are one file.
+        return _streams(
+            data, lambda: zlib.decompressobj(zlib.MAX_WBITS | 32), packing == "gzip", packing, path
+        )
+    if packing == "bzip2":
+        return _streams(data, bz2.BZ2Decompressor, True, packing, path)
+    return data
+
+
+def _streams(
+    data: bytes, start: Callable[[], object], several: bool, packing: str, path: Path | str
+) -> bytes:
+    kind = {"gzip": "gzipped", "zlib": "zlib-compressed", "bzip2": "bzip2-compressed"}[packing]
+    magic = {"gzip": b"\x1f\x8b", "bzip2": b"BZh", "zlib": b""}[packing]
+    whole: list[bytes] = []
+    while not whole or (several and data.startswith(magic)):
+        stream = start()
+        try:
+            whole.append(stream.decompress(data))  # type: ignore[attr-defined]
+        except (zlib.error, OSError) as failure:
+            raise InputError(f"{path}: expected {kind} pixels, found broken data ({failure})") from failure
+        if not stream.eof:  # type: ignore[attr-defined]
+            raise InputError(
+                f"{path}: expected {kind} pixels with their end, found a stream that breaks off (cut short)"
+            )
+        data = stream.unused_data  # type: ignore[attr-defined]
+    return b"".join(whole)
+
+
+def _from_text(data: bytes, kind: str, count: int, path: Path | str) -> np.ndarray:
+    words = data.replace(b",", b" ").split()
+    if len(words) < count:
+        raise InputError(
+            f"{path}: expected {count} pixels as text, found {len(words)} (the file was cut short)"
+        )
+    try:
+        return np.array([word.decode("ascii") for word in words[:count]]).astype(kind)
+    except (ValueError, OverflowError) as failure:
+        raise InputError(f"{path}: expected pixels of type {kind} as text, found others") from failure
