@@ -14,6 +14,7 @@ import yaml
 
 from experiments.identity import flatten
 from experiments.outcome import Outcome
+from experiments.provenance import process_tags
 from experiments.tracking import ORIGIN_TAG, PARENT_TAG, RunWriter, Store, loggable
 
 
@@ -102,6 +103,10 @@ def restore_run(store: Store, record: RunRecord, parent_id: str | None) -> str:
     if record.cases is not None:
         with tempfile.TemporaryDirectory() as folder:
             record.cases.to_parquet(Path(folder) / "cases.parquet", index=False)
-            writer.folder(Path(folder))
+            writer.files(Path(folder), ["cases.parquet"])
+    # While it was copied, the run named this process; now it says again who ran it.
+    names = process_tags().keys()
+    writer.tags({name: record.tags[name] for name in names if name in record.tags})
+    writer.drop_tags(name for name in names if name not in record.tags)
     writer.end(record.status, record.end_ms)
     return writer.run_id

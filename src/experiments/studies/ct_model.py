@@ -11,6 +11,7 @@ from pathlib import Path
 from experiments import files
 from experiments.errors import InputError
 from experiments.outcome import InputData, Outcome, Progress
+from experiments.paths import PathSetting
 from experiments.reporting.scene import LineLayer, Scene, SurfaceLayer
 from experiments.studies.ct_model_remarks import remarks
 from experiments.studies.ct_model_report import CtModel, metrics, record, table
@@ -27,14 +28,14 @@ WHERE = "surface.ply and surface.stl hold the model in mm in LPS; open scene.htm
 LPS_NOTE = "LPS: x points to the patient's left, y to the back, z to the head."
 
 
-def check(*, input: str, label: int | None, space: str | None, units: str | None) -> None:
+def check(*, input: PathSetting, label: int | None, space: str | None, units: str | None) -> None:
     """Raise InputError for a file that is not there or of no known kind, and for settings that do not exist."""
     check_model(_path(input), _label(label), space, units)
 
 
 def run(
     *,
-    input: str,
+    input: PathSetting,
     label: int | None,
     space: str | None,
     units: str | None,
