@@ -47,9 +47,9 @@ def read_run(store: Store, run_id: str, experiment: str) -> RunRecord:
         for metric in client.get_metric_history(run_id, key)
     ]
     names = {file.path for file in client.list_artifacts(run_id)}
-    config = (
-        Path(client.download_artifacts(run_id, "config.yaml")).read_text() if "config.yaml" in names else ""
-    )
+    config = ""
+    if "config.yaml" in names:
+        config = Path(client.download_artifacts(run_id, "config.yaml")).read_text(encoding="utf-8")
     return RunRecord(
         run_id=tags.pop(ORIGIN_TAG, run_id),
         experiment=experiment,
@@ -57,13 +57,19 @@ def read_run(store: Store, run_id: str, experiment: str) -> RunRecord:
         status=run.info.status,
         start_ms=run.info.start_time,
         end_ms=run.info.end_time,
-        parent_id=tags.pop(PARENT_TAG, None),
+        parent_id=_first_id(store, tags.pop(PARENT_TAG, None)),
         tags=tags,
         params=dict(run.data.params),
         config=config,
         history=pd.DataFrame(points, columns=["metric", "step", "value", "timestamp_ms"]),
         cases=store.cases(run_id),
     )
+
+
+def _first_id(store: Store, run_id: str | None) -> str | None:
+    """The id that a run had where it was first run, which is what an archive knows it by."""
+    parent = None if run_id is None else store.run(run_id)
+    return run_id if parent is None else str(parent.data.tags.get(ORIGIN_TAG, run_id))
 
 
 def finished_run(run: RunWriter, config: Mapping[str, Any], outcome: Outcome) -> RunRecord:

@@ -6,13 +6,13 @@ import hashlib
 import json
 from collections.abc import Collection, Hashable, Mapping, Sequence
 from pathlib import Path, PurePath
-from typing import Any
 
 from experiments.identity import NEVER_PART, NOT_PART_OF_THE_JOB, flatten, job_config
 from experiments.outcome import CellResult
 
 # What stands for the choices of jobs that no command line made.
 SETTINGS = "settings"
+MOST_SETTINGS = 3
 
 
 def varying_choices(
@@ -21,17 +21,18 @@ def varying_choices(
     """For each job the choices that vary among the jobs of its name, as the command line has them.
 
     ``alike_but_for`` are settings that tell rows apart by columns of their own, such as folds. Jobs that come without
-    any choices, but differ in other settings, are told apart by a digest of these.
+    any choices are told apart by the settings in which they differ, or by a digest of these where they are many.
     """
     choices = [_choices(cell, alike_but_for) for cell in cells]
     found = []
     for name, own in zip(names, choices, strict=True):
         others = [other for kind, other in zip(names, choices, strict=True) if kind == name]
         found.append({key: value for key, value in own.items() if any(o.get(key) != value for o in others)})
-    settings = ["" if cell.choices else _settings(cell, alike_but_for) for cell in cells]
-    for name, own, digest in zip(names, found, settings, strict=True):
-        if digest and len({other for kind, other in zip(names, settings, strict=True) if kind == name}) > 1:
-            own[SETTINGS] = digest
+    settings = [{} if cell.choices else _settings(cell, alike_but_for) for cell in cells]
+    for name, own, mine in zip(names, found, settings, strict=True):
+        alike = [other for kind, other in zip(names, settings, strict=True) if kind == name]
+        differing = {key: value for key, value in mine.items() if any(o.get(key) != value for o in alike)}
+        own |= differing if len(differing) <= MOST_SETTINGS else {SETTINGS: _digest(differing)}
     return found
 
 
@@ -70,12 +71,15 @@ def _choices(cell: CellResult, alike_but_for: Collection[str]) -> dict[str, str]
     }
 
 
-def _settings(cell: CellResult, alike_but_for: Collection[str]) -> str:
-    """A digest of the settings of a job but for those that have columns of their own."""
-    own: dict[str, Any] = {
-        name: value
+def _settings(cell: CellResult, alike_but_for: Collection[str]) -> dict[str, str]:
+    """The settings of a job but for those that have columns of their own."""
+    left_out = {*alike_but_for, *NEVER_PART}
+    return {
+        name: str(value)
         for name, value in flatten(job_config(cell.config)).items()
-        if name.rsplit(".", 1)[-1] not in {*alike_but_for, *NEVER_PART}
-        and name.split(".")[0] not in alike_but_for
+        if name.rsplit(".", 1)[-1] not in left_out and name.split(".")[0] not in alike_but_for
     }
-    return hashlib.sha256(json.dumps(own, sort_keys=True, default=str).encode()).hexdigest()[:6]
+
+
+def _digest(settings: Mapping[str, str]) -> str:
+    return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:6]

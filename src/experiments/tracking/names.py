@@ -24,8 +24,7 @@ def tracked_name(name: str) -> str:
     plain = name.replace("=", ":")
     kept = _ODD_PARTS.sub("-", _REFUSED.sub("-", plain))
     # A colon that was one already must not meet one that was an equals sign.
-    exact = kept == name or (kept == plain and ":" not in name)
-    if exact and len(kept) <= LONGEST:
+    if kept == plain and ":" not in name and len(kept) <= LONGEST:
         return kept
     digest = hashlib.sha256(name.encode("utf-8", "surrogatepass")).hexdigest()[:_DIGEST_LENGTH]
     return f"{kept[: LONGEST - _DIGEST_LENGTH - 1].rstrip('/')}-{digest}"

@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from urllib.parse import unquote, urlsplit
+from urllib.parse import quote, unquote
 
 from filelock import FileLock
 
@@ -152,6 +152,17 @@ class Store:
             return None
         return None if found is None else str(found.info.run_id)
 
+    def run(self, run_id: str) -> MlflowRun | None:
+        """A run by its id, or none if there is no such run."""
+        from mlflow.exceptions import MlflowException
+
+        try:
+            return self.client().get_run(run_id)
+        except MlflowException as error:
+            if error.error_code == "RESOURCE_DOES_NOT_EXIST":
+                return None
+            raise
+
     def metrics(self, run_id: str) -> dict[str, float]:
         """The last value of every metric of a run."""
         return dict(self.client().get_run(run_id).data.metrics)
@@ -216,21 +227,27 @@ class Store:
 
 
 def sqlite_address(database: Path) -> str:
-    """The tracking address of a SQLite file, whatever characters its path has.
-
-    A question mark would begin the address's options and be cut off with what follows: such a path goes in SQLite's
-    own form of an address, where it can be quoted.
-    """
+    """The tracking address of a SQLite file, whatever characters its path has."""
     plain = str(database)
-    return f"sqlite:///{plain}" if _PLAIN_PATH.fullmatch(plain) else f"sqlite:///{database.as_uri()}?uri=true"
+    if _PLAIN_PATH.fullmatch(plain):
+        return f"sqlite:///{plain}"
+    from sqlalchemy import make_url
+
+    # A question mark would begin the address's options, and a percent sign another character. The driver is named
+    # because MLflow makes a folder of the quoted name for an address that begins with sqlite:///.
+    quoted = f"sqlite+pysqlite:///{quote(plain)}"
+    if make_url(quoted).database == plain:
+        return quoted
+    # SQLAlchemy before 2.1 does not read what is quoted, but SQLite's own form of an address does.
+    return f"sqlite+pysqlite:///{database.as_uri()}?uri=true"
 
 
 def sqlite_file(address: str) -> Path:
     """The file of such an address, however it is written."""
-    path = address.removeprefix("sqlite:///")
-    if not path.startswith("file:"):
-        return Path(path.partition("?")[0])
-    return Path(unquote(urlsplit(path).path))
+    from sqlalchemy import make_url
+
+    path = make_url(address).database or ""
+    return Path(unquote(path.removeprefix("file://"))) if path.startswith("file://") else Path(path)
 
 
 def _open(address: str, folder: Path) -> MlflowClient:
@@ -244,7 +261,7 @@ def _open(address: str, folder: Path) -> MlflowClient:
     logging.getLogger("mlflow.store.db.utils").setLevel(logging.WARNING)
     from mlflow.tracking import MlflowClient
 
-    if address.startswith("sqlite:///"):
+    if address.startswith(("sqlite:///", "sqlite+pysqlite:///")):
         database = sqlite_file(address)
         database.parent.mkdir(parents=True, exist_ok=True)
         with FileLock(database.parent / f".{database.name}.lock"):
