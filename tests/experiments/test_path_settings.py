@@ -51,72 +51,16 @@ OF_CLASSES = {
 }
 # Settings that may be text and name nothing that a job reads: words, names, and where results and caches go. A new
 # setting that takes text must be put here or be known as a path.
-WORDS = set(
-    [
-        "archive",
-        "cache",
-        "out",
-        "store",
-        "experiments",
-        "format",
-        "title",
-        "subset",
-        "phantoms",
-        "places",
-        "rotations",
-        "train_on",
-        "probe",
-        "phantom_frame",
-        "space",
-        "units",
-        "spacing_mm",
-        "rigid",
-        "factors",
-        "filters",
-        "moving_unit",
-        "fixed_unit",
-        "moving_space",
-        "fixed_space",
-        "label",
-        "unpaired",
-        "target",
-        "district",
-        "group_by",
-        "session",
-        "prune_by",
-        "subsample_to",
-        "test_subjects",
-        "selection_groups",
-        "test_groups",
-        "schedule",
-        "accelerator",
-        "precision",
-        "normalisation",
-        "sector",
-        "overlays",
-        "network",
-        "refine_by",
-        "rotation",
-        "place",
-        "missing",
-        "loss",
-        "geometry",
-        "interpolation",
-        "compounding",
-        "image_topic",
-        "pose_topic",
-        "world",
-        "ee",
-        "tf_topics",
-        "out_of_order",
-        "image",
-        "clock",
-        "orientation",
-        "image_device",
-        "pose_device",
-        "host",
-    ]
-) | {
+_WORDS = """
+    archive cache out store experiments format title subset phantoms places rotations train_on probe phantom_frame
+    space units spacing_mm rigid factors filters moving_unit fixed_unit moving_space fixed_space label unpaired
+    target district group_by session prune_by subsample_to test_subjects selection_groups test_groups schedule
+    accelerator precision normalisation sector overlays network refine_by rotation place missing loss geometry
+    interpolation compounding image_topic pose_topic world ee tf_topics out_of_order image clock orientation
+    image_device pose_device host
+"""
+WORDS = {
+    *_WORDS.split(),
     "root of rigid_benchmark",
     "masks of consistency",
     "reference of calibrate_spatial",

@@ -136,12 +136,14 @@ def summarise(cells: list[CellResult]) -> Outcome:
     cases = pool(cells, factors=("train_on",))
     transfer = transfer_table(cases)
     several = len(set(transfer["model"])) > 1
+    metrics = {}
+    for row in transfer.to_dict("records"):
+        place = f"{place_of(row['trained_on'])}_to_{place_of(row['tested_on'])}"
+        metrics[f"{row['model']}/dsc_mean/{place}" if several else f"dsc_mean/{place}"] = float(
+            row["dsc_mean"]
+        )
     return Outcome(
-        metrics={
-            f"{f'{row.model}/' if several else ''}dsc_mean/{place_of(str(row.trained_on))}_to_"
-            f"{place_of(str(row.tested_on))}": float(row.dsc_mean)
-            for row in transfer.itertuples()
-        },
+        metrics=metrics,
         cases=cases,
         tables={"transfer": transfer},
         figures={"transfer": transfer_map(transfer)},
