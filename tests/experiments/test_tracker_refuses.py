@@ -14,14 +14,14 @@ from experiments.outcome import Outcome
 from experiments.tracking import Store
 
 
-def test_any_name_of_a_metric_and_a_parameter_is_taken(counting_study: ModuleType, home: Path) -> None:
+def test_any_name_of_a_metric_is_taken(counting_study: ModuleType, home: Path) -> None:
     long, odd = "x" * 400, "a,b/../c?"
     counting_study.summarise = lambda results: Outcome(
         metrics={f"unet augmentation=strong {long}/dsc": 1.0, odd: 2.0, "/root": 3.0},
         tables={"parts": pd.DataFrame({"part": [1]})},
     )
     out = home / "result"
-    words = ["needed=here", f"fail_on={{{long[:200]}: {{{long[:200]}: 1}}}}", f"out={out}"]
+    words = [f"out={out}"]
     assert main(["study=counting", *words]) == 0
     (parent,) = [run for run in Store().runs(["counting"]) if run.data.tags["ctus.kind"] == "sweep"]
     assert parent.info.status == "FINISHED"

@@ -40,6 +40,7 @@ def test_many_metrics_go_in_batches_and_all_arrive(home: Path) -> None:
     run.metrics({"good": 2.0, "nan": math.nan, "far": math.inf})
     run.params({f"p{k}": k for k in range(250)})
     run.params({"long": "x" * 10_000})
+    run.params({"y" * 300: 1, "y" * 301: 2, "a,b": 3})
     run.end("FINISHED")
     client = store.client()
     assert [point.value for point in client.get_metric_history(run.run_id, "m29")] == list(
@@ -49,7 +50,7 @@ def test_many_metrics_go_in_batches_and_all_arrive(home: Path) -> None:
     assert data.metrics["good"] == 2.0
     assert data.metrics["nan_failed"] == data.metrics["far_failed"] == 1.0
     assert not {"nan", "far"} & set(data.metrics)
-    assert len(data.params) == 251
+    assert len(data.params) == 254
     assert data.params["p249"] == "249"
 
 
