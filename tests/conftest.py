@@ -85,7 +85,7 @@ def counting_study(home: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     shutil.copytree(REPOSITORY / "conf", package / "conf")
     (package / "conf" / "study" / "counting.yaml").write_text(
         "# @package _global_\n# Count, for tests.\n"
-        "parts: [1, 2]\npart: null\nfail_on: []\nrefuse_on: []\nneeded: here\n"
+        "parts: [1, 2]\npart: null\nfail_on: []\nrefuse_on: []\nneeded: here\ndata: null\n"
     )
     module = ModuleType("experiments.studies.counting")
     exec((REPOSITORY / "tests" / "support" / "counting_study.py").read_text(), module.__dict__)

@@ -6,15 +6,18 @@ import importlib
 import inspect
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from experiments import registry
+from experiments.content import content_digest
 from experiments.errors import InputError
 from experiments.files import write_text
 from experiments.identity import config_hash
+from experiments.job_names import choices_of, distinct_labels, folder_names
+from experiments.path_settings import named_paths
 from experiments.paths import conf_dir, project_root
 
 # What the shell hands to a study beside its configuration.
@@ -23,26 +26,34 @@ INJECTED = frozenset({"workspace", "progress", "store"})
 
 @dataclass(frozen=True)
 class Cell:
-    """One job: its whole configuration, its hash, and a short label that tells it from its neighbours."""
+    """One job: its whole configuration, its hash, and a short label that tells it from its neighbours.
+
+    ``choices`` are the words of the command line by which its point of the sweep differs from others.
+    """
 
     config: dict[str, Any]
     hash: str
     label: str
+    choices: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Plan:
-    """All cells of one call of the command line, by hash, and the run that stands above them, if there is one."""
+    """All cells of one call of the command line, by hash, and the run that stands above them, if there is one.
+
+    ``contents`` are the digests of all that the jobs read, as they were when the call began.
+    """
 
     study: str
     labels: dict[str, str]
     out: str
     parent_id: str | None = None
+    contents: dict[str, str] = field(default_factory=dict)
 
     def folder_of(self, key: str) -> Path:
         """Where the job of that hash leaves its files: in ``out`` itself if it is alone, else in a folder there."""
         out = Path(self.out)
-        return out if len(self.labels) == 1 else out / folder_name(self.labels[key], key)
+        return out if len(self.labels) == 1 else out / folder_names(self.labels)[key]
 
     def write(self, path: Path) -> None:
         """Write as JSON, for the processes that a launcher starts."""
@@ -107,21 +118,49 @@ def _arguments(function: Callable[..., object], config: Mapping[str, Any]) -> di
     return {name: registry.build(config[name], name) for name in wanted if name in config}
 
 
-def cells_of(points: list[tuple[Mapping[str, Any], str]]) -> list[Cell]:
-    """Every cell of every point (its configuration and label), each once."""
+def cells_of(
+    points: list[tuple[Mapping[str, Any], str]], contents: dict[str, str] | None = None
+) -> list[Cell]:
+    """Every cell of every point (its configuration and label), each once, with labels that are all different.
+
+    ``contents`` are digests of paths that are known already; those of further paths are added to it.
+    """
+    known = {} if contents is None else contents
     cells: dict[str, Cell] = {}
     for config, label in points:
         for cell, change in cell_configs(config):
-            key = config_hash(cell)
-            cells.setdefault(key, Cell(cell, key, ",".join(filter(None, (label, change)))))
-    return list(cells.values())
+            key = config_hash(cell, _contents_of(cell, known))
+            cells.setdefault(key, Cell(cell, key, ",".join(filter(None, (label, change))), choices_of(label)))
+    labels = distinct_labels({key: cell.label for key, cell in cells.items()})
+    return [replace(cell, label=labels[key]) for key, cell in cells.items()]
 
 
-def folder_name(label: str, key: str) -> str:
-    """A folder's name that a person can read, a file system takes, and an override can hold without quotes."""
-    readable = label.replace("=", "-").replace(",", "_")
-    name = "".join(char if char.isalnum() or char in ".+-_" else "_" for char in readable)
-    return name if 0 < len(name) <= 80 else f"{name[:60]}_{key[:12]}".lstrip("_")
+def hash_now(config: Mapping[str, Any]) -> str:
+    """The hash of a job by what it would read at this moment."""
+    return config_hash(config, _contents_of(config, {}))
+
+
+def read_paths(config: Mapping[str, Any]) -> list[str]:
+    """Every path that a job reads: what its settings name, and what its study finds beside that.
+
+    A study that reads files which no setting names has a function ``beside`` that yields them for a configuration.
+    """
+    module = study_module(config["study"])
+    takers = [getattr(module, name) for name in ("run", "check") if hasattr(module, name)]
+    named = list(named_paths(config, takers).values())
+    return named + [str(path) for path in (module.beside(config) if hasattr(module, "beside") else ())]
+
+
+def _contents_of(config: Mapping[str, Any], known: dict[str, str]) -> dict[str, str]:
+    """The digest of what lies under each path of a job; ``known`` ones are taken, the others added to it."""
+    paths = read_paths(config)
+    # What this project writes is nobody's input only because it lies inside a folder that is.
+    written = [project_root() / name for name in ("outputs", "mlruns")]
+    written += [Path(str(config["out"])).expanduser()] if config.get("out") else []
+    for path in paths:
+        if path not in known:
+            known[path] = content_digest(Path(path).expanduser(), written)
+    return {path: known[path] for path in paths}
 
 
 def out_folder(config: Mapping[str, Any], key: str) -> Path:

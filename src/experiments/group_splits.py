@@ -11,6 +11,7 @@ import numpy as np
 from experiments.errors import InputError
 from experiments.group_folds import GroupedCases, Indices
 from experiments.nnunet_splits import NnUnetSplits, is_nnunet
+from experiments.paths import PathSetting
 from experiments.split_set import SplitSet
 from experiments.splits import Split, read_json
 from models.labelled_frames import LabelledFrames
@@ -40,7 +41,7 @@ class GroupSplits:
     selection_groups: Sequence[str] = ()
     test_groups: Sequence[str] = ()
     outer_folds: int | None = None
-    file: str | None = None
+    file: PathSetting | None = None
 
     def __post_init__(self) -> None:
         for role in ("selection", "test"):

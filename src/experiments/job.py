@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 import json
 import math
 import sys
 import traceback
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import yaml
 
@@ -21,8 +22,8 @@ from experiments.identity import flatten
 from experiments.outcome import CellResult, Outcome
 from experiments.tracking import HASH_TAG, RunWriter, Store, ending
 
-if TYPE_CHECKING:
-    pass
+# In place of a run's hash where its inputs changed under it: it is never taken for the result of any of them.
+CHANGED = "inputs changed while it ran"
 
 
 @dataclass(frozen=True)
@@ -72,11 +73,10 @@ def run_cell(
 ) -> tuple[Report, Outcome | None]:
     """Run one cell to its end, whatever that is; only a stop by signal or keyboard passes through."""
     tracked = is_tracked(plan.study, store)
-    if tracked and cell.config.get("resume") and (done := store.finished(plan.study, cell.hash)) is not None:
-        _restore_files(cell, plan, done, store)
-        return _report(cell, plan, "resumed", run_id=done), None
     run_id = None
     try:
+        if tracked and cell.config.get("resume") and (done := _resumable(cell, plan, store)) is not None:
+            return _report(cell, plan, "resumed", run_id=done), None
         arguments = cells.arguments(cell.config)
         if not tracked:
             return _report(cell, plan, "finished"), _compute(cell, plan, store, progress, arguments, None)
@@ -121,7 +121,7 @@ def load_result(report: Report, cell: Cell, store: Store) -> CellResult:
         cases = pd.read_parquet(table) if table.is_file() else None
     else:
         metrics, cases = store.metrics(str(report.run_id)), store.cases(str(report.run_id))
-    return CellResult(cell.config, metrics, cases, folder, report.run_id)
+    return CellResult(cell.config, metrics, cases, folder, report.run_id, cell.choices)
 
 
 def write_outcome(outcome: Outcome, folder: Path) -> None:
@@ -138,12 +138,27 @@ def write_outcome(outcome: Outcome, folder: Path) -> None:
             figure.savefig(folder / f"{name}.{suffix}", dpi=150, bbox_inches="tight")
 
 
-def log_outcome(run: RunWriter, outcome: Outcome) -> None:
-    """Log what the dashboard shows of an outcome."""
-    run.history(outcome.history)
-    run.metrics(outcome.metrics)
-    run.tags(outcome.tags)
-    run.inputs(outcome.inputs)
+def log_results(run: RunWriter, outcome: Outcome, folder: Path, names: Sequence[str]) -> None:
+    """Log what the dashboard shows of an outcome, and the files ``names`` of ``folder``, which are written already.
+
+    What the tracker refuses is said and left out: by now the results are there, and nothing of them may be lost.
+    """
+    parts: dict[str, Callable[[], None]] = {
+        "the history": lambda: run.history(outcome.history),
+        "the metrics": lambda: run.metrics(outcome.metrics),
+        "the tags": lambda: run.tags(outcome.tags),
+        "the data sets": lambda: run.inputs(outcome.inputs),
+        "the files": lambda: run.files(folder, names),
+    }
+    for part, log in parts.items():
+        try:
+            log()
+        except Exception as refusal:
+            print(
+                f"The tracker refused {part} of run {run.run_id} ({_first_line(refusal)}); "
+                f"all results are in {folder}.",
+                file=sys.stderr,
+            )
 
 
 def log_config(run: RunWriter, config: Mapping[str, Any]) -> None:
@@ -164,14 +179,24 @@ def _compute(
     module = cells.study_module(plan.study)
     if run is not None:
         log_config(run, cell.config)
-    with files.staged(plan.folder_of(cell.hash)) as workspace:
+    folder = plan.folder_of(cell.hash)
+    with files.staged(folder) as workspace:
         arguments = {**arguments, **_injected(module.run, workspace, progress, store)}
         outcome: Outcome = module.run(**arguments)
         write_outcome(outcome, workspace)
         files.write_text(workspace / "job.json", json.dumps({"study": plan.study, "config_hash": cell.hash}))
-        if run is not None:
-            log_outcome(run, outcome)
-            run.folder(workspace)
+        written = files.names_in(workspace)
+    # Only now: whatever the tracker does with them, the files are where the user looks for them.
+    if run is not None:
+        changed = cells.hash_now(cell.config) != cell.hash
+        tags = {**outcome.tags, **({HASH_TAG: CHANGED} if changed else {})}
+        log_results(run, dataclasses.replace(outcome, tags=tags), folder, written)
+        if changed:
+            print(
+                f"{cell.label or plan.study}: what it reads has changed since the call began; its result may mix old "
+                "and new, and resume=true will run it again.",
+                file=sys.stderr,
+            )
     return outcome
 
 
@@ -182,19 +207,38 @@ def _injected(
     return {name: offered[name] for name in inspect.signature(function).parameters if name in offered}
 
 
-def _restore_files(cell: Cell, plan: Plan, run_id: str, store: Store) -> None:
-    """Bring a finished run's files back where they are missing, so that what reads them finds them."""
+def _resumable(cell: Cell, plan: Plan, store: Store) -> str | None:
+    """The finished run that a job need not repeat, with its files brought back where they are missing; or none.
+
+    A run whose files can't be had any more is not one: what reads them would find an empty folder.
+    """
+    done = store.finished(plan.study, cell.hash)
     folder = plan.folder_of(cell.hash)
-    if _holds(folder, cell):
-        return
-    with files.staged(folder) as stage:
-        store.restore_files(run_id, stage)
+    if done is None or _holds(folder, cell):
+        return done
+    try:
+        with files.staged(folder) as stage:
+            store.restore_files(done, stage)
+            if not files.names_in(stage):
+                raise LookupError("the tracker has none")
+    except Exception as failure:
+        print(
+            f"{cell.label or plan.study}: the files of its finished run {done} can't be brought back "
+            f"({_first_line(failure)}); it is run again.",
+            file=sys.stderr,
+        )
+        return None
+    return done
 
 
 def _holds(folder: Path, cell: Cell) -> bool:
     """Whether the files in ``folder`` are those of this very job, not of one that used the same folder before."""
     record = folder / "job.json"
     return record.is_file() and json.loads(record.read_text(encoding="utf-8"))["config_hash"] == cell.hash
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0]
 
 
 def _report(

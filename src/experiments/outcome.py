@@ -50,6 +50,7 @@ class CellResult:
     """A finished cell as the summary of a sweep sees it: its configuration, metrics and per-case table.
 
     ``workspace`` is the folder its files lie in. It holds the same whether the cell ran just now or was resumed.
+    ``choices`` are the settings by which its point of the sweep differs from others, as the command line has them.
     """
 
     config: Mapping[str, Any]
@@ -57,6 +58,7 @@ class CellResult:
     cases: pd.DataFrame | None
     workspace: Path
     run_id: str | None = None
+    choices: Mapping[str, str] = field(default_factory=dict)
 
 
 class Progress(Protocol):

@@ -16,6 +16,8 @@ import psutil
 
 # A run on another machine that has not said anything for this long is taken for dead.
 SILENCE_S = 20 * 60.0
+# A process that lives beats every half minute.
+SHORT_SILENCE_S = 2 * 60.0
 # MLflow's own name for it.
 COMMIT_TAG = "mlflow.source.git.commit"
 _PACKAGES = (
@@ -44,11 +46,29 @@ def environment_tags() -> dict[str, str]:
         "ctus.packages": json.dumps(versions),
         "ctus.machine": f"{socket.gethostname()}, {platform.system()} {platform.machine()}, {os.cpu_count()} CPUs",
         "ctus.python": platform.python_version(),
-        "ctus.host": socket.gethostname(),
-        "ctus.pid": str(os.getpid()),
-        "ctus.process_started": f"{psutil.Process().create_time():.2f}",
+        **process_tags(),
         **_git_tags(),
     }
+
+
+def process_tags() -> dict[str, str]:
+    """Which process writes a run, and that it lives: what ``is_gone`` judges by."""
+    return {
+        "ctus.host": socket.gethostname(),
+        "ctus.pid": str(os.getpid()),
+        "ctus.pid_space": _pid_space(),
+        "ctus.process_started": f"{psutil.Process().create_time():.2f}",
+        "ctus.heartbeat": f"{time.time():.0f}",
+    }
+
+
+def _pid_space() -> str:
+    """Where process ids mean the same: this boot of this kernel and, on Linux, this container; empty elsewhere."""
+    try:
+        boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
+        return f"{boot} {Path('/proc/self/ns/pid').readlink()}"
+    except OSError:
+        return ""
 
 
 def _git_tags() -> dict[str, str]:
@@ -76,13 +96,36 @@ def _git_tags() -> dict[str, str]:
 def is_gone(tags: Mapping[str, str]) -> bool:
     """Whether the process of a run that is marked as running has ended, judged by the run's tags.
 
-    On the same machine the process id and its start decide, elsewhere the age of the last heartbeat.
+    Where the process's id can be looked up, the id and its start decide; on another machine, in another container or
+    before another boot, where it says nothing, the age of the last heartbeat.
     """
-    if tags.get("ctus.host") == socket.gethostname() and "ctus.pid" in tags:
-        try:
-            process = psutil.Process(int(tags["ctus.pid"]))
-        except psutil.NoSuchProcess:
+    silence_s = time.time() - _number(tags.get("ctus.heartbeat"))
+    pid = tags.get("ctus.pid", "")
+    if not (pid.isdecimal() and tags.get("ctus.host") == socket.gethostname() and _in_this_pid_space(tags)):
+        return silence_s > SILENCE_S
+    try:
+        process = psutil.Process(int(pid))
+        if process.status() == psutil.STATUS_ZOMBIE:
             return True
-        # The system gives a process id out again: the same id started at another time is another process.
-        return abs(process.create_time() - float(tags.get("ctus.process_started", "0"))) > 1.0
-    return time.time() - float(tags.get("ctus.heartbeat", "0")) > SILENCE_S
+        started = process.create_time()
+    except psutil.NoSuchProcess:
+        return True
+    except psutil.AccessDenied:
+        return silence_s > SILENCE_S
+    # The system gives a process id out again: the same id started at another time is another process. But a clock
+    # that was set moves the start that the system tells, and then the run still beats.
+    other = abs(started - _number(tags.get("ctus.process_started"))) > 1.0
+    return other and silence_s > SHORT_SILENCE_S
+
+
+def _in_this_pid_space(tags: Mapping[str, str]) -> bool:
+    # Runs of earlier versions do not say it.
+    said = tags.get("ctus.pid_space", "")
+    return not said or said == _pid_space()
+
+
+def _number(text: str | None) -> float:
+    try:
+        return float(text or 0)
+    except ValueError:
+        return 0.0

@@ -14,6 +14,7 @@ import yaml
 
 from experiments.identity import flatten
 from experiments.outcome import Outcome
+from experiments.provenance import process_tags
 from experiments.tracking import ORIGIN_TAG, PARENT_TAG, RunWriter, Store, loggable
 
 
@@ -46,9 +47,9 @@ def read_run(store: Store, run_id: str, experiment: str) -> RunRecord:
         for metric in client.get_metric_history(run_id, key)
     ]
     names = {file.path for file in client.list_artifacts(run_id)}
-    config = (
-        Path(client.download_artifacts(run_id, "config.yaml")).read_text() if "config.yaml" in names else ""
-    )
+    config = ""
+    if "config.yaml" in names:
+        config = Path(client.download_artifacts(run_id, "config.yaml")).read_text(encoding="utf-8")
     return RunRecord(
         run_id=tags.pop(ORIGIN_TAG, run_id),
         experiment=experiment,
@@ -56,13 +57,19 @@ def read_run(store: Store, run_id: str, experiment: str) -> RunRecord:
         status=run.info.status,
         start_ms=run.info.start_time,
         end_ms=run.info.end_time,
-        parent_id=tags.pop(PARENT_TAG, None),
+        parent_id=_first_id(store, tags.pop(PARENT_TAG, None)),
         tags=tags,
         params=dict(run.data.params),
         config=config,
         history=pd.DataFrame(points, columns=["metric", "step", "value", "timestamp_ms"]),
         cases=store.cases(run_id),
     )
+
+
+def _first_id(store: Store, run_id: str | None) -> str | None:
+    """The id that a run had where it was first run, which is what an archive knows it by."""
+    parent = None if run_id is None else store.run(run_id)
+    return run_id if parent is None else str(parent.data.tags.get(ORIGIN_TAG, run_id))
 
 
 def finished_run(run: RunWriter, config: Mapping[str, Any], outcome: Outcome) -> RunRecord:
@@ -102,6 +109,10 @@ def restore_run(store: Store, record: RunRecord, parent_id: str | None) -> str:
     if record.cases is not None:
         with tempfile.TemporaryDirectory() as folder:
             record.cases.to_parquet(Path(folder) / "cases.parquet", index=False)
-            writer.folder(Path(folder))
+            writer.files(Path(folder), ["cases.parquet"])
+    # While it was copied, the run named this process; now it says again who ran it.
+    names = process_tags().keys()
+    writer.tags({name: record.tags[name] for name in names if name in record.tags})
+    writer.drop_tags(name for name in names if name not in record.tags)
     writer.end(record.status, record.end_ms)
     return writer.run_id

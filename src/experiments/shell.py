@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import os
 import shutil
@@ -23,6 +24,8 @@ from experiments.tracking import HASH_TAG, RunWriter, Store
 # How the processes that a launcher starts find the plan of the sweep they belong to.
 PLAN_FOLDER = "CTUS_PLAN_FOLDER"
 Points = list[tuple[Mapping[str, Any], str]]
+# What one call has one of, for all of its jobs.
+OF_THE_CALL = ("study", "out", "jobs", "tracking")
 
 
 def run(points: Points, launch: Callable[[], object] | None) -> int:
@@ -32,9 +35,11 @@ def run(points: Points, launch: Callable[[], object] | None) -> int:
     one after the other, or with ``jobs`` above 1 in as many processes at a time. 0: all is well; 1: a job failed; 2:
     the user's input is at fault.
     """
+    _require_one_call(points)
     study = str(points[0][0]["study"])
     at_once = jobs_at_once(points[0][0])
-    planned = cells.cells_of(points)
+    contents: dict[str, str] = {}
+    planned = cells.cells_of(points, contents)
     for cell in planned:
         cells.check(cell.config)
     sweep_hash = hashlib.sha256("\n".join(sorted(cell.hash for cell in planned)).encode()).hexdigest()
@@ -50,7 +55,11 @@ def run(points: Points, launch: Callable[[], object] | None) -> int:
     with stoppable(), _plan_folder() as folder:
         parent = _parent(store, points, planned, sweep_hash) if tracked and len(planned) > 1 else None
         plan = Plan(
-            study, {cell.hash: cell.label for cell in planned}, str(out), parent.run_id if parent else None
+            study,
+            {cell.hash: cell.label for cell in planned},
+            str(out),
+            parent.run_id if parent else None,
+            contents,
         )
         plan.write(folder / "plan.json")
         try:
@@ -75,7 +84,8 @@ def run_point(config: Mapping[str, Any]) -> Outcome | None:
     plan = Plan.read(folder / "plan.json")
     progress = terminal.TerminalProgress()
     outcome = None
-    for cell in cells.cells_of([(config, "")]):
+    # By what the inputs were when the call began: the plan knows no other hashes.
+    for cell in cells.cells_of([(config, "")], dict(plan.contents)):
         outcome = run_one(Cell(cell.config, cell.hash, plan.labels[cell.hash]), plan, folder, progress)
     return outcome
 
@@ -94,6 +104,18 @@ def run_one(cell: Cell, plan: Plan, folder: Path, progress: terminal.TerminalPro
             file=sys.stderr,
         )
     return outcome
+
+
+def _require_one_call(points: Points) -> None:
+    """Raise InputError if the points of a sweep differ in what a call has only one of."""
+    first = points[0][0]
+    for name in OF_THE_CALL:
+        other = next((config for config, _ in points if config.get(name) != first.get(name)), None)
+        if other is not None:
+            raise InputError(
+                f"{name}: expected one value for all jobs of a call, received {first.get(name)!r} and "
+                f"{other.get(name)!r}; give each a call of its own"
+            )
 
 
 def jobs_at_once(config: Mapping[str, Any]) -> int:
@@ -136,16 +158,17 @@ def _close(
     if len(planned) > 1 and results:
         with files.staged(out) as stage:
             job.write_outcome(outcome, stage)
-            if parent is not None:
-                job.log_outcome(parent, outcome)
-                parent.metrics(_over_jobs(results, outcome.metrics))
-                parent.folder(stage)
+            written = files.names_in(stage)
+        if parent is not None:
+            over = {**_over_jobs(results, outcome.metrics), **outcome.metrics}
+            job.log_results(parent, dataclasses.replace(outcome, metrics=over), out, written)
     bad = [
         (cell, report) for cell, report in ended if report is None or report.status in ("refused", "failed")
     ]
     if parent is not None:
         resumed = sum(report.status == "resumed" for _, report in good)
-        parent.metrics({"jobs": len(planned), "jobs_failed": len(bad), "jobs_resumed": resumed})
+        counts = {"jobs": len(planned), "jobs_failed": len(bad), "jobs_resumed": resumed}
+        job.log_results(parent, Outcome(metrics=counts), out, ())
         parent.end("FAILED" if bad else "FINISHED")
     if results:
         terminal.print_tables(dict(outcome.tables))
@@ -190,7 +213,7 @@ def _parent(store: Store, points: Points, planned: list[Cell], sweep_hash: str) 
     study = str(config["study"])
     if config.get("resume"):
         known = store.runs([study], f"tags.`{HASH_TAG}` = '{sweep_hash}'")
-        if (found := next(known, None)) is not None:
+        if (found := next((run for run in known if not store.is_under_way(run)), None)) is not None:
             return store.reopen(found.info.run_id)
     run_ = store.start(study, f"{study} ({len(planned)} jobs)", {HASH_TAG: sweep_hash, "ctus.kind": "sweep"})
     shared = {

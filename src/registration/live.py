@@ -74,7 +74,7 @@ class LiveRecorder:
 
     image_device: str
     pose_device: str
-    calibration: str
+    calibration: str | Path
     host: str = "127.0.0.1"
     port: int = 18944
     orientation: str = "MF"

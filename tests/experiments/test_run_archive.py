@@ -79,6 +79,142 @@ def test_an_archive_names_no_folder_of_the_machine(tmp_path: Path) -> None:
     assert found.config == "root: .../usgra\n"
 
 
+NAMES = [
+    "/x",
+    "team/x",
+    "../up",
+    "..",
+    ".",
+    ".hidden",
+    " x ",
+    "a%2Fb",
+    "a\\b",
+    "con/..",
+    "x" * 400,
+    "\u00e4" * 90,
+]
+
+
+def test_experiments_of_any_name_stay_inside_the_archive_and_keep_it(tmp_path: Path) -> None:
+    archive = tmp_path / "around" / "archive"
+    records = [
+        dataclasses.replace(record(f"run{number}"), experiment=name) for number, name in enumerate(NAMES)
+    ]
+    assert write_archive(records, archive) == len(NAMES)
+    assert [path.name for path in (tmp_path / "around").iterdir()] == ["archive"]
+    assert len(list(archive.iterdir())) == len(NAMES)
+    assert all((path / "runs.parquet").is_file() for path in archive.iterdir())
+    assert {run.experiment: run.run_id for run in read_archive(archive)} == {
+        name: f"run{number}" for number, name in enumerate(NAMES)
+    }
+    assert [run.experiment for run in read_archive(archive, ["../up"])] == ["../up"]
+
+
+def test_experiments_of_odd_names_survive_export_and_import(home: Path, tmp_path: Path) -> None:
+    for name in ("/x", "team/x", "../up"):
+        run = Store().start(name, "r", {"ctus.kind": "job"})
+        run.text("a: 1\n", "config.yaml")
+        run.end("FINISHED")
+    archive = tmp_path / "archive"
+    assert main(["study=export_runs", f"archive={archive}"]) == 0
+    assert sorted(path.name for path in archive.iterdir()) == ["%2E.%2Fup", "%2Fx", "team%2Fx"]
+    other = Store(uri=f"sqlite:///{tmp_path / 'other.db'}")
+    assert main(["study=import_runs", f"archive={archive}", f"tracking.uri={other.address}"]) == 0
+    names = {experiment.name for experiment in other.client().search_experiments()}
+    assert {"/x", "team/x", "../up"} <= names
+    (one,) = other.runs(["../up"])
+    assert one.info.status == "FINISHED"
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "sentence"),
+    [
+        ("run_id", "../../../evil", "expected run ids of letters, digits, - and _, received '../../../evil'"),
+        ("run_id", "/etc/passwd", "received '/etc/passwd'"),
+        ("status", "RUNNING", "expected runs that ended (FINISHED, FAILED, KILLED), found 'RUNNING'"),
+        ("tags", "not json", "expected the fields of an exported run, found"),
+        ("tags", "[1]", "expected the fields of an exported run, found"),
+        ("params", '{"a": 1}', "expected the fields of an exported run, found"),
+        ("name", None, "expected the fields of an exported run, found"),
+    ],
+)
+def test_an_archive_that_says_what_it_must_not_is_refused(
+    tmp_path: Path, column: str, value: object, sentence: str
+) -> None:
+    write_archive([record("one")], tmp_path)
+    path = tmp_path / "segmentation" / "runs.parquet"
+    pd.read_parquet(path).assign(**{column: value}).to_parquet(path)
+    with pytest.raises(InputError) as refusal:
+        list(read_archive(tmp_path))
+    assert f"{path}: " in str(refusal.value)
+    assert sentence in str(refusal.value)
+
+
+def test_a_run_that_claims_a_place_outside_is_not_exported(home: Path, tmp_path: Path) -> None:
+    run = Store().start("segmentation", "r", {ORIGIN_TAG: "../../evil"})
+    run.text("a: 1\n", "config.yaml")
+    run.end("FINISHED")
+    assert main(["study=export_runs", f"archive={tmp_path / 'archive'}"]) == 2
+    assert not (tmp_path / "archive").exists()
+
+
+def test_files_that_are_no_tables_are_refused_by_name(tmp_path: Path) -> None:
+    write_archive([record("one")], tmp_path)
+    for name, wrong in (("history.parquet", b"no table"), ("cases/one.parquet", b"PAR1")):
+        path = tmp_path / "segmentation" / name
+        whole = path.read_bytes()
+        path.write_bytes(wrong)
+        with pytest.raises(InputError, match=f"{name}: expected a table of exported runs"):
+            list(read_archive(tmp_path))
+        path.write_bytes(whole)
+    path = tmp_path / "segmentation" / "runs.parquet"
+    pd.read_parquet(path).drop(columns="tags").to_parquet(path)
+    with pytest.raises(InputError, match="found no tags"):
+        list(read_archive(tmp_path))
+
+
+def test_runs_that_lost_their_files_keep_what_was_exported_before(
+    counting_study: ModuleType, home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import shutil
+
+    assert main(["study=counting"]) == 0
+    assert main(["study=export_runs"]) == 0
+    archive = home / "results" / "runs"
+    before = {run.run_id: run for run in read_archive(archive)}
+    shutil.rmtree(home / "mlruns" / "artifacts")
+    capsys.readouterr()
+    assert main(["study=export_runs"]) == 0
+    assert "3 of them have no files where the tracker says they are" in capsys.readouterr().out
+    after = {run.run_id: run for run in read_archive(archive)}
+    assert {run: one.config for run, one in after.items()} == {run: one.config for run, one in before.items()}
+    assert all(one.cases is not None for one in after.values())
+
+
+def test_of_a_run_that_is_there_twice_the_finished_one_is_kept(tmp_path: Path) -> None:
+    lost = dataclasses.replace(record("one", value=0.1), status="FAILED")
+    for order in ([lost, record("one")], [record("one"), lost]):
+        write_archive(order, tmp_path)
+        (found,) = read_archive(tmp_path)
+        assert found.status == "FINISHED"
+
+
+def test_an_imported_sweep_keeps_its_family_when_it_is_exported_again(
+    counting_study: ModuleType, home: Path, tmp_path: Path
+) -> None:
+    assert main(["study=counting"]) == 0
+    assert main(["study=export_runs", f"archive={tmp_path / 'one'}"]) == 0
+    other = f"tracking.uri=sqlite:///{tmp_path / 'other.db'}"
+    assert main(["study=import_runs", f"archive={tmp_path / 'one'}", other]) == 0
+    assert main(["study=export_runs", f"archive={tmp_path / 'two'}", other]) == 0
+    families = [
+        {run.run_id: run.parent_id for run in read_archive(tmp_path / name)} for name in ("one", "two")
+    ]
+    assert families[0] == families[1]
+    tags = [{run.run_id: run.tags for run in read_archive(tmp_path / name)} for name in ("one", "two")]
+    assert tags[0] == tags[1]
+
+
 def test_an_empty_folder_is_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"expected exported runs .* found none"):
         list(read_archive(tmp_path))

@@ -221,3 +221,32 @@ def test_points_that_are_the_same_job_are_one_job_in_one_place(
     assert counting_study.calls == [1]
     assert (out / "half.txt").is_file()
     assert not [path for path in out.iterdir() if path.is_dir()]
+
+
+def test_a_sweep_over_what_a_call_has_one_of_is_refused(
+    counting_study: ModuleType, home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for words in (
+        ["study=export_runs,import_runs"],
+        ["study=counting", f"out={home / 'a'},{home / 'b'}"],
+        ["study=counting", "jobs=1,2"],
+        ["study=counting", "tracking.enabled=true,false"],
+    ):
+        assert main(["-m", *words]) == 2
+        name = words[-1].split("=")[0].split(".")[0]
+        assert f"{name}: expected one value for all jobs of a call, received" in capsys.readouterr().err
+    assert counting_study.calls == []
+    assert not (home / "results").exists()
+
+
+def test_folders_of_jobs_that_read_alike_are_not_shared(counting_study: ModuleType, home: Path) -> None:
+    roots = [home / "a" / "b", home / "a_b", home / "a-b"]
+    for number, root in enumerate(roots):
+        root.mkdir(parents=True)
+        (root / "x").write_text(str(number))
+    out = home / "result"
+    words = ["study=counting", "parts=[1]", f"data={','.join(map(str, roots))}", f"out={out}"]
+    assert main(["-m", *words]) == 0
+    folders = [path for path in out.iterdir() if path.is_dir()]
+    assert len(folders) == 3
+    assert len({json.loads((path / "job.json").read_text())["config_hash"] for path in folders}) == 3

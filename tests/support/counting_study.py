@@ -24,7 +24,14 @@ def check(*, needed: str) -> None:
 
 
 def run(
-    *, part: int, fail_on: list[int], refuse_on: list[int], seed: int, workspace: Path, progress: Progress
+    *,
+    part: int,
+    fail_on: list[int],
+    refuse_on: list[int],
+    seed: int,
+    workspace: Path,
+    progress: Progress,
+    data: Path | None = None,
 ) -> Outcome:
     calls.append(part)
     (workspace / "half.txt").write_text(f"part {part}\n")

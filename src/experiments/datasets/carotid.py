@@ -15,6 +15,7 @@ from experiments.datasets import reading
 from experiments.datasets.pixel_cache import read_pairs
 from experiments.datasets.stand_in import StandIn
 from experiments.errors import InputError
+from experiments.paths import PathSetting
 from models.labelled_frames import LabelledFrames
 
 FOLDER, IMAGES, MASKS = "Common Carotid Artery Ultrasound Images", "US images", "Expert mask images"
@@ -36,7 +37,7 @@ class Carotid:
     ``stand_in`` instead of reading. What is read is kept in ``cache`` (None: nowhere).
     """
 
-    root: str
+    root: PathSetting
     group_by: str = SUBJECT
     simulate: bool = False
     stand_in: StandIn = field(default_factory=lambda: StandIn(subjects=11, strength=0.3))

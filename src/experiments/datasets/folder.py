@@ -15,6 +15,7 @@ from experiments.datasets.dicom import SUFFIX as DICOM_SUFFIX
 from experiments.datasets.dicom import read_dicom
 from experiments.datasets.group_table import Spacing, groups_by_role, read_groups, spacing_pair
 from experiments.errors import InputError
+from experiments.paths import PathSetting
 from models.labelled_frames import LabelledFrames
 
 
@@ -30,7 +31,7 @@ class Folder:
     are ``clip_0000``, ``clip_0001`` and so on, and frames without one are no cases.
     """
 
-    root: str
+    root: PathSetting
     vessel_labels: Sequence[int] = (1, 255)
     other_labels: Sequence[int] = (0,)
     spacing_mm: Sequence[float] | None = None

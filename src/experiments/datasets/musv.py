@@ -13,6 +13,7 @@ from experiments.datasets.musv_subjects import ALL, DISTRICTS, Volunteer, read_v
 from experiments.datasets.pixel_cache import read_pairs
 from experiments.datasets.stand_in import StandIn
 from experiments.errors import InputError
+from experiments.paths import PathSetting
 from models.labelled_frames import LabelledFrames
 
 LABELS = {"vein": 1, "artery": 2}
@@ -31,10 +32,10 @@ class MusV:
     in both districts of each subject. What is read is kept in ``cache`` (None: nowhere).
     """
 
-    root: str
+    root: PathSetting
     target: str
     district: str = ALL
-    subjects: str | None = None
+    subjects: PathSetting | None = None
     simulate: bool = False
     stand_in: StandIn = field(default_factory=StandIn)
     cache: str | None = None

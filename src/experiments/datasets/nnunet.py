@@ -16,6 +16,7 @@ from experiments.datasets import reading
 from experiments.datasets.group_table import GroupRow, groups_by_role, read_groups, spacing_pair
 from experiments.datasets.pixel_cache import read_pairs
 from experiments.errors import InputError
+from experiments.paths import PathSetting
 from models.labelled_frames import LabelledFrames
 
 FILE_ENDINGS = (".png", ".bmp", ".tif")
@@ -35,10 +36,10 @@ class NnUNet:
     grey. What is read is kept in ``cache`` (None: nowhere).
     """
 
-    root: str
+    root: PathSetting
     target: str = "vessel"
     spacing_mm: Sequence[float] | None = None
-    groups: str | None = None
+    groups: PathSetting | None = None
     cache: str | None = None
 
     name: ClassVar[str] = "nnunet"

@@ -15,6 +15,7 @@ from experiments.datasets.san_raffaele_sessions import Session, read_sessions, s
 from experiments.datasets.san_raffaele_subsets import Chosen, Frame
 from experiments.datasets.stand_in import StandIn
 from experiments.errors import InputError
+from experiments.paths import PathSetting
 from models.labelled_frames import LabelledFrames
 from registration.checks import require_count
 
@@ -37,7 +38,7 @@ class SanRaffaele:
     sessions. ``simulate`` makes ``stand_in`` instead of reading. What is read is kept in ``cache`` (None: nowhere).
     """
 
-    root: str
+    root: PathSetting
     subset: str = FULL
     session: str | None = None
     blocks: int = 5

@@ -12,6 +12,7 @@ from experiments.datasets.pixel_cache import read_pairs
 from experiments.datasets.stand_in import StandIn
 from experiments.datasets.twins import twin_groups
 from experiments.errors import InputError
+from experiments.paths import PathSetting
 from models.labelled_frames import LabelledFrames
 
 LABELS = {"nerve": 1, "vessel": 2}
@@ -26,7 +27,7 @@ class Usgra:
     group. No pixel spacing is known. What is read is kept in ``cache`` (None: nowhere).
     """
 
-    root: str
+    root: PathSetting
     target: str = "vessel"
     twin_correlation: float = 0.9
     cache: str | None = None

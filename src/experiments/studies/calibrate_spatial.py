@@ -10,6 +10,7 @@ import numpy as np
 from experiments import files
 from experiments.errors import InputError
 from experiments.outcome import Outcome, Progress
+from experiments.paths import PathSetting
 from experiments.studies.sweep_input import require_exists
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from registration.spatial_calibration import NWireCalibration
 
 
-def check(*, results: str, device_set: str) -> None:
+def check(*, results: PathSetting, device_set: PathSetting) -> None:
     """Raise InputError for files that are not there."""
     require_exists(results, "results")
     require_exists(device_set, "device_set")
@@ -29,8 +30,8 @@ def check(*, results: str, device_set: str) -> None:
 
 def run(
     *,
-    results: str,
-    device_set: str,
+    results: PathSetting,
+    device_set: PathSetting,
     probe: str,
     reference: str,
     phantom_frame: str,

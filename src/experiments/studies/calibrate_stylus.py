@@ -10,6 +10,7 @@ import numpy as np
 
 from experiments import files
 from experiments.outcome import Outcome, Progress
+from experiments.paths import PathSetting
 from experiments.studies.sweep_input import SweepReader, require_exists
 
 if TYPE_CHECKING:
@@ -18,13 +19,18 @@ if TYPE_CHECKING:
     from registration.stylus_calibration import PivotCalibration, PivotResult
 
 
-def check(*, sweep: str) -> None:
+def check(*, sweep: PathSetting) -> None:
     """Raise InputError for a recording that is not there."""
     require_exists(sweep, "sweep")
 
 
 def run(
-    *, sweep: str, acquisition: SweepReader, pivot: PivotCalibration, workspace: Path, progress: Progress
+    *,
+    sweep: PathSetting,
+    acquisition: SweepReader,
+    pivot: PivotCalibration,
+    workspace: Path,
+    progress: Progress,
 ) -> Outcome:
     """Find the tip and leave ``stylus_calibration.json`` in ``workspace``."""
     import pandas as pd

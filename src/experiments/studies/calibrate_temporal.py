@@ -11,6 +11,7 @@ import numpy as np
 from experiments import files
 from experiments.errors import InputError
 from experiments.outcome import Outcome, Progress
+from experiments.paths import PathSetting
 from experiments.studies.sweep_input import SweepReader, require_exists
 
 if TYPE_CHECKING:
@@ -21,14 +22,14 @@ if TYPE_CHECKING:
     from registration.temporal_calibration import TemporalCalibration, TemporalResult
 
 
-def check(*, sweep: str) -> None:
+def check(*, sweep: PathSetting) -> None:
     """Raise InputError for a sweep that is not there."""
     require_exists(sweep, "sweep")
 
 
 def run(
     *,
-    sweep: str,
+    sweep: PathSetting,
     acquisition: SweepReader,
     line: LineDetector,
     temporal: TemporalCalibration,

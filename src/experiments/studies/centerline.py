@@ -12,6 +12,7 @@ import numpy as np
 from experiments import files
 from experiments.errors import InputError
 from experiments.outcome import InputData, Outcome, Progress
+from experiments.paths import PathSetting
 from experiments.reporting.scene import CloudLayer, Layer, LineLayer, Scene, SurfaceLayer
 from experiments.studies.centerline_report import cases, metrics, table
 from experiments.studies.reconstruction import timed
@@ -33,7 +34,7 @@ SPACES = ("lps", "ras")
 WHERE = "The files are in mm in LPS; open scene.html in a browser to look at them."
 
 
-def check(*, mesh: str, ends: str | None, space: str | None, units: str | None) -> None:
+def check(*, mesh: PathSetting, ends: PathSetting | None, space: str | None, units: str | None) -> None:
     """Raise InputError for files that are not there or cannot be read, and for settings that do not exist."""
     if space not in (None, *SPACES):
         raise InputError(f"space: expected lps, ras or null, received {space!r}")
@@ -45,8 +46,8 @@ def check(*, mesh: str, ends: str | None, space: str | None, units: str | None) 
 
 def run(
     *,
-    mesh: str,
-    ends: str | None,
+    mesh: PathSetting,
+    ends: PathSetting | None,
     space: str | None,
     units: str | None,
     surface: SurfaceMethod,
@@ -104,7 +105,7 @@ def _read(path: Path, space: str | None) -> tuple[Surface, str]:
     return lps_from(found, axes), axes
 
 
-def _ends(ends: str | None) -> Landmarks | None:
+def _ends(ends: PathSetting | None) -> Landmarks | None:
     if ends is None:
         return None
     try:

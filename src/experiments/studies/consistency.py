@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.errors import InputError
 from experiments.outcome import CellResult, Outcome, Progress
+from experiments.paths import PathSetting
 from experiments.studies.consistency_repeats import common, pair, tried
 from experiments.studies.consistency_report import PAIR, describe, figures, metrics, tables
 from experiments.studies.reconstruction import CloudFilter, Reconstruction
+from experiments.variants import told_apart
 from registration.contours import ContourExtractor
 from registration.phantom.scan import simulate_sweep
 from registration.phantom.settings import MESH, PhantomSettings
@@ -34,7 +36,12 @@ def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def check(
-    *, phantom: PhantomSettings, phantoms: Sequence[str], sweeps: int, masks: str, model_path: str | None
+    *,
+    phantom: PhantomSettings,
+    phantoms: Sequence[str],
+    sweeps: int,
+    masks: str,
+    model_path: PathSetting | None,
 ) -> None:
     """Raise InputError for settings that allow no comparison."""
     _settings(phantom, phantoms)
@@ -60,7 +67,7 @@ def run(
     smoothing: TaubinSmoothing,
     sweeps: int,
     masks: str,
-    model_path: str | None,
+    model_path: PathSetting | None,
     max_gap_s: float,
     samples: int,
     seed: int,
@@ -111,10 +118,16 @@ def summarise(cells: list[CellResult]) -> Outcome:
     """Set all phantoms side by side."""
     import pandas as pd
 
-    known = [cell.cases for cell in cells if cell.cases is not None and len(cell.cases)]
-    if not known:
+    kept = [cell for cell in cells if cell.cases is not None and len(cell.cases)]
+    if not kept:
         return Outcome(findings=("No job has sweeps to compare.",))
-    cases = pd.concat(known, ignore_index=True)
+    # Sweeps of one phantom that were made or reconstructed otherwise are not repeats of each other.
+    tables_of = [cell.cases for cell in kept if cell.cases is not None]
+    phantoms = told_apart(kept, [str(rows["phantom"].iloc[0]) for rows in tables_of], ("phantoms",))
+    cases = pd.concat(
+        [rows.assign(phantom=phantom) for rows, phantom in zip(tables_of, phantoms, strict=True)],
+        ignore_index=True,
+    )
     return Outcome(
         metrics=metrics(cases),
         cases=cases,
@@ -135,7 +148,7 @@ def _settings(phantom: PhantomSettings, phantoms: Sequence[str]) -> PhantomSetti
     return replace(phantom, subset=phantoms[0])
 
 
-def _predictor(model_path: str | None) -> Predictor | None:
+def _predictor(model_path: PathSetting | None) -> Predictor | None:
     if model_path is None:
         return None
     from models.predictor import Predictor

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from experiments.errors import InputError
 from experiments.outcome import Outcome, Progress
+from experiments.paths import PathSetting
 from experiments.studies.sweep_input import SweepReader, describe_dropped, require_exists
 
 # A conversion measures nothing: the tracker would only keep a second copy of the files.
@@ -13,7 +14,7 @@ TRACKED = False
 FORMATS = ("folder", "plus_mha", "plus_nrrd", "ros2_mcap", "ros2_sqlite3")
 
 
-def check(*, input: str, format: str) -> None:
+def check(*, input: PathSetting, format: str) -> None:
     """Raise InputError for an input that is not there or a format that is not known."""
     require_exists(input, "input")
     if format not in FORMATS:
@@ -22,7 +23,7 @@ def check(*, input: str, format: str) -> None:
 
 def run(
     *,
-    input: str,
+    input: PathSetting,
     acquisition: SweepReader,
     format: str,
     max_gap_s: float,

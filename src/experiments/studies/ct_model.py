@@ -11,6 +11,7 @@ from pathlib import Path
 from experiments import files
 from experiments.errors import InputError
 from experiments.outcome import InputData, Outcome, Progress
+from experiments.paths import PathSetting
 from experiments.reporting.scene import LineLayer, Scene, SurfaceLayer
 from experiments.studies.ct_model_remarks import remarks
 from experiments.studies.ct_model_report import CtModel, metrics, record, table
@@ -29,7 +30,7 @@ LPS_NOTE = "LPS: x points to the patient's left, y to the back, z to the head."
 
 def check(
     *,
-    input: str,
+    input: PathSetting,
     label: int | str | None,
     space: str | None,
     units: str | None,
@@ -41,7 +42,7 @@ def check(
 
 def run(
     *,
-    input: str,
+    input: PathSetting,
     label: int | str | None,
     space: str | None,
     units: str | None,

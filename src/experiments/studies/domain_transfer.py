@@ -20,6 +20,7 @@ from experiments.group_splits import GroupSplits
 from experiments.outcome import CellResult, Outcome, Progress
 from experiments.studies import segmentation
 from experiments.studies.fold_run import FoldRun, fold_cells, training_metrics
+from experiments.studies.segmentation_cases import place_of
 from experiments.studies.segmentation_report import (
     describe_transfer,
     pool,
@@ -134,13 +135,15 @@ def summarise(cells: list[CellResult]) -> Outcome:
     """The table of train and test domain over all folds, as a figure too, and what the other domain costs."""
     cases = pool(cells, factors=("train_on",))
     transfer = transfer_table(cases)
+    several = len(set(transfer["model"])) > 1
+    metrics = {}
+    for row in transfer.to_dict("records"):
+        place = f"{place_of(row['trained_on'])}_to_{place_of(row['tested_on'])}"
+        metrics[f"{row['model']}/dsc_mean/{place}" if several else f"dsc_mean/{place}"] = float(
+            row["dsc_mean"]
+        )
     return Outcome(
-        metrics={
-            f"dsc_mean/{trained.split()[0]}_to_{tested.split()[0]}": float(mean)
-            for trained, tested, mean in zip(
-                transfer["trained_on"], transfer["tested_on"], transfer["dsc_mean"], strict=True
-            )
-        },
+        metrics=metrics,
         cases=cases,
         tables={"transfer": transfer},
         figures={"transfer": transfer_map(transfer)},

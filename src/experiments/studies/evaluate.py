@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments import files
 from experiments.errors import InputError
 from experiments.outcome import Outcome, Progress
+from experiments.paths import PathSetting
 from experiments.studies.evaluate_masks import (
     describe_masks,
     mask_metrics,
@@ -30,6 +31,7 @@ from experiments.studies.rigid_benchmark_report import benchmark_metrics, benchm
 from experiments.studies.rigid_benchmark_sentences import describe_benchmark
 from experiments.studies.sweep_input import input_data, require_exists
 from registration.benchmark.build import SUBSETS
+from registration.benchmark.case_files import TRUTH
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,7 +40,16 @@ MASKS, TRANSFORMS = "masks", "transforms"
 PER_CASE = "evaluation.csv"
 
 
-def check(*, prediction: str, reference: str, spacing_mm: Any, targets: str | None) -> None:
+def beside(config: Mapping[str, Any]) -> Iterator[Path]:
+    """What is read though no setting names it: the cases that lie around the folder of their truth."""
+    reference = Path(str(config["reference"])).expanduser()
+    if reference.name == TRUTH:
+        yield reference.parent
+
+
+def check(
+    *, prediction: PathSetting, reference: PathSetting, spacing_mm: Any, targets: PathSetting | None
+) -> None:
     """Raise InputError for files that do not belong together."""
     given, truth = require_exists(prediction, "prediction"), require_exists(reference, "reference")
     if are_transforms(truth):
@@ -53,10 +64,10 @@ def check(*, prediction: str, reference: str, spacing_mm: Any, targets: str | No
 
 def run(
     *,
-    prediction: str,
-    reference: str,
+    prediction: PathSetting,
+    reference: PathSetting,
     spacing_mm: Any,
-    targets: str | None,
+    targets: PathSetting | None,
     workspace: Path,
     progress: Progress,
 ) -> Outcome:
@@ -99,7 +110,7 @@ def _masks(given: Path, truth: Path, spacing_mm: Any, workspace: Path, progress:
 
 
 def _transforms(
-    given: Path, truth: Path, targets: str | None, workspace: Path, progress: Progress
+    given: Path, truth: Path, targets: PathSetting | None, workspace: Path, progress: Progress
 ) -> Outcome:
     import pandas as pd
 

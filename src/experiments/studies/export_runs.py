@@ -16,15 +16,28 @@ TRACKED = False
 def run(*, experiments: list[str] | None, archive: str, store: Store, progress: Progress) -> Outcome:
     """Export every ended run of ``experiments`` (null: all) into the folder ``archive``, beside what is there.
 
-    A run that is still RUNNING is left out: it has no result yet.
+    A run that is still RUNNING is left out: it has no result yet. Runs whose files are not where the tracker says are
+    exported without configuration and table, and counted in a sentence.
     """
     names = {e.experiment_id: e.name for e in store.client().search_experiments()}
+
+    bare: list[str] = []
 
     def ended() -> Iterator[RunRecord]:
         for run_ in progress.track(
             store.runs(experiments, "attributes.status != 'RUNNING'"), "Exporting runs"
         ):
-            yield read_run(store, run_.info.run_id, names[run_.info.experiment_id])
+            record = read_run(store, run_.info.run_id, names[run_.info.experiment_id])
+            # Every run begins by logging its configuration.
+            if not record.config:
+                bare.append(f"{record.experiment} {run_.info.run_id}, {run_.info.artifact_uri}")
+            yield record
 
     count = write_archive(ended(), Path(archive).expanduser())
-    return Outcome(metrics={"runs": count}, findings=(f"Exported {count} runs to {archive}.",))
+    findings = [f"Exported {count} runs to {archive}."]
+    if bare:
+        findings.append(
+            f"{len(bare)} of them have no files where the tracker says they are (first: {bare[0]}): they are exported "
+            "without configuration and table, unless an earlier export has these."
+        )
+    return Outcome(metrics={"runs": count, "runs_without_files": len(bare)}, findings=tuple(findings))

@@ -9,6 +9,7 @@ import numpy as np
 
 from experiments import files
 from experiments.outcome import Outcome, Progress
+from experiments.paths import PathSetting
 from experiments.studies.sweep_input import SweepReader, describe_dropped, interval_ms, require_exists
 
 if TYPE_CHECKING:
@@ -17,14 +18,14 @@ if TYPE_CHECKING:
     from registration.sweep import PosedFrames, TrackedSweep
 
 
-def check(*, sweep: str) -> None:
+def check(*, sweep: PathSetting) -> None:
     """Raise InputError for a sweep that is not there."""
     require_exists(sweep, "sweep")
 
 
 def run(
     *,
-    sweep: str,
+    sweep: PathSetting,
     acquisition: SweepReader,
     max_gap_s: float,
     offset_s: float,

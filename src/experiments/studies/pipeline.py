@@ -13,6 +13,7 @@ import numpy as np
 from experiments import files
 from experiments.errors import InputError
 from experiments.outcome import Outcome, Progress
+from experiments.paths import PathSetting
 from experiments.studies.reconstruction import STAGES, CloudFilter, Reconstructed, Reconstruction, timed
 from experiments.studies.registration_inputs import one_method
 from experiments.studies.robustness_problem import MOST_TARGETS
@@ -49,7 +50,7 @@ class Registered:
     error: PoseError
 
 
-def check(*, model_path: str) -> None:
+def check(*, model_path: PathSetting) -> None:
     """Raise InputError unless there is a file at ``model_path``."""
     if not Path(model_path).is_file():
         raise InputError(
@@ -66,7 +67,7 @@ def run(
     smoothing: TaubinSmoothing,
     centerline: CenterlineExtractor,
     rigid: Mapping[str, Any],
-    model_path: str,
+    model_path: PathSetting,
     sweep_index: int,
     max_gap_s: float,
     fixed_points: int,

@@ -12,6 +12,7 @@ import numpy as np
 from experiments import files
 from experiments.errors import InputError
 from experiments.outcome import InputData, Outcome, Progress
+from experiments.paths import PathSetting
 from experiments.studies.mask_input import read_masks
 from experiments.studies.reconstruct_report import cases, metrics, record, remarks, scene, table
 from experiments.studies.reconstruction import CloudFilter, Reconstruction
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 WHERE = "The files are in mm in the sweep's world frame; open scene.html in a browser to look at them."
 
 
-def check(*, sweep: str, masks: str | None, model_path: str | None) -> None:
+def check(*, sweep: PathSetting, masks: PathSetting | None, model_path: PathSetting | None) -> None:
     """Raise InputError for files that are not there, and unless either masks or a network is given."""
     require_exists(sweep, "sweep")
     if (masks is None) == (model_path is None):
@@ -50,10 +51,10 @@ def check(*, sweep: str, masks: str | None, model_path: str | None) -> None:
 
 def run(
     *,
-    sweep: str,
+    sweep: PathSetting,
     acquisition: SweepReader,
-    masks: str | None,
-    model_path: str | None,
+    masks: PathSetting | None,
+    model_path: PathSetting | None,
     contours: ContourExtractor,
     filters: Mapping[str, CloudFilter],
     surface: SurfaceMethod,
@@ -96,7 +97,11 @@ def run(
 
 
 def _masks(
-    masks: str | None, model_path: str | None, sweep_path: Path, sweep: TrackedSweep, progress: Progress
+    masks: PathSetting | None,
+    model_path: PathSetting | None,
+    sweep_path: Path,
+    sweep: TrackedSweep,
+    progress: Progress,
 ) -> tuple[np.ndarray, InputData]:
     """Masks or probabilities of all frames, and where they are from."""
     if masks is not None:

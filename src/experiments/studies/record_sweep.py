@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from experiments.outcome import Outcome, Progress
+from experiments.paths import PathSetting
 from experiments.studies.sweep_input import describe_dropped, require_exists
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ TRACKED = False
 _FRAMES_A_LINE = 100
 
 
-def check(*, calibration: str) -> None:
+def check(*, calibration: PathSetting) -> None:
     """Raise InputError for a calibration that is not there."""
     require_exists(calibration, "calibration")
 

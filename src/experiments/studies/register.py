@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from experiments.outcome import Outcome, Progress
+from experiments.paths import PathSetting
 from experiments.studies.register_record import Registered
 from experiments.studies.register_report import outcome, write
-from experiments.studies.registration_centerlines import bends
+from experiments.studies.registration_centerlines import bends, centerlines_beside
 from experiments.studies.registration_inputs import one_method
 from experiments.studies.registration_pair import Pair, SideFiles, read_pair
 from registration.geometry import Mesh
@@ -24,18 +25,25 @@ if TYPE_CHECKING:
 CENTERLINE_POINTS = 300
 
 
+def beside(config: Mapping[str, Any]) -> Iterator[Path]:
+    """The files that a job reads though no setting names them: centerlines that lie beside the surfaces."""
+    for side in ("moving", "fixed"):
+        if config.get(f"{side}_centerline") is None:
+            yield from centerlines_beside(Path(str(config[side])).expanduser())
+
+
 def check(
     *,
-    moving: str,
-    fixed: str,
+    moving: PathSetting,
+    fixed: PathSetting,
     rigid: Mapping[str, Any],
-    initial: str | None,
+    initial: PathSetting | None,
     search_cone_deg: float | None,
     search_radius_mm: float | None,
-    moving_landmarks: str | None,
-    fixed_landmarks: str | None,
-    moving_centerline: str | None,
-    fixed_centerline: str | None,
+    moving_landmarks: PathSetting | None,
+    fixed_landmarks: PathSetting | None,
+    moving_centerline: PathSetting | Literal["none"] | None,
+    fixed_centerline: PathSetting | Literal["none"] | None,
     moving_unit: str | None,
     fixed_unit: str | None,
     moving_space: str | None,
@@ -54,16 +62,16 @@ def check(
 
 def run(
     *,
-    moving: str,
-    fixed: str,
+    moving: PathSetting,
+    fixed: PathSetting,
     rigid: Mapping[str, Any],
-    initial: str | None,
+    initial: PathSetting | None,
     search_cone_deg: float | None,
     search_radius_mm: float | None,
-    moving_landmarks: str | None,
-    fixed_landmarks: str | None,
-    moving_centerline: str | None,
-    fixed_centerline: str | None,
+    moving_landmarks: PathSetting | None,
+    fixed_landmarks: PathSetting | None,
+    moving_centerline: PathSetting | Literal["none"] | None,
+    fixed_centerline: PathSetting | Literal["none"] | None,
     moving_unit: str | None,
     fixed_unit: str | None,
     moving_space: str | None,

@@ -21,6 +21,7 @@ from experiments.studies.rigid_benchmark_figures import benchmark_figures
 from experiments.studies.rigid_benchmark_report import benchmark_metrics, benchmark_tables
 from experiments.studies.rigid_benchmark_sentences import describe_benchmark
 from experiments.studies.rigid_benchmark_trial import BenchmarkTrial
+from experiments.variants import told_apart
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -93,9 +94,13 @@ def summarise(cells: list[CellResult]) -> Outcome:
     """Set all methods side by side."""
     import pandas as pd
 
-    known = [cell.cases for cell in cells if cell.cases is not None and len(cell.cases)]
-    if not known:
+    kept = [cell for cell in cells if cell.cases is not None and len(cell.cases)]
+    if not kept:
         return Outcome(findings=("No job has cases to summarise.",))
+    tables = [cell.cases for cell in kept if cell.cases is not None]
+    # A method with other settings is another method.
+    methods = told_apart(kept, [str(rows["method"].iloc[0]) for rows in tables], ("subset",))
+    known = [rows.assign(method=method) for rows, method in zip(tables, methods, strict=True)]
     subsets = {str(cases["subset"].iloc[0]) for cases in known}
     if len(subsets) > 1:
         # Cases of two subsets are not one sample.

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.errors import InputError
 from experiments.outcome import CellResult, Outcome, Progress
+from experiments.paths import PathSetting
 from experiments.provenance import COMMIT_TAG, environment_tags
 from experiments.statistics import summary
 from experiments.studies.registration_inputs import one_method
 from experiments.studies.robustness_design import conditions, job_changes, one_piece, require_count
 from experiments.studies.robustness_figures import figures
 from experiments.studies.robustness_metrics import rate_metrics
+from experiments.studies.robustness_pool import pooled
 from experiments.studies.robustness_problem import Problem, covered_targets, read_problem
 from experiments.studies.robustness_report import describe
 from experiments.studies.robustness_rows import KeptRows, solved_rows
@@ -45,10 +47,10 @@ def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 def check(
     *,
-    target: str | None,
-    moving: str | None,
-    moving_truth: str | None,
-    target_centerline: str | None,
+    target: PathSetting | None,
+    moving: PathSetting | None,
+    moving_truth: PathSetting | None,
+    target_centerline: PathSetting | None,
     hand_centerlines: bool,
     rigid: Mapping[str, Any],
     perturbation: Perturbation,
@@ -69,10 +71,10 @@ def check(
 
 def run(
     *,
-    target: str | None,
-    moving: str | None,
-    moving_truth: str | None,
-    target_centerline: str | None,
+    target: PathSetting | None,
+    moving: PathSetting | None,
+    moving_truth: PathSetting | None,
+    target_centerline: PathSetting | None,
     hand_centerlines: bool,
     rigid: Mapping[str, Any],
     perturbation: Perturbation,
@@ -131,12 +133,10 @@ def run(
 
 def summarise(cells: list[CellResult]) -> Outcome:
     """Set all methods, pieces and factors side by side: tables, figures and what they say."""
-    import pandas as pd
-
-    known = [cell.cases for cell in cells if cell.cases is not None and len(cell.cases)]
-    if not known:
+    kept = [cell for cell in cells if cell.cases is not None and len(cell.cases)]
+    if not kept:
         return Outcome(findings=("No job has trials to summarise.",))
-    return shown(pd.concat(known, ignore_index=True))
+    return shown(pooled(kept))
 
 
 def shown(cases: pd.DataFrame) -> Outcome:
@@ -145,10 +145,10 @@ def shown(cases: pd.DataFrame) -> Outcome:
 
 
 def _problem(
-    target: str | None,
-    moving: str | None,
-    moving_truth: str | None,
-    target_centerline: str | None,
+    target: PathSetting | None,
+    moving: PathSetting | None,
+    moving_truth: PathSetting | None,
+    target_centerline: PathSetting | None,
     hand_centerlines: bool,
 ) -> Problem:
     if hand_centerlines and target_centerline is None:

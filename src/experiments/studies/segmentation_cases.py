@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from experiments.errors import InputError
-from experiments.identity import flatten, job_config
 from experiments.outcome import CellResult
+from experiments.variants import varying_choices, with_choices
 from models.scoring import CaseScore
 
 if TYPE_CHECKING:
@@ -18,23 +17,46 @@ DISTANCES = ("hd95_mm", "hd95_px")
 # What a case is, and what tells repeated scores of it apart.
 CASE = ("model", "train_dataset", "dataset", "simulated", "group", "case_id")
 REPETITION = ("seed", "outer_fold", "fold")
+SIMULATED = " (simulated)"
 
 
 def pool(cells: Sequence[CellResult], factors: Sequence[str] = ()) -> pd.DataFrame:
-    """The cases of all jobs, with models that have one name but not the same settings named apart.
+    """The cases of all jobs, with models and data sets named apart by what was chosen for them.
 
-    Two widths of one network, or one network with two losses, become two models by the settings in which they differ
-    (``unet width 8``), so that their cases are never mixed. Folds and seeds are repetitions of one model; ``factors``
-    are settings that the cases have a column of their own for.
+    Two widths of one network, or one network with two augmentations, become two models (``unet model.width=8``, ``unet
+    augmentation=strong``), and two folders or subsets of one kind of data set become two data sets (``folder
+    dataset.root=/data/a``), so that their cases are never mixed. Folds and seeds are repetitions of one model;
+    ``factors`` are settings that the cases have a column of their own for.
     """
     import pandas as pd
 
     kept = [cell for cell in cells if cell.cases is not None and len(cell.cases)]
     if not kept:
         raise InputError("cells: expected at least one job with cases, received none")
-    names = _names_apart(kept, (*REPETITION, *factors))
+    kinds = [_kind(_cases(cell)) for cell in kept]
+    varying = varying_choices(kept, kinds, (*REPETITION, *factors))
     return pd.concat(
-        [_cases(cell).assign(model=name) for cell, name in zip(kept, names, strict=True)], ignore_index=True
+        [_named(_cases(cell), choices) for cell, choices in zip(kept, varying, strict=True)],
+        ignore_index=True,
+    )
+
+
+def _kind(cases: pd.DataFrame) -> tuple[str, ...]:
+    """What a job's cases are called before choices are added: jobs that share it have to be told apart.
+
+    Where each network is tested on several data sets, jobs that share one of them would mix: the model is all.
+    """
+    names = ["model"] if "train_dataset" in cases else ["model", "dataset"]
+    return tuple(cases[names].iloc[0].astype(str))
+
+
+def _named(cases: pd.DataFrame, choices: Mapping[str, str]) -> pd.DataFrame:
+    """The cases with what was chosen for their data set in its name, and everything else in that of the model."""
+    of_data = {key: value for key, value in choices.items() if key.split(".")[0] == "dataset"}
+    of_model = {key: value for key, value in choices.items() if key not in of_data}
+    return cases.assign(
+        model=[with_choices(str(name), of_model) for name in cases["model"]],
+        dataset=[with_choices(str(name), of_data) for name in cases["dataset"]],
     )
 
 
@@ -47,7 +69,12 @@ def groups(cases: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
 
 def dataset_label(dataset: str, simulated: bool) -> str:
     """The name of a data set as everything that is shown has it."""
-    return f"{dataset} (simulated)" if simulated else dataset
+    return f"{dataset}{SIMULATED}" if simulated else dataset
+
+
+def place_of(label: str) -> str:
+    """The name of a data set as metrics have it: without the mark of a simulated one."""
+    return label.removesuffix(SIMULATED)
 
 
 def distances(cases: pd.DataFrame) -> list[str]:
@@ -92,24 +119,3 @@ def once_each(cases: pd.DataFrame) -> pd.DataFrame:
 def _cases(cell: CellResult) -> pd.DataFrame:
     assert cell.cases is not None
     return cell.cases
-
-
-def _names_apart(cells: Sequence[CellResult], alike_but_for: Sequence[str]) -> list[str]:
-    """The name of each job's model, with the settings that vary among jobs of the same model and data set."""
-    settings = [
-        {
-            name: value
-            for name, value in flatten(job_config(cell.config)).items()
-            if name.rsplit(".", 1)[-1] not in alike_but_for
-        }
-        for cell in cells
-    ]
-    kinds = [tuple(_cases(cell)[["model", "dataset"]].iloc[0].astype(str)) for cell in cells]
-    names = []
-    for kind, own in zip(kinds, settings, strict=True):
-        alike = [other for other_kind, other in zip(kinds, settings, strict=True) if other_kind == kind]
-        varying = [name for name in own if any(other.get(name) != own[name] for other in alike)]
-        told = " ".join(f"{name.rsplit('.', 1)[-1]} {own[name]}" for name in varying)
-        # The tracker takes few characters in the name of a metric, and a slash would nest it.
-        names.append(re.sub(r"[^\w.: -]", "-", f"{kind[0]} {told}".strip()))
-    return names

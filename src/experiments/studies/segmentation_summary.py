@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from experiments.statistics import Bootstrap, wilson_of_rate
-from experiments.studies.segmentation_cases import distances, groups, once_each, scores, seeds
+from experiments.studies.segmentation_cases import distances, groups, once_each, place_of, scores, seeds
 from models.scoring import summarise
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ def pooled_metrics(cases: pd.DataFrame) -> dict[str, float]:
     parts = list(groups(cases))
     metrics: dict[str, float] = {}
     for model, label, group in parts:
-        place = f"{model}/{label.split()[0]}/" if len(parts) > 1 else ""
+        place = f"{model}/{place_of(label)}/" if len(parts) > 1 else ""
         metrics |= {f"{place}{key}": value for key, value in bounded_summary(group).items()}
     return metrics
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.studies.segmentation_cases import place_of
 from experiments.studies.segmentation_comparison import ALPHA
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ def comparison_metrics(compared: pd.DataFrame) -> dict[str, float]:
     metrics: dict[str, float] = {}
     for row in compared.to_dict("records"):
         trained = f"{row['trained_on']}/" if "trained_on" in row else ""
-        place = f"{row['first']} - {row['second']}/{trained}{row['dataset'].split()[0]}/{row['metric']}"
+        place = f"{row['first']} - {row['second']}/{trained}{place_of(row['dataset'])}/{row['metric']}"
         metrics |= {f"{place}_{name}": row[name] for name in TRACKED if not np.isnan(row[name])}
     return metrics
 

@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.deferred import Call, Deferred
 from experiments.outcome import InputData
+from experiments.tracking.names import tracked_name
 
 if TYPE_CHECKING:
     from mlflow.tracking import MlflowClient
@@ -71,7 +72,7 @@ class RunWriter:
         """Log flat parameters; a value too long for the tracker is cut (the resolved configuration holds it whole)."""
         from mlflow.entities import Param
 
-        entries = [Param(key, str(value)[:_PARAM_LENGTH]) for key, value in params.items()]
+        entries = [Param(tracked_name(key), str(value)[:_PARAM_LENGTH]) for key, value in params.items()]
         for batch in _batches(entries, _PARAMS_A_BATCH):
             self._send(partial(self._client.log_batch, self.run_id, params=batch))
 
@@ -89,10 +90,10 @@ class RunWriter:
         )
 
     def points(self, points: Iterable[tuple[str, float, int, int]]) -> None:
-        """Log metric points (name, finite value, time in ms, step) in batches."""
+        """Log metric points (name, finite value, time in ms, step) in batches, as ``tracked_name`` calls them."""
         from mlflow.entities import Metric
 
-        entries = [Metric(*point) for point in points]
+        entries = [Metric(tracked_name(name), *point) for name, *point in points]
         for batch in _batches(entries, _METRICS_A_BATCH):
             self._send(partial(self._client.log_batch, self.run_id, metrics=batch))
 
@@ -103,6 +104,11 @@ class RunWriter:
         entries = [RunTag(key, value) for key, value in shortened(tags).items()]
         for batch in _batches(entries, _TAGS_A_BATCH):
             self._send(partial(self._client.log_batch, self.run_id, tags=batch))
+
+    def drop_tags(self, names: Iterable[str]) -> None:
+        """Remove tags."""
+        for name in names:
+            self._send(partial(self._client.delete_tag, self.run_id, name))
 
     def inputs(self, data: Iterable[InputData]) -> None:
         """Record the data sets the run used."""
@@ -121,16 +127,29 @@ class RunWriter:
         """Store ``text`` as an artifact."""
         self._send(partial(self._client.log_text, self.run_id, text, name))
 
-    def folder(self, folder: Path) -> None:
-        """Store every file under ``folder`` as an artifact. The folder may be moved afterwards, so this can't wait."""
-        self._send(partial(self._client.log_artifacts, self.run_id, str(folder)))
-        if self._deferred.waiting:
-            self._give_up()
+    def files(self, folder: Path, names: Iterable[str]) -> None:
+        """Store the files ``names`` (paths from ``folder`` on) as artifacts under these names.
+
+        They may be moved afterwards, so this can't wait.
+        """
+        for name in names:
+            inside = Path(name).parent.as_posix()
+            place = None if inside == "." else inside
+            self._send(partial(self._client.log_artifact, self.run_id, str(folder / name), place))
+            if self._deferred.waiting:
+                self._give_up()
 
     def end(self, status: str, end_ms: int | None = None) -> None:
-        """Set how the run ended, FINISHED, FAILED or KILLED, and when (now if it is not said)."""
+        """Set how the run ended, FINISHED, FAILED or KILLED, and when (now if it is not said).
+
+        A tracker that refuses this is no failure of what was computed: it is said, and the run counts as failed at
+        the next call.
+        """
         self._ended.set()
-        self._send(partial(self._client.set_terminated, self.run_id, status, end_ms))
+        try:
+            self._send(partial(self._client.set_terminated, self.run_id, status, end_ms))
+        except Exception as refusal:
+            _say(f"The tracker refused to end run {self.run_id} as {status}: {refusal}")
         self._give_up()
 
     def _give_up(self) -> None:
@@ -152,7 +171,8 @@ def ending(run: RunWriter) -> Iterator[RunWriter]:
     try:
         yield run
     except BaseException as failure:
-        run.tags({"ctus.error": f"{type(failure).__name__}: {failure}"})
+        with suppress(Exception):  # the failure itself is what counts
+            run.tags({"ctus.error": f"{type(failure).__name__}: {failure}"})
         run.end("FAILED")
         raise
     run.end("FINISHED")

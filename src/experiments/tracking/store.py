@@ -8,18 +8,23 @@ processes that open a new one at once leave it broken.
 from __future__ import annotations
 
 import os
+import re
+import shlex
 import time
 import uuid
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote, unquote
 
 from filelock import FileLock
 
 from experiments.errors import InputError
 from experiments.paths import project_root
-from experiments.provenance import environment_tags, is_gone
+from experiments.provenance import environment_tags, is_gone, process_tags
+from experiments.tracking.moved import follow_move
+from experiments.tracking.names import LONGEST
 from experiments.tracking.run_writer import RunStart, RunWriter, shortened, unanswered
 
 if TYPE_CHECKING:
@@ -30,6 +35,8 @@ if TYPE_CHECKING:
 PARENT_TAG = "mlflow.parentRunId"
 HASH_TAG = "ctus.config_hash"
 ORIGIN_TAG = "ctus.run_id"
+# Characters that mean nothing but themselves in a tracking address.
+_PLAIN_PATH = re.compile(r"[\w./+=@,~ -]*")
 
 
 @dataclass(frozen=True)
@@ -48,14 +55,14 @@ class Store:
     @property
     def address(self) -> str:
         """The tracking address: the setting, else ``MLFLOW_TRACKING_URI``, else the project's SQLite file."""
-        return self.uri or os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{self.folder / 'ctus.db'}"
+        return self.uri or os.environ.get("MLFLOW_TRACKING_URI") or sqlite_address(self.folder / "ctus.db")
 
     @property
     def dashboard(self) -> str:
         """The command or the address that opens the dashboard."""
         if self.address.startswith(("http://", "https://")):
             return self.address
-        return f"mlflow ui --backend-store-uri {self.address}"
+        return f"mlflow ui --backend-store-uri {shlex.quote(self.address)}"
 
     def client(self) -> MlflowClient:
         """The client, opened and initialised at the first call."""
@@ -86,15 +93,14 @@ class Store:
         all_tags = {
             **environment_tags(),
             **tags,
-            "mlflow.runName": name,
-            "ctus.heartbeat": f"{time.time():.0f}",
+            "mlflow.runName": name[:LONGEST],
         }
         if parent_id is not None:
             all_tags[PARENT_TAG] = parent_id
         about = RunStart(experiment, name, parent_id, all_tags, int(time.time() * 1000))
         try:
             run = self.client().create_run(
-                self.experiment_id(experiment), tags=shortened(all_tags), run_name=name
+                self.experiment_id(experiment), tags=shortened(all_tags), run_name=name[:LONGEST]
             )
         except Exception as error:
             if not unanswered(error):
@@ -104,9 +110,20 @@ class Store:
         return RunWriter(self.client(), run.info.run_id, start=about)
 
     def reopen(self, run_id: str) -> RunWriter:
-        """Set a finished or failed run to RUNNING again, to go on with it."""
+        """Set a finished or failed run to RUNNING again, to go on with it from this process.
+
+        The process is said first: a run that is marked as running must never name one that is gone.
+        """
+        writer = RunWriter(self.client(), run_id)
+        writer.tags(process_tags())
         self.client().update_run(run_id, status="RUNNING")
-        return RunWriter(self.client(), run_id)
+        return writer
+
+    @staticmethod
+    def is_under_way(run: MlflowRun) -> bool:
+        """Whether another process that lives is writing a run."""
+        tags = run.data.tags
+        return run.info.status == "RUNNING" and tags.get("ctus.pid") != str(os.getpid()) and not is_gone(tags)
 
     def runs(self, experiments: Iterable[str] | None = None, filter_string: str = "") -> Iterator[MlflowRun]:
         """All runs of the named experiments (all of them if none is named), newest first, page by page."""
@@ -135,6 +152,17 @@ class Store:
             return None
         return None if found is None else str(found.info.run_id)
 
+    def run(self, run_id: str) -> MlflowRun | None:
+        """A run by its id, or none if there is no such run."""
+        from mlflow.exceptions import MlflowException
+
+        try:
+            return self.client().get_run(run_id)
+        except MlflowException as error:
+            if error.error_code == "RESOURCE_DOES_NOT_EXIST":
+                return None
+            raise
+
     def metrics(self, run_id: str) -> dict[str, float]:
         """The last value of every metric of a run."""
         return dict(self.client().get_run(run_id).data.metrics)
@@ -154,15 +182,19 @@ class Store:
         return pd.read_parquet(client.download_artifacts(run_id, "cases.parquet"))
 
     def begin_copy(self, experiment: str, name: str, tags: Mapping[str, str], start_ms: int) -> RunWriter:
-        """Make a run that was run before, elsewhere: with its own start and tags, and no heartbeat."""
-        run = self.client().create_run(self.experiment_id(experiment), start_ms, shortened(tags), name)
+        """Make a run that was run before, elsewhere: with its own start and tags, and no heartbeat.
+
+        Until the copy is complete it names this process; ``tags`` of the process that ran it are to be set at the end.
+        """
+        own = shortened({**tags, **process_tags()})
+        run = self.client().create_run(self.experiment_id(experiment), start_ms, own, name[:LONGEST])
         return RunWriter(self.client(), run.info.run_id, beating=False)
 
     def reap(self, experiment: str) -> list[str]:
         """End as FAILED every RUNNING run of ``experiment`` whose process is gone; return their ids.
 
-        On this machine a run is gone when its process is; on another one when its heartbeat has been silent for
-        twenty minutes.
+        On this machine a run is gone when its process is; on another one, or in another container, when its heartbeat
+        has been silent for twenty minutes.
         """
         gone = [
             run.info.run_id
@@ -194,6 +226,30 @@ class Store:
         return FileLock(self.folder / ".lock")
 
 
+def sqlite_address(database: Path) -> str:
+    """The tracking address of a SQLite file, whatever characters its path has."""
+    plain = str(database)
+    if _PLAIN_PATH.fullmatch(plain):
+        return f"sqlite:///{plain}"
+    from sqlalchemy import make_url
+
+    # A question mark would begin the address's options, and a percent sign another character. The driver is named
+    # because MLflow makes a folder of the quoted name for an address that begins with sqlite:///.
+    quoted = f"sqlite+pysqlite:///{quote(plain)}"
+    if make_url(quoted).database == plain:
+        return quoted
+    # SQLAlchemy before 2.1 does not read what is quoted, but SQLite's own form of an address does.
+    return f"sqlite+pysqlite:///{database.as_uri()}?uri=true"
+
+
+def sqlite_file(address: str) -> Path:
+    """The file of such an address, however it is written."""
+    from sqlalchemy import make_url
+
+    path = make_url(address).database or ""
+    return Path(unquote(path.removeprefix("file://"))) if path.startswith("file://") else Path(path)
+
+
 def _open(address: str, folder: Path) -> MlflowClient:
     """Open the store; a SQLite file that is not there yet is made and given its tables under a lock."""
     os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
@@ -205,12 +261,14 @@ def _open(address: str, folder: Path) -> MlflowClient:
     logging.getLogger("mlflow.store.db.utils").setLevel(logging.WARNING)
     from mlflow.tracking import MlflowClient
 
-    if address.startswith("sqlite:///"):
-        database = Path(address.removeprefix("sqlite:///"))
+    if address.startswith(("sqlite:///", "sqlite+pysqlite:///")):
+        database = sqlite_file(address)
         database.parent.mkdir(parents=True, exist_ok=True)
         with FileLock(database.parent / f".{database.name}.lock"):
             client = MlflowClient(tracking_uri=address, registry_uri=address)
             client.search_experiments(max_results=1)
+            if database == folder / "ctus.db":
+                follow_move(database, folder / "artifacts")
         return client
     # MLflow's own seven retries take minutes for each call to a server that is away.
     os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "3")

@@ -56,7 +56,7 @@ class Anatomy:
 def anatomy_of(settings: PhantomSettings) -> Anatomy:
     """The anatomy that the settings choose."""
     changed = Path(settings.mesh).stat().st_mtime_ns if settings.mesh and Path(settings.mesh).is_file() else 0
-    return _chosen(settings.subset, settings.anatomy_seed, settings.mesh, changed)
+    return _chosen(settings.subset, settings.anatomy_seed, str(settings.mesh), changed)
 
 
 @lru_cache(maxsize=4)

@@ -31,7 +31,7 @@ class PhantomSettings:
     subset: str = "artery"
     seed: int = 0
     anatomy_seed: int = 0
-    mesh: str = ""
+    mesh: str | Path = ""
     scanner: Scanner = field(default_factory=Scanner)
     tissue: Tissue = field(default_factory=Tissue)
     artefacts: Artefacts = field(default_factory=Artefacts)
@@ -61,7 +61,7 @@ class PhantomSettings:
 
     def digest(self) -> str:
         """SHA-256 over all settings, and over the bytes of the mesh's file where there is one."""
-        text = json.dumps(dataclasses.asdict(self), sort_keys=True)
+        text = json.dumps(dataclasses.asdict(self), sort_keys=True, default=str)
         content = Path(self.mesh).read_bytes() if self.mesh else b""
         return hashlib.sha256(text.encode() + content).hexdigest()
 

@@ -46,8 +46,8 @@ class PlusReader:
     world: str = "Reference"
     ee: str = "Probe"
     image: str = "Image"
-    device_set: str | None = None
-    tracker: str | None = None
+    device_set: str | Path | None = None
+    tracker: str | Path | None = None
     clock: str = "filtered"
     orientation: str | None = None
     rigid_tolerance: float = frames.RIGID_TOLERANCE

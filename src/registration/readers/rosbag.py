@@ -66,7 +66,7 @@ class RosbagReader:
     world: str | None = None
     ee: str | None = None
     tf_topics: tuple[str, ...] | list[str] = ("/tf", "/tf_static")
-    calibration: str | None = None
+    calibration: str | Path | None = None
     out_of_order: str = "refuse"
     tf_max_gap_s: float = 0.1
     times: str = "header"

@@ -86,6 +86,14 @@ def test_all_phantoms_side_by_side(exact: Outcome) -> None:
     assert between["phantom"].tolist() == to_truth["phantom"].tolist() == ["artificial", "vein", "all"]
     assert between["pairs"].tolist() == [1, 1, 2]
     assert "not comparable" in between.iloc[0]["hd95_mm_median published"]
+    choices = [{"surface": name} for name in ("poisson", "ball_pivoting")]
+    twice = [CellResult({}, {}, exact.cases, Path(), choices=choice) for choice in choices]
+    (apart, _) = consistency.summarise(twice).tables.values()
+    assert apart["phantom"].tolist() == [
+        "artificial surface=poisson",
+        "artificial surface=ball_pivoting",
+        "all",
+    ]
     assert consistency.summarise([]).findings == ("No job has sweeps to compare.",)
 
 

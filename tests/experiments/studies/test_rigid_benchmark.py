@@ -98,6 +98,13 @@ def test_methods_stand_beside_each_other_in_the_summary(root: Path, tmp_path: Pa
     named = rigid_benchmark.summarise([results[0], other]).cases
     assert named is not None
     assert set(named["method"]) == {"multistart, development", "single_icp, test"}
+    choices = [{"rigid.single_icp.max_iterations": count} for count in ("20", "40")]
+    twice = [CellResult({}, {}, second.cases, tmp_path, choices=choice) for choice in choices]
+    apart = rigid_benchmark.summarise(twice).cases
+    assert apart is not None
+    assert set(apart["method"]) == {
+        f"single_icp rigid.single_icp.max_iterations={count}" for count in (20, 40)
+    }
     assert rigid_benchmark.summarise([]).findings == ("No job has cases to summarise.",)
 
 

@@ -12,12 +12,17 @@ from scored_cases import scored_cases
 from experiments.errors import InputError
 from experiments.outcome import CellResult
 from experiments.studies.segmentation_cases import distance, groups, once_each, pool
+from experiments.studies.segmentation_comparison import compare_models
+from experiments.studies.segmentation_summary import pooled_metrics
+from experiments.tracking.names import tracked_name
 
 
-def job(config: dict[str, Any], model: str = "unet", dataset: str = "x") -> CellResult:
+def job(
+    config: dict[str, Any], model: str = "unet", dataset: str = "x", choices: dict[str, str] | None = None
+) -> CellResult:
     cases = scored_cases({model: 0.0}, dataset=dataset)
     cases = cases[cases["fold"] == config.get("fold", 0)]
-    return CellResult(config, {}, cases, Path())
+    return CellResult(config, {}, cases, Path(), choices=choices or {})
 
 
 def test_folds_and_seeds_are_one_model() -> None:
@@ -27,7 +32,23 @@ def test_folds_and_seeds_are_one_model() -> None:
     assert list(pooled.index) == list(range(48))
 
 
-def test_models_of_one_name_are_told_apart_by_what_differs() -> None:
+def test_models_of_one_name_are_told_apart_by_what_was_chosen() -> None:
+    augmentations = {
+        "none": {"flip": 0.0},
+        "strong": {"flip": 0.5, "noise": 0.1, "gamma": [0.5, 2.0], "blur": 3},
+    }
+    jobs = [
+        job({"fold": fold, "augmentation": settings}, choices={"augmentation": name, "seed": "0"})
+        for name, settings in augmentations.items()
+        for fold in (0, 1)
+    ]
+    other = job({"fold": 0, "augmentation": augmentations["strong"]}, model="unet3plus")
+    pooled = pool([*jobs, other])
+    names = ["unet augmentation=none", "unet augmentation=strong", "unet3plus"]
+    assert list(dict.fromkeys(pooled["model"])) == names
+
+
+def test_without_a_command_line_models_are_told_apart_by_few_settings() -> None:
     jobs = [
         job({"fold": 0, "model": {"width": width, "depth": 5}, "loss": {"_target_": "a.Dice", "power": 2}})
         for width in (8, 16)
@@ -35,13 +56,30 @@ def test_models_of_one_name_are_told_apart_by_what_differs() -> None:
     other = job({"fold": 0, "model": {"width": 32, "depth": 5}, "loss": {"power": 1}}, model="unet3plus")
     elsewhere = job({"fold": 0, "model": {"width": 64, "depth": 5}}, dataset="y")
     pooled = pool([*jobs, other, elsewhere])
-    assert list(dict.fromkeys(pooled["model"])) == ["unet width 8", "unet width 16", "unet3plus", "unet"]
+    names = ["unet model.width=8", "unet model.width=16", "unet3plus", "unet"]
+    assert list(dict.fromkeys(pooled["model"])) == names
     assert set(pooled.loc[pooled["model"] == "unet", "dataset"]) == {"y"}
+    many = [job({"fold": 0, "augmentation": {f"field{k}": k * (1 + n) for k in range(9)}}) for n in range(2)]
+    first, second = dict.fromkeys(pool(many)["model"])
+    assert first != second
+    assert max(len(first), len(second)) < 30
 
 
-def test_names_hold_only_what_the_tracker_takes() -> None:
-    jobs = [job({"dataset": {"root": root}}) for root in ("/data/a=b", "/data/c,d")]
-    assert set(pool(jobs)["model"]) == {"unet root -data-a-b", "unet root -data-c-d"}
+@pytest.mark.parametrize(
+    "roots",
+    [("/d/p/A", "/d/p-A"), ("/d/a/b", "/d/a_b"), ("/data/a=b", "/data/a:b"), ("/data/c,d", "/data/c d")],
+)
+def test_two_folders_are_two_data_sets_whatever_they_are_called(roots: tuple[str, str]) -> None:
+    jobs = [job({"dataset": {"root": root}}, choices={"dataset.root": root}) for root in roots]
+    pooled = pool(jobs)
+    assert set(pooled["model"]) == {"unet"}
+    assert list(dict.fromkeys(pooled["dataset"])) == [f"x dataset.root={root}" for root in roots]
+    # Their cases have the same names, but are not the same cases: nothing is averaged and no model set against itself.
+    assert len(once_each(pooled)) == len(pooled)
+    assert not len(compare_models(pooled))
+    metrics = pooled_metrics(pooled)
+    assert len({tracked_name(name) for name in metrics}) == len(metrics)
+    assert all(f"unet/x dataset.root={root}/dsc_mean" in metrics for root in roots)
 
 
 def test_how_a_job_is_run_tells_nothing_apart() -> None:

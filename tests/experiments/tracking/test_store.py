@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +13,7 @@ import pytest
 
 from experiments.outcome import InputData
 from experiments.tracking import Store
+from experiments.tracking.store import sqlite_file
 
 
 def test_processes_that_open_a_new_store_at_once_do_not_break_it(tmp_path: Path, repository: Path) -> None:
@@ -37,6 +40,7 @@ def test_many_metrics_go_in_batches_and_all_arrive(home: Path) -> None:
     run.metrics({"good": 2.0, "nan": math.nan, "far": math.inf})
     run.params({f"p{k}": k for k in range(250)})
     run.params({"long": "x" * 10_000})
+    run.params({"y" * 300: 1, "y" * 301: 2, "a,b": 3})
     run.end("FINISHED")
     client = store.client()
     assert [point.value for point in client.get_metric_history(run.run_id, "m29")] == list(
@@ -46,7 +50,7 @@ def test_many_metrics_go_in_batches_and_all_arrive(home: Path) -> None:
     assert data.metrics["good"] == 2.0
     assert data.metrics["nan_failed"] == data.metrics["far_failed"] == 1.0
     assert not {"nan", "far"} & set(data.metrics)
-    assert len(data.params) == 251
+    assert len(data.params) == 254
     assert data.params["p249"] == "249"
 
 
@@ -85,3 +89,61 @@ def test_finished_finds_only_finished_runs_of_that_job(home: Path) -> None:
     started["bb"].end("FINISHED")
     assert store.finished("jobs", "aa") is None
     assert store.finished("jobs", "bb") == started["bb"].run_id
+
+
+@pytest.mark.parametrize("name", ["a b", "a?b", "a%20b", "a#b", "100%", "a&x=1", "a'b", "\u00e4$[b]"])
+def test_a_project_folder_may_be_called_anything(
+    tmp_path: Path, store_template: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    around = tmp_path / "around"
+    home = around / name
+    (home / "mlruns").mkdir(parents=True)
+    shutil.copy(store_template / "ctus.db", home / "mlruns" / "ctus.db")
+    monkeypatch.setenv("CTUS_HOME", str(home))
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    (home / "note.txt").write_text("hello")
+    run = Store().start("named", "r", {})
+    run.files(home, ["note.txt"])
+    run.end("FINISHED")
+
+    (found,) = Store().runs(["named"])
+    Store().restore_files(found.info.run_id, tmp_path)
+    assert (tmp_path / "note.txt").read_text() == "hello"
+    assert list((home / "mlruns" / "artifacts").rglob("note.txt"))
+    # Nothing of it lies under a name that was quoted or cut off.
+    assert [path.name for path in around.iterdir()] == [name]
+    assert shlex.split(Store().dashboard)[-1] == Store().address
+    assert sqlite_file(Store().address) == home / "mlruns" / "ctus.db"
+
+
+def test_a_copied_project_leaves_the_first_one_alone(
+    home: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = Store().start("copied", "r", {})
+    run.text("one", "config.yaml")
+    run.end("FINISHED")
+    copy = tmp_path_factory.mktemp("copy") / "project"
+    shutil.copytree(home, copy)
+    monkeypatch.setenv("CTUS_HOME", str(copy))
+    (found,) = Store().runs(["copied"])
+    assert found.info.artifact_uri.startswith(copy.as_uri())
+    fresh = Store().start("copied", "r", {})
+    fresh.text("two", "config.yaml")
+    fresh.end("FINISHED")
+    assert len(list((home / "mlruns" / "artifacts").iterdir())) == 1
+    assert len(list((copy / "mlruns" / "artifacts").iterdir())) == 2
+
+
+def test_files_that_another_project_keeps_stay_where_they_are(
+    home: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    address = Store().address
+    other = tmp_path_factory.mktemp("other")
+    monkeypatch.setenv("CTUS_HOME", str(other))
+    run = Store(uri=address).start("shared", "r", {})
+    run.text("one", "config.yaml")
+    run.end("FINISHED")
+    monkeypatch.setenv("CTUS_HOME", str(home))
+    (found,) = Store().runs(["shared"])
+    assert found.info.artifact_uri.startswith(other.as_uri())
+    assert [file.path for file in Store().client().list_artifacts(found.info.run_id)] == ["config.yaml"]

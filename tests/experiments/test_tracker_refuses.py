@@ -1,0 +1,94 @@
+"""What the tracker refuses at the end loses nothing: files come first, and the rest is logged and said."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import ModuleType
+
+import pandas as pd
+import pytest
+from mlflow.tracking import MlflowClient
+
+from experiments.cli import main
+from experiments.outcome import Outcome
+from experiments.tracking import Store
+
+
+def test_any_name_of_a_metric_is_taken(counting_study: ModuleType, home: Path) -> None:
+    long, odd = "x" * 400, "a,b/../c?"
+    counting_study.summarise = lambda results: Outcome(
+        metrics={f"unet augmentation=strong {long}/dsc": 1.0, odd: 2.0, "/root": 3.0},
+        tables={"parts": pd.DataFrame({"part": [1]})},
+    )
+    out = home / "result"
+    words = [f"out={out}"]
+    assert main(["study=counting", *words]) == 0
+    (parent,) = [run for run in Store().runs(["counting"]) if run.data.tags["ctus.kind"] == "sweep"]
+    assert parent.info.status == "FINISHED"
+    assert {1.0, 2.0, 3.0} <= set(parent.data.metrics.values())
+    assert all(len(name) <= 250 for name in parent.data.metrics)
+    assert (out / "summary.md").is_file()
+    counting_study.calls.clear()
+    assert main(["study=counting", *words, "resume=true"]) == 0
+    assert counting_study.calls == []
+
+
+@pytest.mark.parametrize("call", ["log_batch", "log_artifact", "log_inputs", "set_terminated"])
+def test_a_refusal_at_the_end_is_said_and_everything_is_there(
+    counting_study: ModuleType,
+    home: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    call: str,
+) -> None:
+    real_run = counting_study.run
+    real = getattr(MlflowClient, call)
+    computed: list[int] = []
+
+    def run(*, part, fail_on, refuse_on, seed, workspace, progress, data):
+        computed.append(part)
+        return real_run(
+            part=part, fail_on=fail_on, refuse_on=refuse_on, seed=seed, workspace=workspace, progress=progress
+        )
+
+    def refuse(self: MlflowClient, *given: object, **named: object) -> object:
+        if len(computed) == 2:
+            raise RuntimeError(f"{call}: the disk is full")
+        return real(self, *given, **named)
+
+    counting_study.run = run
+    monkeypatch.setattr(MlflowClient, call, refuse)
+    out = home / "result"
+    assert main(["study=counting", f"out={out}"]) == 0
+    said = capsys.readouterr()
+    assert "The tracker refused" in said.err
+    assert "the disk is full" in said.err
+    assert "counted" in said.out
+    assert (out / "part-2" / "cases.parquet").is_file()
+    assert pd.read_parquet(out / "cases.parquet")["value"].tolist() == pytest.approx([4 / 3, 5 / 3])
+
+    monkeypatch.setattr(MlflowClient, call, real)
+    assert main(["study=counting", f"out={out}", "resume=true"]) == 0
+    assert pd.read_parquet(out / "cases.parquet")["value"].tolist() == pytest.approx([4 / 3, 5 / 3])
+    sweep = [run for run in Store().runs(["counting"]) if run.data.tags["ctus.kind"] == "sweep"]
+    assert "FINISHED" in {run.info.status for run in sweep}
+
+
+def test_files_are_written_before_they_are_logged(
+    counting_study: ModuleType, home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, seen = home / "result", []
+    real = MlflowClient.log_artifact
+
+    def interrupted(self: MlflowClient, run_id: str, path: str, place: str | None = None) -> None:
+        if Path(path).name == "config.yaml":  # logged when the run begins
+            real(self, run_id, path, place)
+            return
+        seen.append(Path(path))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(MlflowClient, "log_artifact", interrupted)
+    assert main(["study=counting", "parts=[1]", f"out={out}"]) == 130
+    assert seen[0].is_file()
+    assert (out / "half.txt").is_file()
+    assert (out / "cases.parquet").is_file()
