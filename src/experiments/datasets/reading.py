@@ -128,6 +128,40 @@ def read_labels(
     return label_values(path, decode(path), vessel, others)
 
 
+def read_mask_values(path: Path) -> Shaped[np.ndarray, "h w"]:
+    """A mask or probability map: bool where the file is black and white by its form, else its grey values.
+
+    Grey values are uint8, those of more bits uint16 of which 65535 is white; the caller says what they mean, for that
+    takes the masks of all frames. Colours that are not grey must be a mask by the rules of ``label_values``.
+    """
+    decoded = decode(path)
+    values = decoded.values
+    if decoded.palette is not None:
+        used = decoded.palette[np.unique(values)]
+        if bool((used[:, 3] == OPAQUE).all()) and bool((used[:, :3] == used[:, :1]).all()):
+            return np.asarray(decoded.palette[values, 0])
+    elif decoded.alpha is None and decoded.bits > 1:
+        if values.ndim == 3 and bool((values == values[..., :1]).all()):
+            return np.ascontiguousarray(values[..., 0])
+        if values.ndim == 2:
+            return _grey_of_any_depth(path, decoded)
+    return read_mask(path, (1, 255), (0,))
+
+
+def _grey_of_any_depth(path: Path, decoded: Decoded) -> np.ndarray:
+    values, largest = decoded.values, decoded.largest
+    if decoded.bits == 8:
+        return values
+    if not decoded.bits <= 16 or values.dtype.kind != "u":
+        raise InputError(f"{path}: expected a mask of at most 16 bits, received {values.dtype}")
+    # Labels of few bits, and 0 and 1 of many, stay as they are stored.
+    if bool(((values == 0) | (values == largest)).all()):
+        return values > 0
+    if decoded.bits < 8 or values.max() <= 1:
+        return values.astype(np.uint8)
+    return np.rint(values * (65535.0 / largest)).astype(np.uint16)
+
+
 def require_vessel(folder: Path, masks: Collection[np.ndarray]) -> None:
     """Raise InputError if no mask of a data set shows any vessel."""
     if not any(mask.any() for mask in masks):
