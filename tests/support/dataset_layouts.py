@@ -25,8 +25,16 @@ DAMAGES: tuple[Damage, ...] = (
 )
 # The same for what has no partner: it is listed with all others that have none.
 LONELY: tuple[Damage, ...] = (
-    ("no mask", lambda image, mask: mask.unlink(), "found no mask for 1 image ({}/{}); pass dataset.unpaired=skip"),
-    ("no image", lambda image, mask: image.unlink(), "found no image for 1 mask ({}/{}); pass dataset.unpaired=skip"),
+    (
+        "no mask",
+        lambda image, mask: mask.unlink(),
+        "found no mask for 1 image ({}/{}); pass dataset.unpaired=skip",
+    ),
+    (
+        "no image",
+        lambda image, mask: image.unlink(),
+        "found no image for 1 mask ({}/{}); pass dataset.unpaired=skip",
+    ),
 )
 DAMAGE_NAMES = [name for name, _, _ in DAMAGES]
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from experiments.datasets import reading
 from experiments.datasets import san_raffaele_subsets as subsets
 from experiments.datasets.image_quality import QualityOutliers
+from experiments.datasets.names import text_names
 from experiments.datasets.pairing import REFUSE, require_choice
 from experiments.datasets.san_raffaele_sessions import Session, left_over, read_sessions, simulated_sessions
 from experiments.datasets.san_raffaele_subsets import Chosen, Frame
@@ -59,8 +60,10 @@ class SanRaffaele:
     def __post_init__(self) -> None:
         require_choice(self.unpaired)
         if self.test_subjects is not None:
-            # A subject's name may look like a number in a configuration.
-            object.__setattr__(self, "test_subjects", tuple(str(name) for name in self.test_subjects))
+            names = text_names("test_subjects", self.test_subjects)
+            object.__setattr__(self, "test_subjects", names)
+        if self.session is not None:
+            object.__setattr__(self, "session", *text_names("session", [self.session]))
         choices = {
             "subset": (SINGLE, FULL, PRUNED, SUBSAMPLED),
             "prune_by": (subsets.LIST, subsets.QUALITY),
