@@ -56,7 +56,8 @@ def decode(path: Path) -> Decoded:
     if not path.is_file():
         raise InputError(f"{path}: expected an image, found no file")
     try:
-        with Image.open(path) as image:
+        # From a stream: of a path, Pillow maps the pixels of a plain TIFF before it turns them, with sides swapped.
+        with path.open("rb") as stream, Image.open(stream) as image:
             _require_one_whole(path, image)
             return _decoded(path, image)
     except InputError:
