@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.errors import InputError
 from experiments.paths import conf_dir, project_root
+from experiments.text_settings import loader_with_text, quoted_override
 
 if TYPE_CHECKING:
     from omegaconf import DictConfig
@@ -26,7 +27,7 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 def main(argv: list[str] | None = None) -> int:
     """Run ``ctus`` with these words (those of the process by default) and return its exit code."""
-    words = _with_presets(sys.argv[1:] if argv is None else argv)
+    words = [quoted_override(word) for word in _with_presets(sys.argv[1:] if argv is None else argv)]
     if not words or any(word in ("--help", "-h") for word in words):
         return _print_help(words)
     from hydra._internal.utils import get_args_parser
@@ -82,8 +83,9 @@ def compose_points(overrides: list[str], config_dir: str | None = None, *, multi
     from omegaconf.errors import OmegaConfBaseException
 
     _register_resolvers()
+    _keep_names_as_text()
 
-    overrides = _with_presets(overrides)
+    overrides = [quoted_override(word) for word in _with_presets(overrides)]
     _refuse_unreadable(overrides)
     more = [f"hydra.searchpath=[file://{config_dir}]"] if config_dir else []
     try:
@@ -139,6 +141,20 @@ def _register_resolvers() -> None:
     OmegaConf.register_new_resolver("project", lambda part: str(project_root() / part), replace=True)
 
 
+def _keep_names_as_text() -> None:
+    """Have configuration files read so that names and paths in them are text, whatever they look like."""
+    from omegaconf import _utils
+
+    plain = _utils.get_yaml_loader
+    if not hasattr(plain, "keeps_names"):
+
+        def keeping() -> Any:
+            return loader_with_text(plain())
+
+        keeping.keeps_names = True  # type: ignore[attr-defined]
+        _utils.get_yaml_loader = keeping
+
+
 def resolve(config: DictConfig) -> Mapping[str, Any]:
     """The resolved configuration as plain data, with the study's name under ``study``."""
     from omegaconf import OmegaConf, open_dict
@@ -177,6 +193,7 @@ def _call_hydra(words: list[str], task: Any) -> None:
     """Hand the words to Hydra's own entry point, which reads them from ``sys.argv``."""
     import hydra
 
+    _keep_names_as_text()
     before = sys.argv
     sys.argv = [before[0] if before else "ctus", *words]
     try:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.datasets.names import text_names
 from experiments.errors import InputError
 from experiments.group_folds import GroupedCases, Indices
 from experiments.nnunet_splits import NnUnetSplits, is_nnunet
@@ -45,8 +46,7 @@ class GroupSplits:
 
     def __post_init__(self) -> None:
         for role in ("selection", "test"):
-            # A group's name may look like a number in a configuration.
-            names = tuple(str(name) for name in getattr(self, f"{role}_groups"))
+            names = text_names(f"{role}_groups", getattr(self, f"{role}_groups"))
             object.__setattr__(self, f"{role}_groups", names)
             share = getattr(self, f"{role}_share")
             if not 0 <= share < 1:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from experiments.datasets.names import same_name
 from experiments.errors import InputError
 from experiments.group_folds import GroupedCases
 from experiments.split_set import SplitSet
@@ -80,6 +81,7 @@ class NnUnetSplits:
             raise InputError(
                 f"{self.path}: expected a list of cases as {side} of fold {fold}, received {named!r}"
             )
+        named = [same_name(case) for case in named]
         if unknown := sorted(set(named) - set(number_of)):
             raise InputError(
                 f"{self.path}: expected only cases of the data set in fold {fold}, received {unknown[0]!r}"

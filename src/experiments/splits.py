@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from experiments.datasets.names import same_name
 from experiments.errors import InputError
 from experiments.files import write_text
 from models.labelled_frames import LabelledFrames
@@ -105,7 +106,8 @@ def read_json(path: Path) -> Any:
 
 def from_json(content: dict[str, Any]) -> Split:
     """A fold of the content of a file; KeyError or TypeError if it is not one."""
-    sides = {side: tuple(content[side]) for side in FOLD_SIDES}
+    sides = {side: tuple(map(same_name, content[side])) for side in FOLD_SIDES}
     # A file that knows no groups outside the folds says nothing of them.
-    outside = {side: tuple(content.get(side, ())) for side in OUTSIDE}
-    return Split(**{**content, **sides, **outside})
+    outside = {side: tuple(map(same_name, content.get(side, ()))) for side in OUTSIDE}
+    groups = {same_name(case): same_name(group) for case, group in content["groups"].items()}
+    return Split(**{**content, **sides, **outside, "groups": groups})

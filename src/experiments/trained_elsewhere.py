@@ -15,6 +15,7 @@ from experiments.identity import flatten
 from experiments.run_record import RunRecord
 
 EXPERIMENT = "segmentation"
+_NAMES = ("case_id", "group", "model", "dataset")
 _FILES = ("model.pt", "metrics.json", "history.json", "cases.csv", "config.yaml")
 
 
@@ -35,7 +36,8 @@ def read_training(folder: Path) -> RunRecord:
             )
     weights = digest(folder / "model.pt")
     text = (folder / "config.yaml").read_text(encoding="utf-8")
-    cases = pd.read_csv(folder / "cases.csv")
+    # A case called 010 or NA is no number, nor missing.
+    cases = pd.read_csv(folder / "cases.csv", converters=dict.fromkeys(_NAMES, str))
     ended_ms = int((folder / "metrics.json").stat().st_mtime * 1000)
     metrics = _read_json(folder / "metrics.json")
     settings = flatten(yaml.safe_load(text))

@@ -38,6 +38,7 @@ from models.training import TrainedFold, train_fold
 from models.whole import written_beside
 
 SIDES = ("train", "validation", "test")
+OUTSIDE = ("selection", "held_out")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -145,7 +146,30 @@ def _sides(frames: LabelledFrames, split: Mapping[str, Any]) -> dict[str, Labell
     missing = next((case for side in SIDES for case in split[side] if case not in place), None)
     if missing is not None:
         raise InputError(f"split: expected cases of the frames file, received {missing!r}, which it has not")
+    _require_apart(split, dict(zip(frames.case_ids, frames.groups, strict=True)))
     return {side: frames.subset(place[case] for case in split[side]) for side in SIDES}
+
+
+def _require_apart(split: Mapping[str, Any], group_of: Mapping[str, str]) -> None:
+    """Raise InputError for a side without cases, and for a case or a group that stands on two sides or twice on one."""
+    side_of_case: dict[str, str] = {}
+    side_of_group: dict[str, str] = {}
+    for side in (*SIDES, *OUTSIDE):
+        cases = split[side] if side in SIDES else split.get(side, ())
+        if not cases and side in SIDES:
+            raise InputError(f"split: expected at least one case in {side}, received none")
+        for case in cases:
+            if case in side_of_case:
+                raise InputError(
+                    f"split: expected case {case!r} once, received it in {side_of_case[case]} and in {side}"
+                )
+            side_of_case[case] = side
+            # Cases outside the fold may not be in the frames file.
+            group = group_of.get(case)
+            if group is not None and side_of_group.setdefault(group, side) != side:
+                raise InputError(
+                    f"split: expected group {group!r} on one side, received it in {side_of_group[group]} and in {side}"
+                )
 
 
 def _mapping(path: Path) -> dict[str, Any]:

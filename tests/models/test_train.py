@@ -177,6 +177,45 @@ def test_names_a_setting_that_is_missing_and_a_case_that_is_not_there(tmp_path, 
     assert "split: expected cases of the frames file, received 'x'" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"test": []}, "split: expected at least one case in test, received none"),
+        ({"validation": []}, "split: expected at least one case in validation, received none"),
+        ({"test": [0, 3]}, "split: expected case 'case_03' once, received it in train and in test"),
+        ({"train": [3, 4, 3]}, "split: expected case 'case_03' once, received it in train and in train"),
+        (
+            {"validation": [9, 4]},
+            "split: expected case 'case_04' once, received it in train and in validation",
+        ),
+        ({"held_out": [9]}, "split: expected case 'case_09' once, received it in validation and in held_out"),
+    ],
+)
+def test_refuses_a_split_that_leaks_or_tests_nothing(tmp_path, capsys, changes, message: str) -> None:
+    config = write_inputs(tmp_path)
+    names = drawn_frames(12, empty=1).case_ids
+    split = json.loads((tmp_path / "split.json").read_text())
+    split |= {side: [names[index] for index in cases] for side, cases in changes.items()}
+    (tmp_path / "split.json").write_text(json.dumps(split))
+    assert main([str(config), "--out", str(tmp_path / "out")]) == 2
+    for number in (3, 4, 9):
+        message = message.replace(f"case_{number:02d}", names[number])
+    assert message in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("side", ["validation", "test"])
+def test_refuses_a_split_with_a_group_on_two_sides(tmp_path, capsys, side: str) -> None:
+    config = write_inputs(tmp_path)
+    frames = drawn_frames(12, empty=1)
+    split = json.loads((tmp_path / "split.json").read_text())
+    groups = list(frames.groups)
+    groups[frames.case_ids.index(split[side][0])] = groups[frames.case_ids.index(split["train"][0])]
+    dataclasses.replace(frames, groups=tuple(groups)).save(tmp_path / "frames.npz")
+    assert main([str(config), "--out", str(tmp_path / "out")]) == 2
+    assert f"on one side, received it in train and in {side}" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 def test_refuses_a_file_that_is_no_mapping(tmp_path, capsys) -> None:
     (tmp_path / "config.yaml").write_text("- 1\n")
     assert main([str(tmp_path / "config.yaml"), "--out", str(tmp_path)]) == 2

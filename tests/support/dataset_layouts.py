@@ -13,8 +13,6 @@ CAROTID = "Common Carotid Artery Ultrasound Images"
 # What can be wrong with one image and its mask: a name, what to do to the two files, and what must be said of it.
 Damage = tuple[str, Callable[[Path, Path], object], str]
 DAMAGES: tuple[Damage, ...] = (
-    ("no mask", lambda image, mask: mask.unlink(), "expected a mask of the same name, found none"),
-    ("no image", lambda image, mask: image.unlink(), "expected an image of the same name, found none"),
     ("text for an image", lambda image, mask: image.write_text("no image"), "that can't be read as one"),
     ("text for a mask", lambda image, mask: mask.write_bytes(b""), "that can't be read as one"),
     (
@@ -25,6 +23,12 @@ DAMAGES: tuple[Damage, ...] = (
     ("small mask", lambda image, mask: grey(mask, np.zeros((5, 4))), "image's size .*, received 4x5"),
     ("label 7", lambda image, mask: grey(mask, np.full(size_of(image), 7)), "expected labels .*, received 7"),
 )
+# What has no partner is not named alone but listed with all else that has none.
+LONELY: tuple[Damage, ...] = (
+    ("no mask", lambda image, mask: mask.unlink(), "found no mask for 1 image"),
+    ("no image", lambda image, mask: image.unlink(), "found no image for 1 mask"),
+)
+LONELY_NAMES = [name for name, _, _ in LONELY]
 DAMAGE_NAMES = [name for name, _, _ in DAMAGES]
 
 

@@ -1,7 +1,8 @@
 """What a data set says of itself beside its frames. Only calling it for the frames is required; the rest is optional.
 
 ``name``, ``root`` and ``require_root()`` are those of a data set on disk; ``notes()`` are sentences that whoever reads
-its results must know; ``selection_groups()`` and ``test_groups()`` are groups that it keeps outside all folds.
+its results must know; ``left_out()`` counts images and masks without a partner; ``selection_groups()`` and
+``test_groups()`` are groups that it keeps outside all folds.
 """
 
 from __future__ import annotations
@@ -19,9 +20,16 @@ def name_of(dataset: DataSet) -> str:
     return str(getattr(dataset, "name", type(dataset).__name__.lower()))
 
 
+def reported_name(dataset: DataSet) -> str:
+    """The name as results have it: marked where images or masks were left out because they had no partner."""
+    left_out = getattr(dataset, "left_out", None)
+    count = 0 if left_out is None else int(left_out())
+    return f"{name_of(dataset)} ({count} unpaired left out)" if count else name_of(dataset)
+
+
 def label_of(dataset: DataSet, frames: LabelledFrames) -> str:
-    """The name, marked where the frames are simulated."""
-    return f"{name_of(dataset)} (simulated)" if frames.simulated else name_of(dataset)
+    """The name as results have it, marked where the frames are simulated."""
+    return f"{name_of(dataset)} (simulated)" if frames.simulated else reported_name(dataset)
 
 
 def require_root(dataset: DataSet) -> None:

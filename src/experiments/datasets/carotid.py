@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from experiments.datasets import reading
+from experiments.datasets.pairing import REFUSE, Pairing, pair, require_choice
 from experiments.datasets.pixel_cache import read_pairs
 from experiments.datasets.stand_in import StandIn
 from experiments.errors import InputError
@@ -33,8 +34,10 @@ class Carotid:
     1100 images of 709x749 pixels with masks 0 and 255; ``root`` is the folder that holds ``US images`` and ``Expert
     mask images``, or the one around it. No pixel spacing is known, and no subject is published: ``group_by=subject``
     builds them from the published "100 images a person", by adding up the recordings in order of time until each
-    hundred is full, which gives 11 groups; ``recording`` takes each recording for a group. ``simulate`` makes
-    ``stand_in`` instead of reading. What is read is kept in ``cache`` (None: nowhere).
+    hundred is full, which gives 11 groups, the last of them smaller in a copy that is not whole; ``recording`` takes
+    each recording for a group. ``unpaired`` says whether images without a mask and masks without an image are refused
+    or left out (skip). ``simulate`` makes ``stand_in`` instead of reading. What is read is kept in ``cache`` (None:
+    nowhere).
     """
 
     root: PathSetting
@@ -42,12 +45,14 @@ class Carotid:
     simulate: bool = False
     stand_in: StandIn = field(default_factory=lambda: StandIn(subjects=11, strength=0.3))
     cache: str | None = None
+    unpaired: str = REFUSE
 
     name: ClassVar[str] = "carotid"
 
     def __post_init__(self) -> None:
         if self.group_by not in (SUBJECT, RECORDING):
             raise InputError(f"group_by: expected {SUBJECT} or {RECORDING}, received {self.group_by!r}")
+        require_choice(self.unpaired)
 
     def require_root(self) -> Path | None:
         """The folder, None where the stand-in is asked for; InputError says where the data comes from."""
@@ -61,17 +66,35 @@ class Carotid:
         """What a reader of the results must know of the data."""
         if self.simulate:
             return (self.stand_in.note(self.name),)
+        left_out = self._left_out_notes()
         if self.group_by == RECORDING:
-            return ("Subject leakage possible: groups are recordings, and a subject has several.",)
+            return (
+                "Subject leakage possible: groups are recordings, and a subject has several.",
+                *left_out,
+            )
         return (
             "Groups are built, not published: recordings in order of time, added up to 100 images a subject.",
+            *left_out,
         )
+
+    def left_out(self) -> int:
+        """How many images and masks were left out because they had no partner."""
+        return 0 if self.simulate else _paired(self)[0].unpaired
+
+    def _left_out_notes(self) -> tuple[str, ...]:
+        if not Path(self.root).expanduser().is_dir():
+            return ()
+        pairing, counts = _paired(self)
+        notes = pairing.notes(_folder(self))
+        partial = "" if self.group_by == RECORDING else last_subject(counts)
+        return (*notes, f"The copy is not whole: {partial}.") if partial else notes
 
 
 def subject_groups(counts: Mapping[str, int]) -> dict[str, str]:
     """The subject group of each recording: in order of name, so of time, until each hundred of images is full.
 
-    ``counts`` has the number of images by recording. InputError if they do not fill hundreds exactly.
+    ``counts`` has the number of images by recording. What is left for the last subject may be fewer. InputError where a
+    recording would belong to two subjects.
     """
     groups: dict[str, str] = {}
     subject, filled = 1, 0
@@ -82,9 +105,16 @@ def subject_groups(counts: Mapping[str, int]) -> dict[str, str]:
             raise _not_hundreds(f"{filled} with recording {recording!r}, for subject {subject}")
         if filled == IMAGES_A_SUBJECT:
             subject, filled = subject + 1, 0
-    if filled:
-        raise _not_hundreds(f"{filled} for subject {subject}, the last")
     return groups
+
+
+def last_subject(counts: Mapping[str, int]) -> str:
+    """What is to be said of a last subject that has fewer images than the others; empty where it has as many."""
+    left = sum(counts.values()) % IMAGES_A_SUBJECT
+    if not left:
+        return ""
+    number = sum(counts.values()) // IMAGES_A_SUBJECT + 1
+    return f"its last subject, subject_{number:02d}, has {left} of {IMAGES_A_SUBJECT} images"
 
 
 def _not_hundreds(found: str) -> InputError:
@@ -107,18 +137,31 @@ def _folder(dataset: Carotid) -> Path:
 @lru_cache(maxsize=1)
 def _read(dataset: Carotid) -> LabelledFrames:
     folder = _folder(dataset)
-    files, mask_files = reading.image_files(folder / IMAGES), reading.image_files(folder / MASKS)
-    reading.paired(files, mask_files)
-    parts = {case: _parts(path) for case, path in files.items()}
-    cases = sorted(files, key=parts.__getitem__)
+    pairing, counts = _paired(dataset)
+    parts = {case: _parts(path) for case, (path, _) in pairing.pairs.items()}
+    cases = sorted(parts, key=parts.__getitem__)
     recordings = [parts[case][0] for case in cases]
     # Groups first: names that do not add up should be refused before half a minute of reading.
-    groups = _groups(dataset.group_by, recordings)
+    groups = _groups(dataset.group_by, recordings, counts)
+    files = [pairing.pairs[case] for case in cases]
     images, masks = read_pairs(
-        [files[case] for case in cases], [mask_files[case] for case in cases], (255,), (0,), dataset.cache
+        [image for image, _ in files], [mask for _, mask in files], (255,), (0,), dataset.cache
     )
     reading.require_vessel(folder / MASKS, masks)
     return LabelledFrames(images, masks, tuple(cases), groups, (None,) * len(cases), simulated=False)
+
+
+def _paired(dataset: Carotid) -> tuple[Pairing, Counter[str]]:
+    """Image and mask of each case, and how many images each recording had before any was lost."""
+    folder = _folder(dataset)
+    images, masks = reading.image_files(folder / IMAGES), reading.image_files(folder / MASKS)
+    others = (*reading.other_files(folder / IMAGES), *reading.other_files(folder / MASKS))
+    # An image whose mask was lost, or a mask whose image was, still fills its subject's hundred.
+    frames = [found for name in {*images, *masks} if (found := PATTERN.fullmatch(name))]
+    counts = Counter(found["recording"] for found in frames)
+    partial = "" if dataset.group_by == RECORDING else last_subject(counts)
+    pairing = pair(images, masks, others)
+    return pairing.settled(dataset.unpaired, folder, f"; {partial}" if partial else ""), counts
 
 
 def _parts(path: Path) -> tuple[str, int]:
@@ -132,10 +175,10 @@ def _parts(path: Path) -> tuple[str, int]:
     return found["recording"], int(found["frame"])
 
 
-def _groups(group_by: str, recordings: Sequence[str]) -> tuple[str, ...]:
+def _groups(group_by: str, recordings: Sequence[str], counts: Mapping[str, int]) -> tuple[str, ...]:
     if group_by == RECORDING:
         return tuple(recordings)
-    subjects = subject_groups(Counter(recordings))
+    subjects = subject_groups(counts)
     return tuple(subjects[recording] for recording in recordings)
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from experiments.datasets.dicom_geometry import region_of, spacing_mm_of
+from experiments.datasets.dicom_grey import GreyDisplay, has_window
 from experiments.errors import InputError
 from models.grey import echo_grey
 
@@ -43,6 +44,10 @@ _GREY = ("MONOCHROME1", "MONOCHROME2")
 _INSTALL_DECODERS = "pip install pylibjpeg pylibjpeg-libjpeg pylibjpeg-openjpeg"
 
 
+# A file for exchange begins with 128 bytes of anything and this (DICOM PS3.10, 7.1).
+_PREAMBLE, _MAGIC = 128, b"DICM"
+
+
 @dataclass(frozen=True)
 class DicomFrames:
     """The frames of one file: ``images`` (n, height, width) uint8, n from 1.
@@ -66,13 +71,27 @@ class DicomFrames:
         return tuple((row / height, column / width) for row, column in corners)
 
 
+def is_dicom(path: Path) -> bool:
+    """Whether a file is DICOM, by its suffix or by its content; the directory of a medium (DICOMDIR) is not."""
+    if path.suffix.lower() == SUFFIX:
+        return True
+    if path.name.casefold() == "dicomdir":
+        return False
+    try:
+        with path.open("rb") as stream:
+            return stream.read(_PREAMBLE + len(_MAGIC))[_PREAMBLE:] == _MAGIC
+    except OSError:
+        return False
+
+
 def read_dicom(path: Path) -> DicomFrames:
     """Read a single- or multi-frame file.
 
-    Colour (RGB, YBR, palette) becomes grey as colour frames do anywhere; MONOCHROME1 is inverted; more than 8 bits are
-    scaled so that the largest value that the file's BitsStored allow is 255. The pixel size is that of the largest
-    2-D tissue region in cm, else PixelSpacing, else unknown. Raises InputError for a missing, damaged or truncated
-    file, one without pixels, signed pixels, and a compression that no installed package reads.
+    Colour (RGB, YBR, palette) becomes grey as colour frames do anywhere; grey values go through the file's window, else
+    by the bits stored (see ``GreyDisplay``); MONOCHROME1 is inverted. The pixel size is that of the largest 2-D tissue
+    region in cm, else PixelSpacing, also where the functional groups of an enhanced file have it, else unknown.
+    Raises InputError for a missing, damaged or truncated file, one without pixels, signed pixels without a window,
+    frames of different pixel sizes, and a compression that no installed package reads.
     """
     try:
         import pydicom  # noqa: F401
@@ -97,7 +116,7 @@ def _read(path: Path) -> DicomFrames:
         raise InputError(f"{path}: expected a DICOM file, received one that can't be read as one") from error
     _require_pixels(path, content)
     try:
-        images = _images(content)
+        images = _images(path, content)
         spacing_mm, box = spacing_mm_of(content), region_of(content, *images.shape[1:])
     except _UNREADABLE as error:
         raise InputError(
@@ -115,8 +134,10 @@ def _require_pixels(path: Path, content: Dataset) -> None:
             f"{path}: expected a DICOM file with frames, received one of modality "
             f"{content.get('Modality', 'unknown')} without pixels"
         )
-    if content.get("PixelRepresentation", 0) != 0:
-        raise InputError(f"{path}: expected unsigned pixels, received signed ones")
+    if content.get("PixelRepresentation", 0) != 0 and not has_window(content):
+        raise InputError(
+            f"{path}: expected unsigned pixels, or a window (WindowCenter, WindowWidth), received signed ones without"
+        )
     syntax = getattr(getattr(content, "file_meta", None), "TransferSyntaxUID", None)
     if syntax is None:
         raise InputError(
@@ -135,18 +156,20 @@ def _require_pixels(path: Path, content: Dataset) -> None:
         )
 
 
-def _images(content: Dataset) -> np.ndarray:
+def _images(path: Path, content: Dataset) -> np.ndarray:
     """Grey frames (n, height, width), decoded one by one: a film in colour would fill the memory."""
     count = int(content.get("NumberOfFrames") or 1)
     images = np.empty((count, int(content.Rows), int(content.Columns)), dtype=np.uint8)
     if images.size == 0:
         raise ValueError(f"{count} frames of {content.Rows} x {content.Columns} pixels")
+    display = GreyDisplay(content)
     read = 0
     for read, frame in enumerate(_decoded(content), start=1):
         if read <= count:
-            images[read - 1] = _grey(frame, content)
+            images[read - 1] = _grey(frame, content, display, read - 1)
     if read != count:
         raise ValueError(f"{read} frames where {count} are announced")
+    display.require_plausible(path)
     return images
 
 
@@ -157,20 +180,20 @@ def _decoded(content: Dataset) -> Iterator[np.ndarray]:
     return iter_pixels(content)
 
 
-def _grey(frame: np.ndarray, content: Dataset) -> np.ndarray:
+def _grey(frame: np.ndarray, content: Dataset, display: GreyDisplay, number: int) -> np.ndarray:
     from pydicom.pixels.processing import apply_color_lut
 
     interpretation = str(content.PhotometricInterpretation)
+    if interpretation in _GREY:
+        frame = display(frame, number)
+        return 255 - frame if interpretation == "MONOCHROME1" else frame
     largest = 2 ** int(content.BitsStored) - 1
     if interpretation == "PALETTE COLOR":
         frame = apply_color_lut(frame, content)
         largest = np.iinfo(frame.dtype).max
     if largest != 255:
         frame = np.rint(np.minimum(frame, largest) * (255.0 / largest))
-    frame = frame.astype(np.uint8)
-    if interpretation in _GREY:
-        return 255 - frame if interpretation == "MONOCHROME1" else frame
-    return echo_grey(frame)
+    return echo_grey(frame.astype(np.uint8))
 
 
 def _first_line(error: BaseException) -> str:

@@ -6,7 +6,11 @@ the tissue, a trace below it, a colour box. Where a region's axes have their ori
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
+
+from experiments.datasets.dicom_grey import functional_groups
+from experiments.errors import InputError
 
 if TYPE_CHECKING:
     from pydicom import Dataset
@@ -17,13 +21,34 @@ MM_PER_CM = 10.0
 
 
 def spacing_mm_of(content: Dataset) -> tuple[float, float] | None:
-    """Pixel size (vertical, horizontal) in mm of the largest 2-D tissue region, else PixelSpacing, else None."""
+    """Pixel size (vertical, horizontal) in mm of the largest 2-D tissue region, else PixelSpacing, else None.
+
+    An enhanced file has PixelSpacing in its functional groups (C.7.6.16.2.1, Pixel Measures). Raises InputError where
+    frames have different sizes there.
+    """
     region = _tissue_region(content)
     if region is not None:
         # A negative step says which way the axis runs, not how large a pixel is.
         steps_cm = abs(float(region.PhysicalDeltaY)), abs(float(region.PhysicalDeltaX))
         return _positive(MM_PER_CM * steps_cm[0], MM_PER_CM * steps_cm[1])
-    spacing = content.get("PixelSpacing")
+    return _plain_spacing_mm(content)
+
+
+def _plain_spacing_mm(content: Dataset) -> tuple[float, float] | None:
+    found = {_pair(content.get("PixelSpacing"))} - {None}
+    if not found:
+        for number in range(int(content.get("NumberOfFrames") or 1)):
+            measures = functional_groups(content, number, "PixelMeasuresSequence")
+            found.add(next((_pair(item.get("PixelSpacing")) for item in measures), None))
+    if len(found) > 1:
+        raise InputError(
+            f"{getattr(content, 'filename', 'DICOM file')}: expected one pixel size for all frames, "
+            f"received {len(found)}"
+        )
+    return next(iter(found), None)
+
+
+def _pair(spacing: Sequence[float] | None) -> tuple[float, float] | None:
     return _positive(float(spacing[0]), float(spacing[1])) if spacing and len(spacing) == 2 else None
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -11,9 +11,9 @@ from typing import ClassVar
 import numpy as np
 
 from experiments.datasets import reading
-from experiments.datasets.dicom import SUFFIX as DICOM_SUFFIX
-from experiments.datasets.dicom import read_dicom
+from experiments.datasets.dicom import is_dicom, read_dicom
 from experiments.datasets.group_table import Spacing, groups_by_role, read_groups, spacing_pair
+from experiments.datasets.pairing import REFUSE, Pairing, pair, require_choice
 from experiments.errors import InputError
 from experiments.paths import PathSetting
 from models.labelled_frames import LabelledFrames
@@ -28,17 +28,20 @@ class Folder:
     ``read_groups``). Where it has no size, that is the one that a DICOM file gives, else ``spacing_mm`` (vertical,
     horizontal). Masks hold ``vessel_labels`` and
     ``other_labels`` only. A DICOM film ``clip.dcm`` has one row, ``clip``, and thus one group; the masks of its frames
-    are ``clip_0000``, ``clip_0001`` and so on, and frames without one are no cases.
+    are ``clip_0000``, ``clip_0001`` and so on, and frames without one are no cases. ``unpaired`` says whether images
+    without a mask and masks without an image are refused or left out (skip).
     """
 
     root: PathSetting
     vessel_labels: Sequence[int] = (1, 255)
     other_labels: Sequence[int] = (0,)
     spacing_mm: Sequence[float] | None = None
+    unpaired: str = REFUSE
 
     name: ClassVar[str] = "folder"
 
     def __post_init__(self) -> None:
+        require_choice(self.unpaired)
         # Lists come from configurations; tuples make the data set a key under which its images are kept.
         for field in ("vessel_labels", "other_labels"):
             object.__setattr__(self, field, tuple(getattr(self, field)))
@@ -58,15 +61,23 @@ class Folder:
 
     def __call__(self) -> LabelledFrames:
         """Read the images and masks; InputError names the folder or file that is not as expected."""
-        return _read(self)[0]
+        return _read(self).frames
 
     def test_groups(self) -> tuple[str, ...]:
         """The groups whose role is test."""
-        return _read(self)[1]["test"]
+        return _read(self).roles["test"]
 
     def selection_groups(self) -> tuple[str, ...]:
         """The groups whose role is selection."""
-        return _read(self)[1]["selection"]
+        return _read(self).roles["selection"]
+
+    def notes(self) -> tuple[str, ...]:
+        """What was left out or is not used."""
+        return _read(self).pairing.notes(self.require_root())
+
+    def left_out(self) -> int:
+        """How many images and masks were left out because they had no partner."""
+        return _read(self).pairing.unpaired
 
 
 @dataclass(frozen=True)
@@ -78,26 +89,34 @@ class _Picture:
     spacing_mm: Spacing | None
 
 
+@dataclass(frozen=True)
+class _Content:
+    """The frames, the groups of each role, and what was paired and left over."""
+
+    frames: LabelledFrames
+    roles: dict[str, tuple[str, ...]]
+    pairing: Pairing
+
+
 @lru_cache(maxsize=1)
-def _read(dataset: Folder) -> tuple[LabelledFrames, dict[str, tuple[str, ...]]]:
-    """The frames, and the groups of each role."""
+def _read(dataset: Folder) -> _Content:
     root = dataset.require_root()
-    files, mask_files = reading.image_files(root / "images"), reading.image_files(root / "masks")
     # What can be refused by names alone is refused before any pixel is read.
-    reading.paired(
-        {name: path for name, path in files.items() if not _is_dicom(path)},
-        {name: path for name, path in mask_files.items() if not _may_be_of_dicom(name, files)},
-    )
+    by_name = _by_name(root)
+    by_name.settled(dataset.unpaired, root)
+    files = {name: image for name, (image, _) in by_name.pairs.items()}
+    masks = reading.image_files(root / "masks")
     rows = read_groups(root / "groups.csv", files)
-    pictures = _pictures(files, mask_files)
-    masks = tuple(
-        reading.read_mask(mask_files[case], dataset.vessel_labels, dataset.other_labels, picture.image.shape)
-        for case, picture in pictures.items()
+    pictures = _pictures(files, masks)
+    pairing = _with_frames(by_name, pictures, files, masks).settled(dataset.unpaired, root)
+    shown = tuple(
+        reading.read_mask(mask, dataset.vessel_labels, dataset.other_labels, pictures[case].image.shape)
+        for case, (_, mask) in pairing.pairs.items()
     )
-    reading.require_vessel(root / "masks", masks)
+    reading.require_vessel(root / "masks", shown)
     frames = LabelledFrames(
         images=tuple(picture.image for picture in pictures.values()),
-        masks=masks,
+        masks=shown,
         case_ids=tuple(pictures),
         groups=tuple(rows[picture.file].group for picture in pictures.values()),
         spacing_mm=tuple(
@@ -109,35 +128,55 @@ def _read(dataset: Folder) -> tuple[LabelledFrames, dict[str, tuple[str, ...]]]:
     roles = groups_by_role(
         {file: row.group for file, row in rows.items()}, {file: row.role for file, row in rows.items()}
     )
-    return frames, roles
+    return _Content(frames, roles, pairing)
 
 
-def _is_dicom(path: Path) -> bool:
-    return path.suffix.lower() == DICOM_SUFFIX
+def _by_name(root: Path) -> Pairing:
+    """Each file with a mask of its name; a DICOM film with the first mask of a frame of it."""
+    folders = root / "images", root / "masks"
+    files, masks = (reading.image_files(folder) for folder in folders)
+    others = [path for folder in folders for path in reading.other_files(folder)]
+    films = {name for name, path in files.items() if is_dicom(path)}
+    film_of = {mask: _film_of(mask, films) for mask in masks}
+    of_films = {film: masks[mask] for mask, film in reversed(film_of.items()) if film is not None}
+    return pair(files, {name: masks[name] for name in masks if film_of[name] is None} | of_films, others)
 
 
-def _may_be_of_dicom(mask: str, files: Mapping[str, Path]) -> bool:
-    return any(name in files and _is_dicom(files[name]) for name in (mask, mask.rpartition("_")[0]))
+def _film_of(mask: str, films: Collection[str]) -> str | None:
+    return next((name for name in (mask, mask.rpartition("_")[0]) if name in films), None)
+
+
+def _with_frames(
+    by_name: Pairing, pictures: Mapping[str, _Picture], files: Mapping[str, Path], masks: Mapping[str, Path]
+) -> Pairing:
+    """The pairing once the films' frames are known: films without any, and masks of frames that films do not have."""
+    shown = {picture.file for picture in pictures.values()}
+    without = tuple(path for name, path in files.items() if name not in shown)
+    frameless = tuple(
+        path for name, path in masks.items() if name not in pictures and path not in by_name.masks
+    )
+    return Pairing(
+        {case: (files[picture.file], masks[case]) for case, picture in pictures.items()},
+        by_name.images + without,
+        by_name.masks + frameless,
+        by_name.others,
+    )
 
 
 def _pictures(files: Mapping[str, Path], masks: Mapping[str, Path]) -> dict[str, _Picture]:
-    """The frames that have a mask, by case; InputError for a mask without its frame, or a file without any mask."""
+    """The frames that have a mask, by case."""
     pictures: dict[str, _Picture] = {}
     for name, path in files.items():
-        if not _is_dicom(path):
+        if not is_dicom(path):
             pictures[name] = _Picture(reading.read_grey(path), name, None)
             continue
         film = read_dicom(path)
         cases = (
             [name] if len(film.images) == 1 else [f"{name}_{index:04d}" for index in range(len(film.images))]
         )
-        found = {
+        pictures |= {
             case: _Picture(np.ascontiguousarray(image), name, film.spacing_mm)
             for case, image in zip(cases, film.images, strict=True)
             if case in masks
         }
-        if not found:
-            raise InputError(f"{path}: expected a mask named {cases[0]}, found none for any of its frames")
-        pictures |= found
-    reading.paired(dict.fromkeys(pictures, Path()), masks)
     return pictures

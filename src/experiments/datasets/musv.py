@@ -10,6 +10,8 @@ from pathlib import Path
 
 from experiments.datasets import reading
 from experiments.datasets.musv_subjects import ALL, DISTRICTS, Volunteer, read_volunteers
+from experiments.datasets.names import same_name
+from experiments.datasets.pairing import REFUSE, Pairing, pair, require_choice
 from experiments.datasets.pixel_cache import read_pairs
 from experiments.datasets.stand_in import StandIn
 from experiments.errors import InputError
@@ -28,8 +30,9 @@ class MusV:
     ``target`` is artery or vein. The published parts ``train`` and ``valid`` are taken together; forces are not read.
     No pixel spacing is known. Groups are sequences, and then a volunteer may be on both sides of a split; a table
     ``subjects`` (CSV with columns seq, volunteer, district) makes the volunteers the groups and allows ``district``
-    (carotid or femoral) instead of all. ``simulate`` makes ``stand_in`` instead of reading: both vessels side by side,
-    in both districts of each subject. What is read is kept in ``cache`` (None: nowhere).
+    (carotid or femoral) instead of all. ``unpaired`` says whether images without a mask and masks without an image are
+    refused or left out (skip). ``simulate`` makes ``stand_in`` instead of reading: both vessels side by side, in both
+    districts of each subject. What is read is kept in ``cache`` (None: nowhere).
     """
 
     root: PathSetting
@@ -39,8 +42,10 @@ class MusV:
     simulate: bool = False
     stand_in: StandIn = field(default_factory=StandIn)
     cache: str | None = None
+    unpaired: str = REFUSE
 
     def __post_init__(self) -> None:
+        require_choice(self.unpaired)
         if self.target not in LABELS:
             raise InputError(f"target: expected one of {', '.join(sorted(LABELS))}, received {self.target!r}")
         if self.district not in (ALL, *DISTRICTS):
@@ -70,9 +75,18 @@ class MusV:
         """What a reader of the results must know of the data."""
         if self.simulate:
             return (self.stand_in.note(self.name),)
-        if self.subjects is None:
-            return ("Subject leakage possible: groups are sequences, and no table says whose they are.",)
-        return (f"Groups are the volunteers of {Path(self.subjects).name}.",)
+        notes = (
+            "Subject leakage possible: groups are sequences, and no table says whose they are."
+            if self.subjects is None
+            else f"Groups are the volunteers of {Path(self.subjects).name}.",
+        )
+        if not Path(self.root).expanduser().is_dir():
+            return notes
+        return (*notes, *_paired(self)[0].notes(_folder(self)))
+
+    def left_out(self) -> int:
+        """How many images and masks were left out because they had no partner."""
+        return 0 if self.simulate else _paired(self)[0].unpaired
 
 
 def _folder(dataset: MusV) -> Path:
@@ -88,32 +102,43 @@ def _folder(dataset: MusV) -> Path:
 @lru_cache(maxsize=1)
 def _read(dataset: MusV) -> LabelledFrames:
     root = _folder(dataset)
-    videos = _sequences(root)
-    known = read_volunteers(Path(dataset.subjects), videos) if dataset.subjects else None
-    files: dict[str, Path] = {}
-    mask_files: dict[str, Path] = {}
-    groups: list[str] = []
-    for sequence, folder in _of_district(videos, known, dataset.district).items():
-        frames = _frames(sequence, folder)
-        masks = reading.image_files(root / ANNOTATIONS / sequence)
-        reading.paired(frames, masks)
-        files |= frames
-        mask_files |= masks
-        groups.extend([known[sequence].name if known else sequence] * len(frames))
+    pairing, groups = _paired(dataset)
+    files = pairing.pairs
     vessel = LABELS[dataset.target]
     images, shown = read_pairs(
-        list(files.values()),
-        [mask_files[case] for case in files],
+        [image for image, _ in files.values()],
+        [mask for _, mask in files.values()],
         (vessel,),
         tuple({0, *LABELS.values()} - {vessel}),
         dataset.cache,
     )
     reading.require_vessel(root / ANNOTATIONS, shown)
-    return LabelledFrames(images, shown, tuple(files), tuple(groups), (None,) * len(files), simulated=False)
+    return LabelledFrames(images, shown, tuple(files), groups, (None,) * len(files), simulated=False)
+
+
+def _paired(dataset: MusV) -> tuple[Pairing, tuple[str, ...]]:
+    """Image and mask of each case, and the group of each."""
+    root = _folder(dataset)
+    videos, annotations = _sequences(root), _annotations(root)
+    known = read_volunteers(Path(dataset.subjects), videos) if dataset.subjects else None
+    found, groups = Pairing({}), []
+    for sequence, folder in _of_district(videos, known, dataset.district).items():
+        masks = reading.image_files(annotations[sequence]) if sequence in annotations else {}
+        others = [
+            path for one in (folder, annotations.get(sequence)) if one for path in reading.other_files(one)
+        ]
+        part = pair(_frames(sequence, folder), masks, others)
+        groups += [known[sequence].name if known else sequence] * len(part.pairs)
+        found += part
+    alone = [folder for sequence, folder in annotations.items() if sequence not in videos]
+    found += Pairing(
+        {}, masks=tuple(path for folder in alone for path in reading.image_files(folder).values())
+    )
+    return found.settled(dataset.unpaired, root), tuple(groups)
 
 
 def _sequences(root: Path) -> dict[str, Path]:
-    """The folder of each sequence, in order of name; each must be in one part and have its annotations."""
+    """The folder of each sequence, in order of name; each must be in one part."""
     found: dict[str, Path] = {}
     for part in PARTS:
         folder = root / VIDEOS / part
@@ -122,18 +147,25 @@ def _sequences(root: Path) -> dict[str, Path]:
         for sequence in folder.iterdir():
             if not sequence.is_dir():
                 continue
-            if sequence.name in found:
+            name = same_name(sequence.name)
+            if name in found:
                 raise InputError(
-                    f"{sequence}: expected a sequence in one part, found it in {found[sequence.name]} too"
+                    f"{sequence}: expected a sequence in one part, found it in {found[name]} too"
                 )
-            found[sequence.name] = sequence
+            found[name] = sequence
     if not found:
         raise InputError(f"{root / VIDEOS}: expected sequences in {' and '.join(PARTS)}, found none")
-    if (root / ANNOTATIONS).is_dir():
-        for annotated in sorted((root / ANNOTATIONS).iterdir()):
-            if annotated.is_dir() and annotated.name not in found:
-                raise InputError(f"{annotated}: expected a video of the same sequence, found none")
     return dict(sorted(found.items()))
+
+
+def _annotations(root: Path) -> dict[str, Path]:
+    """The folders of masks that hold any file, by sequence."""
+    folder = root / ANNOTATIONS
+    if not folder.is_dir():
+        raise InputError(f"{folder}: expected a folder of annotations, found none")
+    return {
+        same_name(one.name): one for one in sorted(folder.iterdir()) if one.is_dir() and any(one.iterdir())
+    }
 
 
 def _of_district(

@@ -14,13 +14,16 @@ from typing import Any, ClassVar
 
 from experiments.datasets import reading
 from experiments.datasets.group_table import GroupRow, groups_by_role, read_groups, spacing_pair
-from experiments.datasets.pixel_cache import read_pairs
+from experiments.datasets.names import same_name
+from experiments.datasets.pairing import REFUSE, SKIP, Pairing, pair, require_choice
+from experiments.datasets.pixel_cache import read_masks, read_pairs
 from experiments.errors import InputError
 from experiments.paths import PathSetting
 from models.labelled_frames import LabelledFrames
 
 FILE_ENDINGS = (".png", ".bmp", ".tif")
 CHANNEL = "_0000"
+BACKGROUND, IGNORE = "background", "ignore"
 FOLDERS = {"Tr": "cross-validation", "Ts": "test", "Selection": "selection"}
 
 
@@ -33,7 +36,9 @@ class NnUNet:
     groups kept for selection. ``groups`` is a table as ``read_groups`` takes it; null: ``root/groups.csv`` where that
     is, else each case is a group of its own. nnU-Net takes PNG for 1 mm a pixel; here the pixel size is that of the
     table, else ``spacing_mm`` (vertical, horizontal), else not known. Images have one channel of 8 bits; RGB becomes
-    grey. What is read is kept in ``cache`` (None: nowhere).
+    grey. ``unpaired`` says whether images without a mask and masks without an image are refused or left out (skip).
+    Pixels of the label called ``ignore`` are not labelled: ``ignored`` refuses images that have some, leaves them out
+    (skip) or takes these pixels for background (background). What is read is kept in ``cache`` (None: nowhere).
     """
 
     root: PathSetting
@@ -41,10 +46,15 @@ class NnUNet:
     spacing_mm: Sequence[float] | None = None
     groups: PathSetting | None = None
     cache: str | None = None
+    unpaired: str = REFUSE
+    ignored: str = REFUSE
 
     name: ClassVar[str] = "nnunet"
 
     def __post_init__(self) -> None:
+        require_choice(self.unpaired)
+        if self.ignored not in (REFUSE, SKIP, BACKGROUND):
+            raise InputError(f"ignored: expected {REFUSE}, {SKIP} or {BACKGROUND}, received {self.ignored!r}")
         if self.spacing_mm is not None:
             object.__setattr__(self, "spacing_mm", spacing_pair(self.spacing_mm, "spacing_mm"))
 
@@ -59,15 +69,15 @@ class NnUNet:
 
     def __call__(self) -> LabelledFrames:
         """Read the images and masks; InputError names the folder or file that is not as expected."""
-        return _read(self)[0]
+        return _read(self).frames
 
     def test_groups(self) -> tuple[str, ...]:
         """The groups of ``imagesTs``."""
-        return _read(self)[1]["test"]
+        return _read(self).roles["test"]
 
     def selection_groups(self) -> tuple[str, ...]:
         """The groups of ``imagesSelection``."""
-        return _read(self)[1]["selection"]
+        return _read(self).roles["selection"]
 
     def notes(self) -> tuple[str, ...]:
         """What of the folder is not known or not used."""
@@ -76,7 +86,11 @@ class NnUNet:
             notes.append("No groups.csv: each case is a group of its own, subject leakage can't be excluded.")
         if (root / "imagesTs").is_dir() and not (root / "labelsTs").is_dir():
             notes.append("imagesTs has no labelsTs beside it and is not used.")
-        return tuple(notes)
+        return (*notes, *_left_out_notes(self))
+
+    def left_out(self) -> int:
+        """How many images and masks were left out because they had no partner."""
+        return _paired(self.require_root(), self)[0].unpaired
 
     @property
     def _table(self) -> Path | None:
@@ -86,16 +100,43 @@ class NnUNet:
         return table if table.is_file() else None
 
 
+@dataclass(frozen=True)
+class _Content:
+    """The frames, the groups of each role, and how many images have pixels of the label ``ignore``."""
+
+    frames: LabelledFrames
+    roles: dict[str, tuple[str, ...]]
+    with_ignored: int
+
+
+@dataclass(frozen=True)
+class _Labels:
+    """The numbers of the target, of all else that is labelled, and of what is not labelled; and the files' ending."""
+
+    target: set[int]
+    others: set[int]
+    ignored: set[int]
+    ending: str
+
+
+def _read(dataset: NnUNet) -> _Content:
+    pairing, role_of = _paired(dataset.require_root(), dataset)
+    return _content(dataset, tuple(pairing.pairs.items()), tuple(role_of.items()))
+
+
 @lru_cache(maxsize=1)
-def _read(dataset: NnUNet) -> tuple[LabelledFrames, dict[str, tuple[str, ...]]]:
-    """The frames, and the groups of each role."""
-    root = dataset.require_root()
-    labels, others, ending = _described(root / "dataset.json", dataset.target)
-    files, role_of = _files(root, ending)
+def _content(
+    dataset: NnUNet, pairs: tuple[tuple[str, tuple[Path, Path]], ...], roles: tuple[tuple[str, str], ...]
+) -> _Content:
+    root, files = dataset.require_root(), dict(pairs)
+    labels = _described(root / "dataset.json", dataset.target)
     table = dataset._table
     rows = {case: GroupRow(case) for case in files} if table is None else read_groups(table, set(files))
     image_files, mask_files = zip(*(files[case] for case in rows), strict=True)
-    images, masks = read_pairs(image_files, mask_files, sorted(labels), sorted(others), dataset.cache)
+    background = labels.others | labels.ignored
+    images, masks = read_pairs(
+        image_files, mask_files, sorted(labels.target), sorted(background), dataset.cache
+    )
     reading.require_vessel(root / "labelsTr", masks)
     frames = LabelledFrames(
         images=images,
@@ -105,11 +146,48 @@ def _read(dataset: NnUNet) -> tuple[LabelledFrames, dict[str, tuple[str, ...]]]:
         spacing_mm=tuple(row.spacing_mm or dataset.spacing_mm for row in rows.values()),  # type: ignore[misc]
         simulated=False,
     )
-    return frames, groups_by_role({case: row.group for case, row in rows.items()}, role_of)
+    found = _ignored(dataset, labels, frames, mask_files)
+    if dataset.ignored == SKIP and found:
+        frames = frames.subset(index for index, case in enumerate(rows) if case not in found)
+    groups = dict(zip(frames.case_ids, frames.groups, strict=True))
+    return _Content(frames, groups_by_role(groups, dict(roles)), len(found))
 
 
-def _described(path: Path, target: str) -> tuple[set[int], set[int], str]:
-    """Labels of the target, all other labels, and the files' ending."""
+def _ignored(
+    dataset: NnUNet, labels: _Labels, frames: LabelledFrames, mask_files: Sequence[Path]
+) -> set[str]:
+    """The cases with pixels that are not labelled; InputError for some where they are refused, or for nothing else."""
+    if not labels.ignored:
+        return set()
+    sizes = [image.shape for image in frames.images]
+    known = sorted(labels.target | labels.others)
+    shown = read_masks(mask_files, sizes, sorted(labels.ignored), known, dataset.cache)
+    cases = [case for case, mask in zip(frames.case_ids, shown, strict=True) if mask.any()]
+    if cases and dataset.ignored == REFUSE:
+        first = mask_files[frames.case_ids.index(cases[0])]
+        raise InputError(
+            f"{first}: expected every pixel labelled, received pixels of the label {IGNORE} in {len(cases)} of "
+            f"{len(frames)} images; pass dataset.ignored={SKIP} to leave these images out, or "
+            f"dataset.ignored={BACKGROUND} to take such pixels for background"
+        )
+    if dataset.ignored == SKIP and len(cases) == len(frames):
+        raise InputError(
+            f"ignored: expected images without the label {IGNORE} where they alone are taken, found none"
+        )
+    return set(cases)
+
+
+def _left_out_notes(dataset: NnUNet) -> tuple[str, ...]:
+    root = dataset.require_root()
+    notes = _paired(root, dataset)[0].notes(root)
+    count = _read(dataset).with_ignored if (root / "dataset.json").is_file() else 0
+    if not count:
+        return notes
+    how = "are left out" if dataset.ignored == SKIP else "count as background there"
+    return (*notes, f"{count} images have pixels that are not labelled ({IGNORE}); they {how}.")
+
+
+def _described(path: Path, target: str) -> _Labels:
     try:
         content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8-sig"))
         labels = {str(name): _numbers(value) for name, value in content["labels"].items()}
@@ -122,11 +200,12 @@ def _described(path: Path, target: str) -> tuple[set[int], set[int], str]:
         raise InputError(f"{path}: expected a file_ending of {', '.join(FILE_ENDINGS)}, received {ending!r}")
     if channels not in (1, 3):
         raise InputError(f"{path}: expected one channel, or three of an RGB image, received {channels}")
-    foreground = [name for name in labels if name != "background"]
+    foreground = [name for name in labels if name not in (BACKGROUND, IGNORE)]
     if target not in foreground:
         raise InputError(f"target: expected a label of {path} ({', '.join(foreground)}), received {target!r}")
+    ignored = labels.pop(IGNORE, set())
     known = {0}.union(*labels.values())
-    return labels[target], known - labels[target], ending
+    return _Labels(labels[target], known - labels[target], ignored, ending)
 
 
 def _numbers(value: Any) -> set[int]:
@@ -134,25 +213,27 @@ def _numbers(value: Any) -> set[int]:
     return {int(label) for label in value} if isinstance(value, list) else {int(value)}
 
 
-def _files(root: Path, ending: str) -> tuple[dict[str, tuple[Path, Path]], dict[str, str]]:
+def _paired(root: Path, dataset: NnUNet) -> tuple[Pairing, dict[str, str]]:
     """Image and label file of each case, sorted by case, and the role of the folder they are in."""
-    files: dict[str, tuple[Path, Path]] = {}
-    role_of: dict[str, str] = {}
+    ending = _described(root / "dataset.json", dataset.target).ending
+    found, role_of = Pairing({}), {}
     for part, role in FOLDERS.items():
         images, labels = root / f"images{part}", root / f"labels{part}"
         if part != "Tr" and not (images.is_dir() and labels.is_dir()):
             continue
         named = {_case(path, ending): path for path in reading.image_files(images).values()}
-        masks = reading.image_files(labels)
-        reading.paired(named, masks)
-        for case, path in named.items():
-            if case in files:
-                raise InputError(f"{path}: expected a case of another name than {files[case][0]}")
-            files[case], role_of[case] = (path, masks[case]), role
-    return dict(sorted(files.items())), role_of
+        others = (*reading.other_files(images), *reading.other_files(labels))
+        own = pair(named, reading.image_files(labels), others)
+        for case, (path, _) in own.pairs.items():
+            if case in found.pairs:
+                raise InputError(f"{path}: expected a case of another name than {found.pairs[case][0]}")
+            role_of[case] = role
+        found += own
+    pairing = Pairing(dict(sorted(found.pairs.items())), found.images, found.masks, found.others)
+    return pairing.settled(dataset.unpaired, root), role_of
 
 
 def _case(path: Path, ending: str) -> str:
     if path.suffix != ending or not path.stem.endswith(CHANNEL):
         raise InputError(f"{path}: expected one image a case, <case>{CHANNEL}{ending}, received another name")
-    return path.stem.removesuffix(CHANNEL)
+    return same_name(path.stem.removesuffix(CHANNEL))

@@ -38,15 +38,25 @@ def read_pairs(
     """
     folder = cache_folder(cache) if cache else None
     grey = _kept(folder, _key(images, "grey"), np.uint8, lambda: [reading.read_grey(path) for path in images])
-    sizes = [image.shape for image in grey]
+    return grey, read_masks(masks, [image.shape for image in grey], vessel, others, cache)
+
+
+def read_masks(
+    masks: Sequence[Path],
+    sizes: Sequence[tuple[int, ...]],
+    vessel: Sequence[int],
+    others: Sequence[int],
+    cache: str | None,
+) -> Arrays:
+    """The masks alone, of images of these sizes, as ``read_pairs`` reads and keeps them."""
+    folder = cache_folder(cache) if cache else None
     labels = sorted(vessel), sorted(others)
-    shown = _kept(
+    return _kept(
         folder,
-        _key(masks, f"mask {labels} {sizes}"),
+        _key(masks, f"mask {labels} {list(sizes)}"),
         np.bool_,
         lambda: [reading.read_mask(path, *labels, size) for path, size in zip(masks, sizes, strict=True)],
     )
-    return grey, shown
 
 
 def _kept(folder: Path | None, key: str, kind: type, read: Callable[[], list[np.ndarray]]) -> Arrays:

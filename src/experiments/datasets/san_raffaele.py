@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING
 from experiments.datasets import reading
 from experiments.datasets import san_raffaele_subsets as subsets
 from experiments.datasets.image_quality import QualityOutliers
-from experiments.datasets.san_raffaele_sessions import Session, read_sessions, simulated_sessions
+from experiments.datasets.names import text_names
+from experiments.datasets.pairing import REFUSE, require_choice
+from experiments.datasets.san_raffaele_sessions import Session, left_over, read_sessions, simulated_sessions
 from experiments.datasets.san_raffaele_subsets import Chosen, Frame
 from experiments.datasets.stand_in import StandIn
 from experiments.errors import InputError
@@ -35,7 +37,8 @@ class SanRaffaele:
     see ``image_quality``), or ``full_subsampled``: as many frames of full, drawn by ``subsample_seed``, as the
     configuration ``subsample_to`` has. Test subjects are ``test_subjects``, else a ``test_share`` of all subjects drawn
     by ``test_seed``, with all their frames; neither depends on the subset. Groups are subjects, where none is known
-    sessions. ``simulate`` makes ``stand_in`` instead of reading. What is read is kept in ``cache`` (None: nowhere).
+    sessions. ``unpaired`` says whether images without a mask and masks without an image are refused or left out (skip).
+    ``simulate`` makes ``stand_in`` instead of reading. What is read is kept in ``cache`` (None: nowhere).
     """
 
     root: PathSetting
@@ -53,11 +56,15 @@ class SanRaffaele:
     simulate: bool = False
     stand_in: StandIn = field(default_factory=StandIn)
     cache: str | None = None
+    unpaired: str = REFUSE
 
     def __post_init__(self) -> None:
+        require_choice(self.unpaired)
         if self.test_subjects is not None:
-            # A subject's name may look like a number in a configuration.
-            object.__setattr__(self, "test_subjects", tuple(str(name) for name in self.test_subjects))
+            names = text_names("test_subjects", self.test_subjects)
+            object.__setattr__(self, "test_subjects", names)
+        if self.session is not None:
+            object.__setattr__(self, "session", *text_names("session", [self.session]))
         choices = {
             "subset": (SINGLE, FULL, PRUNED, SUBSAMPLED),
             "prune_by": (subsets.LIST, subsets.QUALITY),
@@ -121,7 +128,14 @@ class SanRaffaele:
             notes.append(f"Frames left out by {rule}: {out}.")
         if self.subset == SUBSAMPLED:
             notes.append(f"Frames of full, drawn at random to the number that {self.subsample_to} has.")
+        if (root := self.require_root()) is not None:
+            notes += left_over(root).notes(root)
         return tuple(notes)
+
+    def left_out(self) -> int:
+        """How many images and masks were left out because they had no partner."""
+        root = self.require_root()
+        return 0 if root is None else left_over(root).unpaired
 
     def report(self) -> Mapping[str, pd.DataFrame]:
         """``pruned``: each frame left out with the rule, its value and its limit. ``sessions``: frames used of each."""
@@ -147,7 +161,11 @@ class SanRaffaele:
 
 def _sessions(dataset: SanRaffaele) -> tuple[Session, ...]:
     root = dataset.require_root()
-    return _simulated_once(dataset.stand_in) if root is None else _read_once(root, dataset.cache)
+    return (
+        _simulated_once(dataset.stand_in)
+        if root is None
+        else _read_once(root, dataset.cache, dataset.unpaired)
+    )
 
 
 # Of the configurations only the choice differs: the frames are read once for all.

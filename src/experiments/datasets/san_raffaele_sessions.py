@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +10,8 @@ import numpy as np
 
 from experiments.datasets import reading
 from experiments.datasets.group_table import SPACING, Spacing, spacing_pair
+from experiments.datasets.names import natural_key, same_name
+from experiments.datasets.pairing import REFUSE, Pairing, pair
 from experiments.datasets.pixel_cache import read_pairs
 from experiments.datasets.stand_in import StandIn
 from experiments.datasets.tables import read_table
@@ -49,12 +50,19 @@ class Session:
         return len(self.reasons) == len(self)
 
 
-def read_sessions(root: Path, cache: str | None) -> tuple[Session, ...]:
-    """All sessions in order of name; InputError names the row, folder or file that is not as expected."""
+def read_sessions(root: Path, cache: str | None, unpaired: str = REFUSE) -> tuple[Session, ...]:
+    """All sessions that have labelled frames, in order of name.
+
+    ``unpaired`` is refuse or skip, as ``Pairing.settled`` takes it. InputError names the row, folder or file that is
+    not as expected.
+    """
     rows = _session_rows(root)
-    frames = {name: _frames(root / name) for name in rows}
-    listed = _listed_frames(root / "excluded.csv", frames)
-    pairs = [pair for pairs in frames.values() for pair in pairs.values()]
+    found = _paired(root, rows)
+    pairing_of(found).settled(unpaired, root)
+    listed = _listed_frames(root / "excluded.csv", found)
+    frames = {name: dict(one.pairs) for name, one in found.items() if one.pairs}
+    rows = {name: rows[name] for name in frames}
+    pairs = [one for of_session in frames.values() for one in of_session.values()]
     images, masks = read_pairs([one for one, _ in pairs], [two for _, two in pairs], (1, 255), (0,), cache)
     reading.require_vessel(root, masks)
     sessions: list[Session] = []
@@ -79,6 +87,20 @@ def read_sessions(root: Path, cache: str | None) -> tuple[Session, ...]:
         )
         start = end
     return tuple(sessions)
+
+
+def left_over(root: Path) -> Pairing:
+    """All frames of all sessions with what has no partner among them."""
+    return pairing_of(_paired(root, _session_rows(root)))
+
+
+def pairing_of(sessions: Mapping[str, Pairing]) -> Pairing:
+    """Those of all sessions as one; cases are called by session and frame."""
+    whole = Pairing({})
+    for name, one in sessions.items():
+        cases = {f"{name}_{frame}": files for frame, files in one.pairs.items()}
+        whole += Pairing(cases, one.images, one.masks, one.others)
+    return whole
 
 
 def simulated_sessions(maker: StandIn) -> tuple[Session, ...]:
@@ -125,31 +147,42 @@ def _session_rows(root: Path) -> dict[str, dict[str, str]]:
     if not rows:
         raise InputError(f"{path}: expected a row for each session, found none")
     for folder in sorted(root.iterdir()):
-        if (folder / "images").is_dir() and folder.name not in rows:
+        if (folder / "images").is_dir() and same_name(folder.name) not in rows:
             raise InputError(f"{path}: expected a row for session {folder.name!r}, found none")
     return dict(sorted(rows.items()))
 
 
-def _frames(folder: Path) -> dict[str, tuple[Path, Path]]:
-    """Image and mask of each frame, in order of the numbers in their names."""
-    images, masks = reading.image_files(folder / "images"), reading.image_files(folder / "masks")
-    reading.paired(images, masks)
-    return {name: (images[name], masks[name]) for name in sorted(images, key=_natural)}
+def _paired(root: Path, sessions: Collection[str]) -> dict[str, Pairing]:
+    """Image and mask of each frame of each session, in order of the numbers in their names."""
+    folders = {same_name(folder.name): folder for folder in root.iterdir()}
+    return {name: _frames(folders.get(name, root / name)) for name in sessions}
 
 
-def _natural(name: str) -> list[tuple[int, int | str]]:
-    # frame_10 comes after frame_2: numbers are compared as numbers, and stand before letters.
-    return [(0, int(part)) if part.isdigit() else (1, part) for part in re.split(r"(\d+)", name)]
+def _frames(folder: Path) -> Pairing:
+    images = reading.image_files(folder / "images")
+    # A session that nobody has labelled yet has no masks.
+    labelled = (folder / "masks").is_dir() and any((folder / "masks").iterdir())
+    masks = reading.image_files(folder / "masks") if labelled else {}
+    others = reading.other_files(folder / "images") + (
+        reading.other_files(folder / "masks") if labelled else ()
+    )
+    return pair({name: images[name] for name in sorted(images, key=natural_key)}, masks, others)
 
 
-def _listed_frames(path: Path, frames: Mapping[str, Mapping[str, object]]) -> dict[str, dict[int, str]]:
-    """The frames on the optional list ``excluded.csv`` (session, frame, reason), by session and place."""
+def _listed_frames(path: Path, sessions: Mapping[str, Pairing]) -> dict[str, dict[int, str]]:
+    """The frames on the optional list ``excluded.csv`` (session, frame, reason), by session and place.
+
+    Frames that are left out because they have no mask or image may be on it.
+    """
     if not path.exists():
         return {}
     listed: dict[str, dict[int, str]] = {}
     for row in read_table(path, ("session", "frame")):
         session, frame = row["session"], row["frame"]
-        names = list(frames.get(session, ()))
+        own = sessions.get(session, Pairing({}))
+        names = list(own.pairs)
+        if frame in {same_name(file.stem) for file in (*own.images, *own.masks)}:
+            continue
         if frame not in names:
             raise InputError(
                 f"{path}: expected frames of the data set, received {frame!r} of session {session!r}"

@@ -6,13 +6,15 @@ import csv
 from collections.abc import Sequence
 from pathlib import Path
 
+from experiments.datasets.names import same_name
 from experiments.errors import InputError
 
 
 def read_table(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
     """The rows of a table that has at least ``columns``; a cell that is not there is empty, blanks around are cut.
 
-    InputError for a file that is missing, is no text, or lacks a column.
+    All cells are text as it stands, in the form of ``same_name``. InputError for a file that is missing, is no text, or
+    lacks a column.
     """
     if not path.is_file():
         raise InputError(f"{path}: expected a table with columns {', '.join(columns)}, found no file")
@@ -30,4 +32,4 @@ def read_table(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
         raise InputError(
             f"{path}: expected columns {', '.join(columns)}, received {', '.join(found) or 'none'}"
         )
-    return [{name: (row[name] or "").strip() for name in found} for row in rows]
+    return [{name: same_name((row[name] or "").strip()) for name in found} for row in rows]

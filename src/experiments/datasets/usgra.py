@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from experiments.datasets import reading
+from experiments.datasets.pairing import REFUSE, Pairing, pair, require_choice
 from experiments.datasets.pixel_cache import read_pairs
 from experiments.datasets.stand_in import StandIn
 from experiments.datasets.twins import twin_groups
@@ -24,7 +25,8 @@ class Usgra:
 
     No subject is published, and more than a quarter of the images have a near twin, many of them the same picture saved
     with another margin: images whose thumbnails correlate above ``twin_correlation`` (see ``likeness_blocks``) form one
-    group. No pixel spacing is known. What is read is kept in ``cache`` (None: nowhere).
+    group. No pixel spacing is known. ``unpaired`` says whether images without a mask and masks without an image are
+    refused or left out (skip). What is read is kept in ``cache`` (None: nowhere).
     """
 
     root: PathSetting
@@ -33,12 +35,14 @@ class Usgra:
     cache: str | None = None
     simulate: bool = False
     stand_in: StandIn = field(default_factory=lambda: StandIn(subjects=24, recordings=1, frames=4))
+    unpaired: str = REFUSE
 
     name: ClassVar[str] = "usgra"
 
     def __post_init__(self) -> None:
         if self.target not in LABELS:
             raise InputError(f"target: expected one of {', '.join(LABELS)}, received {self.target!r}")
+        require_choice(self.unpaired)
         if not 0 < self.twin_correlation <= 1:
             raise InputError(f"twin_correlation: expected above 0 to 1, received {self.twin_correlation}")
         if self.simulate and self.target != "vessel":
@@ -59,7 +63,12 @@ class Usgra:
         return (
             "Subject leakage possible: no subjects are published; groups are images whose "
             f"thumbnails correlate above {self.twin_correlation:g}.",
+            *(_paired(self).notes(_folder(self)) if Path(self.root).expanduser().is_dir() else ()),
         )
+
+    def left_out(self) -> int:
+        """How many images and masks were left out because they had no partner."""
+        return 0 if self.simulate else _paired(self).unpaired
 
 
 def _folder(dataset: Usgra) -> Path:
@@ -71,16 +80,23 @@ def _folder(dataset: Usgra) -> Path:
     )
 
 
+def _paired(dataset: Usgra) -> Pairing:
+    root = _folder(dataset)
+    folders = root / "images", root / "masks"
+    images, masks = (reading.image_files(folder) for folder in folders)
+    others = [path for folder in folders for path in reading.other_files(folder)]
+    return pair(images, masks, others).settled(dataset.unpaired, root)
+
+
 @lru_cache(maxsize=1)
 def _read(dataset: Usgra) -> LabelledFrames:
     root = _folder(dataset)
-    files, mask_files = reading.image_files(root / "images"), reading.image_files(root / "masks")
-    reading.paired(files, mask_files)
+    files = _paired(dataset).pairs
     vessel = {LABELS[dataset.target]}
     others = {0, *LABELS.values()} - vessel
     images, masks = read_pairs(
-        list(files.values()),
-        [mask_files[name] for name in files],
+        [image for image, _ in files.values()],
+        [mask for _, mask in files.values()],
         sorted(vessel),
         sorted(others),
         dataset.cache,

@@ -13,6 +13,7 @@ from experiments.datasets.about import (
     name_of,
     notes_of,
     outside_groups,
+    reported_name,
     require_root,
 )
 from experiments.errors import InputError
@@ -105,7 +106,7 @@ def run(
     one = FoldRun(model, preprocessing, trainer, augmentation, loss, seed, fold)
     trained = one.train(frames[train_on], folds[train_on], workspace, progress)
     source = {
-        "train_dataset": name_of(sets[train_on]),
+        "train_dataset": reported_name(sets[train_on]),
         "train_simulated": frames[train_on].simulated,
     }
     cases = pd.concat(

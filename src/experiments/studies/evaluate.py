@@ -12,6 +12,8 @@ from experiments.errors import InputError
 from experiments.outcome import Outcome, Progress
 from experiments.paths import PathSetting
 from experiments.studies.evaluate_masks import (
+    MaskLabels,
+    MaskPairs,
     describe_masks,
     mask_metrics,
     mask_rows,
@@ -48,18 +50,28 @@ def beside(config: Mapping[str, Any]) -> Iterator[Path]:
 
 
 def check(
-    *, prediction: PathSetting, reference: PathSetting, spacing_mm: Any, targets: PathSetting | None
+    *,
+    prediction: PathSetting,
+    reference: PathSetting,
+    spacing_mm: Any,
+    targets: PathSetting | None,
+    label: Any = None,
+    prediction_label: Any = None,
+    ignore_label: Any = None,
 ) -> None:
     """Raise InputError for files that do not belong together."""
+    labels = MaskLabels.of(label, prediction_label, ignore_label)
     given, truth = require_exists(prediction, "prediction"), require_exists(reference, "reference")
     if are_transforms(truth):
         if spacing_mm is not None:
             raise InputError(f"spacing_mm: expected none with transforms, received {spacing_mm!r}")
+        if labels.reference is not None:
+            raise InputError(f"label: expected none with transforms, received {label!r}")
         pair_transforms(given, truth, targets)
     else:
         if targets is not None:
             raise InputError(f"targets: expected none with masks, received {targets!r}")
-        pair_masks(given, truth, spacing_mm)
+        pair_masks(given, truth, spacing_mm, labels)
 
 
 def run(
@@ -70,23 +82,37 @@ def run(
     targets: PathSetting | None,
     workspace: Path,
     progress: Progress,
+    label: Any = None,
+    prediction_label: Any = None,
+    ignore_label: Any = None,
 ) -> Outcome:
     """Score every case of ``reference`` and leave ``evaluation.json`` and ``evaluation.csv`` (a row a case).
 
-    Masks are scored by DSC, HD95, misses and false alarms, transforms by their target registration error. A case
-    without a prediction has failed. Raises InputError for files that do not belong together or can't be read.
+    Masks are scored by DSC, HD95, misses and false alarms, transforms by their target registration error. ``label`` is
+    the vessel's in masks of several labels, ``prediction_label`` that of the predictions where it is another, and
+    ``ignore_label`` what the reference has where nobody labelled. A case without a prediction has failed. Raises
+    InputError for files that do not belong together or can't be read.
     """
-    check(prediction=prediction, reference=reference, spacing_mm=spacing_mm, targets=targets)
+    check(
+        prediction=prediction,
+        reference=reference,
+        spacing_mm=spacing_mm,
+        targets=targets,
+        label=label,
+        prediction_label=prediction_label,
+        ignore_label=ignore_label,
+    )
     given, truth = Path(prediction), Path(reference)
     if are_transforms(truth):
         return _transforms(given, truth, targets, workspace, progress)
-    return _masks(given, truth, spacing_mm, workspace, progress)
+    labels = MaskLabels.of(label, prediction_label, ignore_label)
+    return _masks(pair_masks(given, truth, spacing_mm, labels), (given, truth), workspace, progress)
 
 
-def _masks(given: Path, truth: Path, spacing_mm: Any, workspace: Path, progress: Progress) -> Outcome:
+def _masks(pairs: MaskPairs, paths: tuple[Path, Path], workspace: Path, progress: Progress) -> Outcome:
     import pandas as pd
 
-    pairs = pair_masks(given, truth, spacing_mm)
+    given, truth = paths
     cases = pd.DataFrame(list(mask_rows(pairs, progress)))
     if not cases["missed"].notna().any():
         raise InputError(
@@ -95,6 +121,7 @@ def _masks(given: Path, truth: Path, spacing_mm: Any, workspace: Path, progress:
     metrics = mask_metrics(cases)
     about = {
         "spacing_mm": None if pairs.spacing_mm is None else list(pairs.spacing_mm),
+        "labels": {name: value for name, value in vars(pairs.labels).items() if value is not None},
         "missing": pairs.missing,
         "not_scored": list(pairs.unused),
     }

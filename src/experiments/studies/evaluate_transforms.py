@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from experiments.datasets.names import same_name
 from experiments.datasets.reading import IMAGE_SUFFIXES
 from experiments.errors import InputError
 from experiments.outcome import Progress
@@ -135,12 +136,13 @@ def _named(folder: Path, setting: str) -> dict[str, Path]:
     """The transforms of a folder by their names without suffix."""
     named: dict[str, Path] = {}
     for path in _transform_files(folder):
-        if path.stem in named:
+        name = same_name(path.stem)
+        if name in named:
             raise InputError(
-                f"{setting}: expected one transform of each name in {folder}, received {named[path.stem].name} and "
+                f"{setting}: expected one transform of each name in {folder}, received {named[name].name} and "
                 f"{path.name}"
             )
-        named[path.stem] = path
+        named[name] = path
     if not named:
         raise InputError(f"{setting}: expected transforms ({', '.join(SUFFIXES)}) in {folder}, received none")
     return named

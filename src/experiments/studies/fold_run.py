@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments.datasets.about import DataSet, name_of
+from experiments.datasets.about import DataSet, reported_name
 from experiments.errors import InputError
 from experiments.group_splits import GroupSplits
 from experiments.outcome import Progress
@@ -109,7 +109,7 @@ class FoldRun:
         bar = progress.track(predict(predictor, frames), f"fold {self.fold}: cases", len(frames))
         predictions = dict(bar)
         nested = {} if self.outer_fold is None else {"outer_fold": self.outer_fold}
-        known = {**nested, "fold": self.fold, "model": self.model_name, "dataset": name_of(dataset)}
+        known = {**nested, "fold": self.fold, "model": self.model_name, "dataset": reported_name(dataset)}
         rows = score_cases(frames, predictions, {**known, "seed": self.seed, **about})
         return pd.DataFrame(rows), predictions
 

@@ -3,30 +3,29 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from experiments.datasets.reading import image_files, read_grey
+from experiments.datasets.names import natural_key, same_name
+from experiments.datasets.reading import image_files, read_mask_values
 from experiments.errors import InputError
 from registration.readers.folder import frame_names
 
 if TYPE_CHECKING:
     from registration.sweep import TrackedSweep
 
-FULL = 255
-# From half of 255 on a grey value of a probability is vessel; files whose values stay far below hold labels.
-HALF = 128
-
 
 def read_masks(path: Path, sweep_path: Path, sweep: TrackedSweep) -> np.ndarray:
     """The masks of all frames of a sweep (n, height, width): bool, or float32 probabilities between 0 and 1.
 
-    ``path`` is a folder with an image of 8 bits or a .npy array for each frame, or one .npy file of all. The frames of
-    a plain folder have names: their masks have the same ones, or the same numbers in them. Frames of other files are
-    in order: masks follow in the order of their names, numbers compared as numbers. Grey values of 0 and 1, or 0 and
-    255, are masks; others are probabilities in parts of 255. Raises InputError for a count, name, size or value that
+    ``path`` is a folder with an image or a .npy array for each frame, or one .npy file of all. The frames of a plain
+    folder have names: their masks have the same ones, or the same numbers in them. Frames of other files are in order:
+    masks follow in the order of their names, numbers compared as numbers. What an image's colours, bits and
+    transparency mean is said in ``label_values``; grey values of 0 and 1, or of 0 and white, are masks; others are
+    probabilities in parts of white. Raises InputError for a count, name, size or value that
     does not fit, and for masks without any vessel.
     """
     if path.is_file():
@@ -47,7 +46,7 @@ def read_masks(path: Path, sweep_path: Path, sweep: TrackedSweep) -> np.ndarray:
 
 
 def _read_folder(path: Path, sweep_path: Path, sweep: TrackedSweep) -> np.ndarray:
-    arrays = {file.stem: file for file in path.glob("*.npy")}
+    arrays = {same_name(file.stem): file for file in path.glob("*.npy")}
     files = arrays or image_files(path)
     if len(files) != len(sweep.images):
         lost = sweep.frames_dropped
@@ -58,20 +57,32 @@ def _read_folder(path: Path, sweep_path: Path, sweep: TrackedSweep) -> np.ndarra
     height, width = sweep.images.shape[1:]
     stack = []
     for name in _in_order_of(files, frame_names(sweep_path), path):
-        values = _array(files[name]) if arrays else read_grey(files[name])
+        values = _array(files[name]) if arrays else read_mask_values(files[name])
         if values.shape != (height, width):
             size = "x".join(str(side) for side in values.shape[::-1])
             raise InputError(
                 f"{files[name]}: expected a mask of its frame's {width}x{height}, received {size}"
             )
         stack.append(values)
-    return np.stack(stack)
+    return _stacked(stack)
+
+
+def _stacked(masks: Sequence[np.ndarray]) -> np.ndarray:
+    """Masks of one kind in one array; black-and-white ones go with grey ones of any depth."""
+    grey = {mask.dtype for mask in masks if mask.dtype != np.bool_}
+    if len(grey) != 1:
+        return np.stack([np.asarray(mask, dtype=np.float32) for mask in masks] if grey else masks)
+    kind = grey.pop()
+    by_one = kind.kind == "f" or max(mask.max() for mask in masks) <= 1
+    white = 1 if by_one else np.iinfo(kind).max
+    return np.stack([mask * kind.type(white) if mask.dtype == np.bool_ else mask for mask in masks])
 
 
 def _in_order_of(files: dict[str, Path], frames: tuple[str, ...] | None, path: Path) -> list[str]:
     """The masks' names in the order of the frames, whose names are None where they have none."""
     if frames is None:
-        return sorted(files, key=_natural)
+        return sorted(files, key=natural_key)
+    frames = tuple(same_name(name) for name in frames)
     if set(frames) == set(files):
         return list(frames)
     numbered = {_number(name): name for name in files}
@@ -89,11 +100,6 @@ def _number(name: str) -> int | None:
     return int(found[-1]) if found else None
 
 
-def _natural(name: str) -> list[tuple[int, int | str]]:
-    # frame_10 comes after frame_2: numbers are compared as numbers, and stand before letters.
-    return [(0, int(part)) if part.isdigit() else (1, part) for part in re.split(r"(\d+)", name)]
-
-
 def _array(path: Path) -> np.ndarray:
     try:
         values: np.ndarray = np.load(path, allow_pickle=False)
@@ -104,20 +110,25 @@ def _array(path: Path) -> np.ndarray:
     return values
 
 
+def _from_grey(stack: np.ndarray, path: Path) -> np.ndarray:
+    full = int(np.iinfo(stack.dtype).max)
+    found = np.flatnonzero(np.bincount(stack.ravel(), minlength=full + 1))
+    if set(found) <= {0, 1} or set(found) <= {0, full}:
+        return stack > 0
+    if found[-1] <= full // 2 or set(found) <= {0, 1, full}:
+        raise InputError(
+            f"masks: expected values 0 and 1, 0 and {full}, or probabilities up to {full} in {path}, "
+            f"received {'1 and ' if found[-1] > full // 2 else 'labels up to '}{found[-1]}"
+        )
+    return stack.astype(np.float32) / full
+
+
 def _values(stack: np.ndarray, path: Path) -> np.ndarray:
     """Grey values or floats as masks or probabilities."""
     if stack.dtype == np.bool_:
         return stack
-    if stack.dtype == np.uint8:
-        found = np.flatnonzero(np.bincount(stack.ravel(), minlength=FULL + 1))
-        if set(found) <= {0, 1} or set(found) <= {0, FULL}:
-            return stack > 0
-        if found[-1] < HALF:
-            raise InputError(
-                f"masks: expected values 0 and 1, 0 and 255, or probabilities up to 255 in {path}, "
-                f"received labels up to {found[-1]}"
-            )
-        return stack.astype(np.float32) / FULL
+    if stack.dtype.kind == "u":
+        return _from_grey(stack, path)
     if not (np.isfinite(stack).all() and stack.min() >= 0 and stack.max() <= 1):
         raise InputError(f"masks: expected probabilities from 0 to 1 in {path}, received others")
     # Without a value in between there is no contour below a pixel to be found, and a mask is what it is.

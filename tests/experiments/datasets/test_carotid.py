@@ -1,8 +1,18 @@
 import numpy as np
 import pytest
-from dataset_layouts import CAROTID, DAMAGE_NAMES, DAMAGES, speckle, write_carotid
+from dataset_layouts import (
+    CAROTID,
+    DAMAGE_NAMES,
+    DAMAGES,
+    LONELY,
+    LONELY_NAMES,
+    grey,
+    speckle,
+    write_carotid,
+)
 from drawn_sweeps import draw_sweeps
 
+from experiments.datasets.about import reported_name
 from experiments.datasets.carotid import Carotid, subject_groups
 from experiments.datasets.stand_in import StandIn
 from experiments.errors import InputError
@@ -53,7 +63,6 @@ def test_the_published_numbers_give_eleven_groups() -> None:
     ("counts", "found"),
     [
         ({"a": 60, "b": 50}, "received 110 with recording 'b', for subject 1"),
-        ({"a": 100, "b": 99}, "received 99 for subject 2, the last"),
         ({"a": 200}, "received 200 with recording 'a', for subject 1"),
     ],
 )
@@ -68,8 +77,62 @@ def test_recordings_as_groups_need_no_hundreds(tmp_path) -> None:
     root = write_carotid(tmp_path, {FIRST: 3, SECOND: 2})
     frames = Carotid(str(root), group_by="recording")()
     assert frames.groups == (FIRST,) * 3 + (SECOND,) * 2
-    with pytest.raises(InputError, match="received 5 for subject 1, the last"):
+
+
+def test_a_last_subject_with_fewer_images_is_a_smaller_group_and_the_notes_say_so(tmp_path) -> None:
+    root = write_carotid(tmp_path, {FIRST: 60, SECOND: 40, THIRD: 43})
+    dataset = Carotid(str(root))
+    frames = dataset()
+    assert frames.groups == ("subject_01",) * 100 + ("subject_02",) * 43
+    assert dataset.left_out() == 0
+    assert dataset.notes()[1] == "The copy is not whole: its last subject, subject_02, has 43 of 100 images."
+    assert len(Carotid(str(root), group_by="recording").notes()) == 1
+
+
+def test_a_real_copy_is_told_of_at_once_and_can_be_gone_on_with(tmp_path) -> None:
+    root = write_carotid(tmp_path, {FIRST: 60, SECOND: 40, THIRD: 43}) / CAROTID
+    images = root / "US images"
+    copies = [f"{FIRST}_slice_{number} - Copy.png" for number in (5, 6)]
+    for name in copies:
+        grey(images / name, speckle(1))
+    for number in (7, 8, 9):
+        (images / f"{SECOND}_slice_{number}.png").unlink()
+    (images / "unet_model.h5").write_bytes(b"HDF")
+    (images / ".DS_Store").write_bytes(b"")
+    (images / "Thumbs.db").write_bytes(b"")
+    with pytest.raises(InputError) as refusal:
         Carotid(str(root))()
+    said = str(refusal.value)
+    for part in (
+        f"no mask for 2 images ({', '.join(f'US images/{name}' for name in copies)})",
+        "no image for 3 masks (",
+        *(f"Expert mask images/{SECOND}_slice_{number}.png" for number in (7, 8, 9)),
+        "with 1 file of another kind (US images/unet_model.h5)",
+        "its last subject, subject_02, has 43 of 100 images",
+        "pass dataset.unpaired=skip to go on without them",
+    ):
+        assert part in said
+    dataset = Carotid(str(root), unpaired="skip")
+    frames = dataset()
+    # The lost images of the second recording do not move the border between subjects.
+    assert frames.groups == ("subject_01",) * 97 + ("subject_02",) * 43
+    assert dataset.left_out() == 5 and reported_name(dataset) == "carotid (5 unpaired left out)"
+    assert dataset.notes()[1:] == (
+        "Left out as unpaired: 2 images without a mask and 3 masks without an image.",
+        "Not used: 1 file of another kind (US images/unet_model.h5).",
+        "The copy is not whole: its last subject, subject_02, has 43 of 100 images.",
+    )
+
+
+def test_the_real_half_of_the_set_is_five_whole_subjects(real_data) -> None:
+    dataset = Carotid(str(real_data / "carotid"))
+    frames = dataset()
+    assert {frames.groups.count(group) for group in set(frames.groups)} == {100}
+    assert len(set(frames.groups)) == 5 and dataset.left_out() == 0 and len(dataset.notes()) == 1
+    assert {image.shape for image in frames.images} == {(749, 709)}
+    assert all(mask.any() for mask in frames.masks)
+    percent = np.quantile([100 * mask.mean() for mask in frames.masks], [0.05, 0.95])
+    np.testing.assert_allclose(percent, [1.7, 3.4], atol=0.05)
 
 
 def test_the_notes_say_how_groups_came_about() -> None:
@@ -91,6 +154,19 @@ def test_a_bad_file_is_named(tmp_path, name: str, damage, message: str) -> None:
     damage(root / "US images" / file, root / "Expert mask images" / file)
     with pytest.raises(InputError, match=rf"{file}: .*{message}"):
         Carotid(str(root), group_by="recording")()
+
+
+@pytest.mark.parametrize("name, damage, message", LONELY, ids=LONELY_NAMES)
+def test_what_has_no_partner_is_refused_or_left_out(tmp_path, name: str, damage, message: str) -> None:
+    root = write_carotid(tmp_path, {FIRST: 3}) / CAROTID
+    file = f"{FIRST}_slice_6.png"
+    damage(root / "US images" / file, root / "Expert mask images" / file)
+    with pytest.raises(InputError, match=rf"{message} .*{file}\); pass dataset\.unpaired=skip"):
+        Carotid(str(root), group_by="recording")()
+    dataset = Carotid(str(root), group_by="recording", unpaired="skip")
+    assert len(dataset()) == 2 and dataset.left_out() == 1
+    with pytest.raises(InputError, match="unpaired: expected refuse or skip, received 'drop'"):
+        Carotid("x", unpaired="drop")
 
 
 def test_refuses_empty_masks_and_names_of_another_kind(tmp_path) -> None:

@@ -76,12 +76,26 @@ def test_the_table_goes_before_what_a_dicom_file_says(tmp_path) -> None:
 def test_refuses_a_film_without_masks_and_masks_without_their_frame(tmp_path) -> None:
     root = write_films(tmp_path / "set")
     (root / "masks" / "clip_0001.png").rename(root / "masks" / "clip_0004.png")
-    with pytest.raises(InputError, match=r"clip_0004\.png: expected an image of the same name"):
+    with pytest.raises(InputError, match=r"no image for 1 mask \(masks/clip_0004\.png\); pass dataset"):
         Folder(str(root))()
+    assert Folder(str(root), unpaired="skip")().case_ids == ("clip_0003", "still")
     (root / "masks" / "clip_0004.png").unlink()
     (root / "masks" / "clip_0003.png").unlink()
-    with pytest.raises(InputError, match=r"clip\.dcm: expected a mask named clip_0000, found none for any"):
+    with pytest.raises(InputError, match=r"no mask for 1 image \(images/clip\.dcm\); pass dataset"):
         Folder(str(root))()
+    dataset = Folder(f"{root}/.", unpaired="skip")
+    assert dataset().case_ids == ("still",) and dataset.left_out() == 1
+
+
+def test_dicom_files_are_found_by_their_content(tmp_path) -> None:
+    root = write_films(tmp_path / "set", "case,group\nclip,p1\n1.2.840.7,p2\n")
+    (root / "images" / "clip.dcm").rename(root / "images" / "clip")
+    (root / "images" / "still.dcm").rename(root / "images" / "1.2.840.7")
+    (root / "masks" / "still.png").rename(root / "masks" / "1.2.840.7.png")
+    (root / "images" / "DICOMDIR").write_bytes(b"\0" * 128 + b"DICM")
+    frames = Folder(str(root))()
+    assert frames.case_ids == ("1.2.840.7", "clip_0001", "clip_0003")
+    assert frames.groups == ("p2", "p1", "p1")
 
 
 @pytest.mark.parametrize(
@@ -89,9 +103,9 @@ def test_refuses_a_film_without_masks_and_masks_without_their_frame(tmp_path) ->
     [
         (
             lambda root: (root / "masks" / "b.png").unlink(),
-            r"b\.jpg: expected a mask of the same name, found none",
+            r"found no mask for 1 image \(images/b\.jpg\); pass dataset\.unpaired=skip",
         ),
-        (lambda root: (root / "images" / "b.jpg").unlink(), r"b\.png: expected an image of the same name"),
+        (lambda root: (root / "images" / "b.jpg").unlink(), r"found no image for 1 mask \(masks/b\.png\)"),
         (
             lambda root: (root / "images" / "b.jpg").write_bytes(b"no image"),
             r"b\.jpg: expected an image, received",
@@ -114,6 +128,42 @@ def test_refuses_pairs_that_do_not_fit_by_name(tmp_path, damage, message: str) -
     damage(root)
     with pytest.raises(InputError, match=message):
         Folder(str(root))()
+
+
+def test_what_has_no_partner_may_be_left_out(tmp_path) -> None:
+    root = write_set(tmp_path / "set")
+    (root / "masks" / "b.png").rename(root / "masks" / "z.png")
+    (root / "images" / "notes.txt").write_text("x")
+    with pytest.raises(
+        InputError,
+        match=r"no mask for 1 image \(images/b\.jpg\) and no image for 1 mask \(masks/z\.png\), with 1 file of another "
+        r"kind \(images/notes\.txt\)",
+    ):
+        Folder(str(root))()
+    dataset = Folder(str(root), unpaired="skip")
+    assert dataset().case_ids == ("a", "c") and dataset.left_out() == 2 and len(dataset.notes()) == 2
+    for name in "ac":
+        (root / "masks" / f"{name}.png").unlink()
+    with pytest.raises(
+        InputError, match="expected images and masks of the same names, found no mask for 3 images"
+    ):
+        Folder(f"{root}/.", unpaired="skip")()
+
+
+def test_names_that_look_alike_are_the_same(tmp_path) -> None:
+    """macOS writes an accent as a character of its own."""
+    root = write_set(tmp_path / "set", "case,group\na,p\nb\u00e9,q\nc,r\n")
+    (root / "images" / "b.jpg").rename(root / "images" / "be\u0301.jpg")
+    (root / "masks" / "b.png").rename(root / "masks" / "b\u00e9.png")
+    assert Folder(str(root))().case_ids == ("a", "b\u00e9", "c")
+    table = root / "groups.csv"
+    table.write_text(table.read_text().replace("b\u00e9", "be\u0301"))
+    assert Folder(f"{root}/.")().groups == ("p", "q", "r")
+
+
+def test_groups_are_named_as_the_table_writes_them(tmp_path) -> None:
+    frames = Folder(str(write_set(tmp_path / "set", "case,group\na,1.10\nb,010\nc,1e3\n")))()
+    assert frames.groups == ("1.10", "010", "1e3")
 
 
 def test_labels_of_choice(tmp_path) -> None:

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dataset_layouts import DAMAGE_NAMES, DAMAGES, speckle, write_musv
+from dataset_layouts import DAMAGE_NAMES, DAMAGES, LONELY, LONELY_NAMES, speckle, write_musv
 from drawn_sweeps import draw_sweeps
 
 from experiments.datasets import vessel_pair
@@ -91,6 +91,30 @@ def test_a_bad_file_is_named(tmp_path, name: str, damage, message: str) -> None:
         MusV(str(root), "artery")()
 
 
+@pytest.mark.parametrize("name, damage, message", LONELY, ids=LONELY_NAMES)
+def test_what_has_no_partner_is_refused_or_left_out(tmp_path, name: str, damage, message: str) -> None:
+    root = write_musv(tmp_path, SEQUENCES)
+    damage(root / "Videos/train/002/002_001.png", root / "Annotations/002/002_001.png")
+    with pytest.raises(InputError, match=rf"{message} .*002_001\.png\); pass dataset\.unpaired=skip"):
+        MusV(str(root), "artery")()
+    dataset = MusV(str(root), "artery", unpaired="skip")
+    assert dataset().groups == ("001",) * 2 + ("002",) * 2 + ("010",) * 2
+    assert dataset.left_out() == 1 and dataset.notes()[-1].startswith("Left out as unpaired: ")
+
+
+def test_a_sequence_without_annotations_and_annotations_without_a_video_are_listed_together(tmp_path) -> None:
+    root = write_musv(tmp_path, SEQUENCES)
+    (root / "Videos/valid/001").rename(root / "Videos/valid/003")
+    for frame in (root / "Videos/valid/003").iterdir():
+        frame.rename(frame.with_name(frame.name.replace("001_", "003_")))
+    with pytest.raises(
+        InputError, match=r"no mask for 2 images .*no image for 2 masks \(Annotations/001/001_000"
+    ):
+        MusV(str(root), "vein")()
+    dataset = MusV(str(root), "vein", unpaired="skip")
+    assert set(dataset().groups) == {"002", "010"} and dataset.left_out() == 4
+
+
 def test_refuses_masks_without_the_target(tmp_path) -> None:
     root = write_musv(tmp_path, {"001": ("train", 2, (9, 9))}, artery=0)
     assert MusV(str(root), "vein")().masks[0].any()
@@ -102,7 +126,8 @@ def test_refuses_a_layout_that_is_not_whole(tmp_path) -> None:
     root = write_musv(tmp_path / "a", SEQUENCES)
     (root / "Videos/valid/001").rename(root / "Videos/001")
     with pytest.raises(
-        InputError, match=r"Annotations/001: expected a video of the same sequence, found none"
+        InputError,
+        match=r"found no image for 2 masks \(Annotations/001/001_000\.png, Annotations/001/001_001\.png\)",
     ):
         MusV(str(root), "vein")()
     (root / "Videos/valid").rmdir()

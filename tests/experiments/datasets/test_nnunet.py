@@ -61,11 +61,44 @@ def test_the_target_is_a_label_or_a_region(tmp_path) -> None:
     root = write_set(tmp_path / "set")
     assert int(frames_of(root, target="nerve").masks[0].sum()) == 3
     assert int(frames_of(root, target="both").masks[0].sum()) == 9
-    for target in ("background", "bone"):
-        with pytest.raises(
-            InputError, match=r"expected a label of .*\(nerve, vessel, both, ignore\), received '"
-        ):
+    for target in ("background", "bone", "ignore"):
+        with pytest.raises(InputError, match=r"expected a label of .*\(nerve, vessel, both\), received '"):
             frames_of(root, target=target)
+
+
+def test_pixels_that_nobody_labelled_are_not_background_unasked(tmp_path) -> None:
+    root = write_set(tmp_path / "set")
+    path = root / "labelsTr" / "b.png"
+    mask = np.array(Image.open(path))
+    mask[0, :2] = 3
+    Image.fromarray(mask).save(path)
+    with pytest.raises(
+        InputError,
+        match=r"b\.png: expected every pixel labelled, received pixels of the label ignore in 1 of 4 images; pass "
+        r"dataset\.ignored=skip .* dataset\.ignored=background",
+    ):
+        frames_of(root)
+    skipped = NnUNet(str(root), ignored="skip")
+    assert skipped().case_ids == ("a", "c_0000", "t")
+    assert skipped.notes()[-1] == "1 images have pixels that are not labelled (ignore); they are left out."
+    taken = NnUNet(str(root), ignored="background")
+    assert [int(mask.sum()) for mask in taken().masks] == [6] * 4
+    assert taken.notes()[-1].endswith("they count as background there.")
+    with pytest.raises(InputError, match="ignored: expected refuse, skip or background, received 'vessel'"):
+        NnUNet("x", ignored="vessel")
+
+
+def test_what_has_no_partner_may_be_left_out(tmp_path) -> None:
+    root = write_set(tmp_path / "set")
+    (root / "labelsTr" / "a.png").unlink()
+    (root / "imagesTs" / "u_0000.png").write_bytes((root / "imagesTs" / "t_0000.png").read_bytes())
+    with pytest.raises(
+        InputError, match=r"no mask for 2 images \(imagesTr/a_0000\.png, imagesTs/u_0000\.png\)"
+    ):
+        frames_of(root)
+    dataset = NnUNet(str(root), unpaired="skip")
+    assert dataset().case_ids == ("b", "c_0000", "t") and dataset.left_out() == 2
+    assert "Left out as unpaired: 2 images without a mask" in " ".join(dataset.notes())
 
 
 def test_groups_and_pixel_sizes_are_those_of_the_table(tmp_path) -> None:
@@ -123,7 +156,9 @@ def test_refuses_files_by_name(tmp_path) -> None:
         frames_of(root)
     root = write_set(tmp_path / "label")
     (root / "labelsTr" / "a.png").unlink()
-    with pytest.raises(InputError, match=r"a_0000\.png: expected a mask of the same name, found none"):
+    with pytest.raises(
+        InputError, match=r"no mask for 1 image \(imagesTr/a_0000\.png\); pass dataset\.unpaired=skip"
+    ):
         frames_of(root)
     root = write_set(tmp_path / "twice")
     for name, case in (("images", "a_0000"), ("labels", "a")):

@@ -7,6 +7,7 @@ import pytest
 from dicom_files import write_dicom
 from drawn_screens import cross_hairs, speckle
 from PIL import Image
+from stored_pngs import write_png
 from torch.nn import Identity
 
 from experiments.datasets import reading
@@ -49,20 +50,12 @@ def test_refuses_a_folder_that_is_missing_empty_or_has_a_name_twice(tmp_path) ->
         reading.image_files(tmp_path)
 
 
-def test_refuses_what_has_no_partner() -> None:
-    one, two = {"a": Path("images/a.png")}, {"a": Path("masks/a.png"), "b": Path("masks/b.png")}
-    with pytest.raises(InputError, match=r"masks/b\.png: expected an image of the same name"):
-        reading.paired(one, two)
-    with pytest.raises(InputError, match=r"images/a\.png: expected a mask of the same name"):
-        reading.paired(one, {})
-
-
 def test_colour_and_grey_images_give_the_same_grey(tmp_path) -> None:
     grey = np.arange(6, dtype=np.uint8).reshape(2, 3) * 40
     for name, pixels in (
         ("l.png", grey),
         ("rgb.png", np.dstack([grey] * 3)),
-        ("rgba.png", np.dstack([grey] * 4)),
+        ("rgba.png", np.dstack([grey] * 3 + [np.full_like(grey, 255)])),
     ):
         np.testing.assert_array_equal(reading.read_grey(write(tmp_path / name, pixels)), grey)
 
@@ -157,8 +150,61 @@ def test_refuses_an_image_that_is_not_there(tmp_path) -> None:
             read(tmp_path / "none.png")
 
 
+def test_few_bits_of_grey_are_scaled_and_eight_in_sixteen_are_taken(tmp_path) -> None:
+    two = write_png(tmp_path / "two.png", LABELS, 2)
+    np.testing.assert_array_equal(reading.read_grey(two), LABELS * 85)
+    tissue = speckle((20, 30))
+    for factor in (256, 257):
+        path = write(tmp_path / "deep.png", tissue.astype(np.uint16) * factor)
+        np.testing.assert_array_equal(reading.read_grey(path), tissue)
+    deep = write(tmp_path / "deep.png", tissue.astype(np.uint16) * 16)
+    with pytest.raises(
+        InputError, match=r"deep\.png: expected an image of 8 bits a channel, received uint16"
+    ):
+        reading.read_grey(deep)
+
+
+def test_transparency_that_hides_echoes_is_refused_and_other_is_dropped(tmp_path) -> None:
+    tissue = speckle((20, 30))
+    tissue[:5] = 0
+    clear = np.full_like(tissue, 255)
+    clear[:5] = 0
+    for planes in (
+        [tissue, clear],
+        [tissue] * 3 + [clear],
+        [tissue, clear * 0],
+        [tissue] * 3 + [clear * 0 + 9],
+    ):
+        path = write(tmp_path / "a.png", np.dstack(planes))
+        np.testing.assert_array_equal(reading.read_grey(path), tissue)
+    clear[5:10] = 0
+    for planes in ([tissue, clear], [tissue] * 3 + [clear]):
+        with pytest.raises(
+            InputError, match=r"a\.png: expected an opaque image, .* save it without an alpha"
+        ):
+            reading.read_grey(write(tmp_path / "a.png", np.dstack(planes)))
+
+
+def test_an_image_and_its_mask_are_turned_as_they_are_shown(tmp_path) -> None:
+    """A camera's or a viewer's mark, as in the image alone, decides for both."""
+    exif = Image.Exif()
+    exif[274] = 3
+    tissue = speckle((20, 30))
+    Image.fromarray(np.ascontiguousarray(tissue[::-1, ::-1])).save(tmp_path / "a.png", exif=exif)
+    np.testing.assert_array_equal(reading.read_grey(tmp_path / "a.png"), tissue)
+
+
+def test_files_that_are_no_images_are_known_apart(tmp_path) -> None:
+    for name in ("a.png", "model.h5", "notes.txt", ".hidden", "Thumbs.db", "desktop.ini"):
+        (tmp_path / name).touch()
+    write_dicom(tmp_path / "IM_0001", speckle((4, 4)))
+    assert list(reading.image_files(tmp_path)) == ["IM_0001", "a"]
+    assert [path.name for path in reading.other_files(tmp_path)] == ["model.h5", "notes.txt"]
+    np.testing.assert_array_equal(reading.read_grey(tmp_path / "IM_0001"), speckle((4, 4)))
+
+
 def test_refuses_sixteen_bits_and_numbers_that_are_no_grey_values(tmp_path) -> None:
-    deep = write(tmp_path / "deep.png", np.zeros((4, 4), np.uint16))
+    deep = write(tmp_path / "deep.png", np.full((4, 4), 700, np.uint16))
     real = write(tmp_path / "real.tif", np.zeros((4, 4), np.float32))
     for path, kind in ((deep, "uint16"), (real, "float32")):
         with pytest.raises(

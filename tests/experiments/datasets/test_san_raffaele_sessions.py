@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
-from dataset_layouts import DAMAGE_NAMES, DAMAGES, speckle, write_san_raffaele
+from dataset_layouts import DAMAGE_NAMES, DAMAGES, LONELY, LONELY_NAMES, speckle, write_san_raffaele
 
-from experiments.datasets.san_raffaele_sessions import read_sessions
+from experiments.datasets.san_raffaele_sessions import left_over, read_sessions
 from experiments.errors import InputError
 
 ROWS = [("visit b", "ann", "no", 12), ("visit a", "ann", "yes", 3), ("visit c", "", "", 4)]
@@ -46,6 +46,31 @@ def test_a_bad_file_is_named(tmp_path, name: str, damage, message: str) -> None:
     damage(root / "visit c/images/frame_2.png", root / "visit c/masks/frame_2.png")
     with pytest.raises(InputError, match=rf"visit c/\w+/frame_2\.png: .*{message}"):
         read_sessions(root, None)
+
+
+@pytest.mark.parametrize("name, damage, message", LONELY, ids=LONELY_NAMES)
+def test_what_has_no_partner_is_refused_or_left_out(tmp_path, name: str, damage, message: str) -> None:
+    root = write_san_raffaele(tmp_path, ROWS)
+    damage(root / "visit c/images/frame_2.png", root / "visit c/masks/frame_2.png")
+    with pytest.raises(
+        InputError, match=rf"{message} \(visit c/\w+/frame_2\.png\); pass dataset\.unpaired=skip"
+    ):
+        read_sessions(root, None)
+    # A frame that is left out may stand on the list of the excluded.
+    (root / "excluded.csv").write_text("session,frame\nvisit c,frame_2\nvisit c,frame_3\n")
+    third = read_sessions(root, None, "skip")[2]
+    assert third.cases == ("visit c_frame_0", "visit c_frame_1", "visit c_frame_3")
+    assert list(third.reasons) == [2] and left_over(root).unpaired == 1
+
+
+def test_a_session_without_any_mask_is_left_out_as_a_whole(tmp_path) -> None:
+    root = write_san_raffaele(tmp_path, ROWS)
+    for file in (root / "visit a/masks").iterdir():
+        file.unlink()
+    (root / "visit a/masks").rmdir()
+    with pytest.raises(InputError, match=r"no mask for 3 images \(visit a/images/frame_0\.png, "):
+        read_sessions(root, None)
+    assert [one.name for one in read_sessions(root, None, "skip")] == ["visit b", "visit c"]
 
 
 def test_refuses_masks_that_are_all_empty(tmp_path) -> None:

@@ -59,8 +59,15 @@ def test_refuses_files_by_name(tmp_path) -> None:
         Usgra(str(root))()
     root = write_set(tmp_path / "pair")
     (root / "masks" / "0002.png").unlink()
-    with pytest.raises(InputError, match=r"images.0002\.png: expected a mask of the same name"):
+    with pytest.raises(
+        InputError, match=r"no mask for 1 image \(images/0002\.png\); pass dataset\.unpaired=skip"
+    ):
         Usgra(str(root))()
+    dataset = Usgra(str(root), unpaired="skip")
+    assert "0002" not in dataset().case_ids and dataset.left_out() == 1
+    assert (
+        dataset.notes()[-1] == "Left out as unpaired: 1 images without a mask and 0 masks without an image."
+    )
     root = write_set(tmp_path / "empty", label=0)
     with pytest.raises(InputError, match="masks: expected masks with a vessel, received 3 empty ones"):
         Usgra(str(root))()

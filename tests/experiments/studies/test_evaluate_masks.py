@@ -13,6 +13,7 @@ from PIL import Image
 from experiments.errors import InputError
 from experiments.outcome import Silent
 from experiments.studies.evaluate_masks import (
+    MaskLabels,
     MaskPairs,
     describe_masks,
     mask_metrics,
@@ -127,6 +128,83 @@ def test_what_does_not_fit_is_named(folders: tuple[Path, Path], tmp_path: Path) 
     save(tmp_path / "others" / "q.png", square(3))
     with pytest.raises(InputError, match=r"prediction: expected masks named as those in .*\(a, ...\)"):
         pair_masks(tmp_path / "others", truth, None)
+
+
+def labelled(folder: Path, name: str, left: int, others: int = 1, vessel: int = 2) -> None:
+    """A mask with another structure beside the vessel."""
+    labels = square(left).astype(np.uint8) * vessel
+    labels[30:35, 5:50] = others
+    folder.mkdir(exist_ok=True)
+    Image.fromarray(labels).save(folder / f"{name}.png")
+
+
+def scored(given: Path, truth: Path, *labels: object) -> pd.DataFrame:
+    pairs = pair_masks(given, truth, None, MaskLabels.of(*labels))
+    return pd.DataFrame(list(mask_rows(pairs, Silent()))).set_index("case_id")
+
+
+def test_one_label_of_several_is_scored(tmp_path: Path) -> None:
+    given, truth = tmp_path / "given", tmp_path / "truth"
+    for name, left in (("a", 20), ("b", 24)):
+        labelled(truth, name, 20)
+        labelled(given, name, left)
+    with pytest.raises(InputError, match=r"expected labels 0, 1, 255, received 2; pass label=<the vessel's>"):
+        scored(given, truth, None, None, None)
+    cases = scored(given, truth, 2, None, None)
+    assert cases["dsc"].tolist() == pytest.approx([1.0, 0.6])
+    assert scored(given, truth, 1, None, None)["dsc"].tolist() == [1.0, 1.0]
+    assert scored(given, truth, [1, 2], None, None).loc["b", "dsc"] == pytest.approx(1 - 80 / (2 * 325))
+
+
+def test_predictions_may_have_another_label_and_it_must_be_said(tmp_path: Path) -> None:
+    given, truth = tmp_path / "given", tmp_path / "truth"
+    labelled(truth, "a", 20)
+    save(given / "a.png", square(20))
+    with pytest.raises(
+        InputError, match=r"prediction: expected masks with the label 2 .*received 0, 255; pass predic"
+    ):
+        scored(given, truth, 2, None, None)
+    assert scored(given, truth, 2, 255, None)["dsc"].tolist() == [1.0]
+    save(given / "a.png", square(20), full=1)
+    with pytest.raises(InputError, match=r"prediction: expected masks with the label 2 .*received 0, 1"):
+        scored(given, truth, 2, None, None)
+    with pytest.raises(
+        InputError, match=r"label: expected one that the reference masks hold \(0, 1, 2\), received 7"
+    ):
+        scored(given, truth, 7, None, None)
+
+
+def test_what_nobody_labelled_is_scored_neither_way(tmp_path: Path) -> None:
+    given, truth = tmp_path / "given", tmp_path / "truth"
+    labelled(truth, "a", 20, others=9)
+    save(given / "a.png", square(20) | (np.arange(40)[:, None] >= 30), full=2)
+    assert scored(given, truth, 2, None, None).loc["a", "dsc"] == pytest.approx(2 * 100 / (100 + 700))
+    # Of the 600 pixels too many, 5 rows of 45 are not labelled.
+    assert scored(given, truth, 2, None, 9).loc["a", "dsc"] == pytest.approx(2 * 100 / (100 + 700 - 225))
+
+
+def test_labels_that_are_none_are_refused() -> None:
+    for wrong in (0, -1, 1.5, True, "a", [], [1, "b"]):
+        with pytest.raises(InputError, match="label: expected a label from 1, several, or null, received"):
+            MaskLabels.of(wrong, None, None)
+    with pytest.raises(
+        InputError, match="label: expected the vessel's label beside prediction_label or ignore_label"
+    ):
+        MaskLabels.of(None, 1, None)
+    for wrong in (2, [3, 4]):
+        with pytest.raises(InputError, match="ignore_label: expected one label, and not the vessel's"):
+            MaskLabels.of(2, None, wrong)
+
+
+def test_palettes_and_accents_do_not_change_a_score(tmp_path: Path) -> None:
+    given, truth = tmp_path / "given", tmp_path / "truth"
+    save(truth / "n\u00e9.png", square(20))
+    given.mkdir()
+    image = Image.fromarray((~square(20)).astype(np.uint8), "P")
+    image.putpalette([255, 255, 255, 0, 0, 0])
+    image.save(given / "ne\u0301.png")
+    cases, pairs = table(given, truth)
+    assert cases["dsc"].tolist() == [1.0] and not pairs.unused and not pairs.missing
 
 
 def test_a_spacing_is_one_number_or_two() -> None:

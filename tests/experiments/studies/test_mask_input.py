@@ -63,6 +63,60 @@ def test_masks_of_a_plain_folder_have_their_frames_name_or_number(
     assert counted(folder, plain) == list(range(12, 0, -1))
 
 
+FORMS = {
+    "palette, white first": lambda mask: palette(mask == 0, [255, 255, 255, 0, 0, 0]),
+    "palette, red": lambda mask: palette(mask > 0, [0, 0, 0, 255, 0, 0]),
+    "1 bit": lambda mask: Image.fromarray(mask > 0),
+    "16 bits": lambda mask: Image.fromarray(mask.astype(np.uint16) * 257),
+    "red": lambda mask: Image.fromarray(np.dstack([mask, mask * 0, mask * 0])),
+    "alpha": lambda mask: Image.fromarray(np.dstack([mask * 0 + 255, mask])),
+}
+
+
+def palette(indices: np.ndarray, colours: list[int]) -> Image.Image:
+    image = Image.fromarray(indices.astype(np.uint8), "P")
+    image.putpalette(colours)
+    return image
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_masks_are_the_same_in_every_form(folder: Path, form: str) -> None:
+    for index in range(12):
+        FORMS[form](frame(index)).save(folder / f"{index}.png")
+    assert counted(folder, Path("a.igs.mha")) == list(range(1, 13))
+    # Empty masks beside them, in yet another form.
+    Image.fromarray(frame(3) * 0).save(folder / "3.png")
+    assert counted(folder, Path("a.igs.mha"))[3] == 0
+
+
+def test_probabilities_of_16_bits_and_labels_in_colour(folder: Path) -> None:
+    for index in range(12):
+        values = np.where(frame(index) > 0, 60000, 9000).astype(np.uint16)
+        Image.fromarray(values).save(folder / f"{index}.png")
+    probability = read_masks(folder, Path("a.igs.mha"), SWEEP)
+    np.testing.assert_allclose(np.unique(probability), [9000 / 65535, 60000 / 65535], rtol=1e-6)
+    labels = np.zeros(SWEEP.images.shape[1:], np.uint8)
+    labels.flat[:2] = 1, 2
+    palette(labels, [0, 0, 0, 255, 0, 0, 0, 255, 0]).save(folder / "0.png")
+    with pytest.raises(InputError, match=r"0\.png: expected labels 0, 1, 255, received 2"):
+        read_masks(folder, Path("a.igs.mha"), SWEEP)
+
+
+def test_masks_of_1_and_of_255_together_are_refused(folder: Path) -> None:
+    for index in range(12):
+        Image.fromarray(frame(index) // (255 if index == 4 else 1)).save(folder / f"{index}.png")
+    with pytest.raises(InputError, match=r"masks: expected values 0 and 1, 0 and 255, .* received 1 and 255"):
+        read_masks(folder, Path("a.igs.mha"), SWEEP)
+
+
+def test_an_accent_does_not_part_a_mask_from_its_frame(folder: Path, plain: Path) -> None:
+    rows = (plain / "frames.csv").read_text().splitlines()
+    (plain / "frames.csv").write_text("\n".join([rows[0], *(f"e\u0301_{row}" for row in rows[1:])]))
+    for index in range(12):
+        Image.fromarray(frame(index)).save(folder / f"\u00e9_{index:06d}.png")
+    assert counted(folder, plain) == list(range(1, 13))
+
+
 def test_a_mask_of_another_name_is_refused(folder: Path, plain: Path) -> None:
     for index in range(1, 13):
         Image.fromarray(frame(index)).save(folder / f"{index:06d}.png")
