@@ -9,14 +9,16 @@ from jaxtyping import Float64
 from scipy.spatial import cKDTree
 
 from registration.centerline_ends import backwards, to_closed_end
+from registration.centerline_loops import require_no_loop
 from registration.centerline_refinement import refine
 from registration.centerline_tree import Path, find_tips, given_tips, paths_from
 from registration.checks import require_at_least, require_positive
 from registration.clouds import OrientedCloud
 from registration.errors import InputError
 from registration.geometry import Centerline, Mesh, Polyline
+from registration.hollow import genus, vessel_surface
 from registration.medial_axis import mean_radius_mm, medial_axis
-from registration.mesh_topology import borders, largest_piece, with_caps
+from registration.mesh_topology import borders, with_caps
 from registration.roughness import smoothed_if_rough
 from registration.surface import SurfaceMethod
 from registration.walls import Walls
@@ -74,10 +76,11 @@ class CenterlineExtractor:
         """The lines of the largest piece of ``surface``, each from the source to one other end, radius included.
 
         The source is the widest end. ``ends_mm`` names the ends instead, the source first. Lines that share a trunk
-        have the same points there. Raises InputError for a surface without an inside or without two ends, and for
-        ``ends_mm`` outside.
+        have the same points there. Of a hollow body the lines run through the lumen (``registration.hollow``). Raises
+        InputError for a surface without an inside or without two ends, for one that closes to a loop (unless ends
+        are given), for a hole that may or may not be a lumen, and for ``ends_mm`` outside.
         """
-        mesh = smoothed_if_rough(largest_piece(self._mesh(surface)), self.rough_radii)
+        mesh = smoothed_if_rough(vessel_surface(self._mesh(surface)), self.rough_radii)
         found = borders(mesh)
         ends = tuple(border for border in found if border.is_end)
         wall = with_caps(mesh, tuple(border for border in found if not border.is_end), CAP_RINGS)
@@ -91,6 +94,8 @@ class CenterlineExtractor:
         lines: list[Polyline] = []
         for path in sorted(paths_from(axis, tips), key=lambda path: -path.width_mm):
             lines.append(self._line(path, walls, lines))
+        if ends_mm is None and (handles := genus(closed)):
+            require_no_loop(axis, lines, handles)
         return Centerline(tuple(lines))
 
     def _mesh(self, surface: Mesh | OrientedCloud) -> Mesh:
