@@ -30,6 +30,7 @@ from registration.metrics import Surface
 from registration.model_files import lps_from, stated_space, write_model
 from registration.model_units import DIAGONAL_MM, MM_PER_UNIT, to_millimetres
 from registration.surface import SurfaceMethod
+from registration.vessel_pieces import VesselPieces
 
 SPACES = ("lps", "ras")
 WHERE = "The files are in mm in LPS; open scene.html in a browser to look at them."
@@ -135,7 +136,7 @@ def _wall(read: Surface, units: str | None, surface: SurfaceMethod, path: Path) 
             f"mesh: expected a vessel in millimetres in {path}, received points with a diagonal of {length:.3g}: "
             "pass units=m or units=cm to convert them or units=mm to take them as they are"
         )
-    return surface(with_normals(points_mm)), None
+    return VesselPieces()(surface(with_normals(points_mm))).mesh, None
 
 
 def _record(
