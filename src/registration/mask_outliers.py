@@ -145,7 +145,9 @@ class MaskOutliers:
                 if len(others) >= LEAST_SIDE:
                     found[frame, side] = seen.apart(int(frame), others)
         ends = np.isnan(found[:, 2, 0])
-        known = np.where(np.isnan(found), np.inf, found)
+        # A vessel that ends in a sweep, ends in a dome.
+        found[ends, :, 1] = np.maximum(found[ends, :, 1], 0.0)
+        known = np.where(np.isnan(found), np.inf, np.abs(found))
         best = known.min(axis=1)
         limits = np.array([self.position, self.size, self.shape])
         spread = [np.median(values[np.isfinite(values)]) for values in best[good].T]
@@ -215,15 +217,19 @@ class _Seen:
         return found
 
     def apart(self, frame: int, others: Int64[np.ndarray, "n"]) -> tuple[float, float, float]:
-        """How far a mask is from what others predict: place and radius in their radii, and the share of its shape."""
+        """How far a mask is from what others predict: place and radius in their radii, and the share of its shape.
+
+        The radius has a sign: it is below 0 for a mask that is too small.
+        """
         usual_mm = float(np.median(self.radius_mm[others]))
         values = np.column_stack([self.middle_mm[others], self.radius_mm[others]])
         expected = _line_at(self.way_mm[others], values, float(self.way_mm[frame]))
         offset_mm = self.middle_mm[frame] - expected[:3]
         beside_mm = offset_mm - (offset_mm @ self.normals[frame]) * self.normals[frame]
-        size_mm = abs(float(self.radius_mm[frame] - expected[3]))
-        shape = float(np.median([self._unlike(frame, int(other)) for other in others]))
-        return float(np.linalg.norm(beside_mm)) / usual_mm, size_mm / usual_mm, shape
+        wider_mm = float(self.radius_mm[frame] - expected[3])
+        # Two of the others need agree: shapes change fast where branches part, but not from one mask to the next.
+        shape = sorted(self._unlike(frame, int(other)) for other in others)[1]
+        return float(np.linalg.norm(beside_mm)) / usual_mm, wider_mm / usual_mm, shape
 
     def _unlike(self, frame: int, other: int) -> float:
         """The share of two masks that do not cover each other, once their middles and areas are the same (1 - DSC)."""

@@ -193,7 +193,7 @@ def _write(workspace: Path, truth: SimulatedSweep, found: Registered, name: str)
         "fixed_T_moving": result.fixed_T_moving.tolist(),
         "verdict": result.verdict,
         "reason": result.reason,
-        "reconstruction": {"masks": found.left_out.masks, "surface": found.left_out.surface},
+        "reconstruction": {"mask_check": found.left_out.masks, "surface": found.left_out.surface},
     }
     files.write_text(workspace / "registration.json", json.dumps(answer))
 

@@ -44,7 +44,7 @@ def record(found: Reconstructed, posed: PosedFrames, sweep: TrackedSweep, near_m
             "dropped": dict(posed.dropped),
             "with_vessel": len(np.unique(contours.frame_index)),
         },
-        "masks": mask_record(found, posed.kept),
+        "mask_check": mask_record(found, posed.kept),
         "contours": {
             "contours": len(np.unique(contours.contour_index)),
             "open_contours": len(np.unique(contours.contour_index[contours.is_open])),
@@ -127,7 +127,7 @@ def metrics(told: Mapping[str, Any]) -> dict[str, float]:
         "frames_with_pose": float(frames["with_pose"]),
         "frames_with_vessel": float(frames["with_vessel"]),
         "frames_dropped": float(sum(frames["dropped"].values())),
-        **numbers(told["masks"], told["surface"]),
+        **numbers(told["mask_check"], told["surface"]),
         "points": float(told["points"]),
         **{f"removed_{name}": float(count) for name, count in told["removed_points"].items()},
         **{
@@ -156,7 +156,7 @@ def table(told: Mapping[str, Any]) -> pd.DataFrame:
     lines = [
         ("frames", f"{frames['with_vessel']} with the vessel of {frames['with_pose']} with a pose"),
         ("frames dropped", describe_dropped(frames["dropped"])),
-        ("masks left out", _left_out(told["masks"])),
+        ("masks left out", _left_out(told["mask_check"])),
         (
             "contours",
             f"{contours['contours']}, {contours['open_contours']} of them cut by the picture's edge",
@@ -197,7 +197,7 @@ def remarks(found: Reconstructed, told: Mapping[str, Any]) -> tuple[str, ...]:
             f"{1 - coverage['points_near_surface']:.1%} of the points lie farther than {coverage['near_mm']:g} mm from "
             f"the surface: they belong to pieces that were left out, or to none."
         )
-    said += sentences(told["masks"], told["surface"])
+    said += sentences(told["mask_check"], told["surface"])
     if quality["holes"]:
         said.append(f"The surface has {quality['holes']} holes in its wall.")
     if not (quality["manifold"] and quality["oriented"]):
