@@ -50,6 +50,7 @@ ALLOWED: frozenset[str] = frozenset(
         "registration.label_surface.LabelSurface",
         "registration.line_detection.LineDetector",
         "registration.live.LiveRecorder",
+        "registration.mask_outliers.MaskOutliers",
         "registration.perturbation.Perturbation",
         "registration.phantom.acoustics.Artefacts",
         "registration.phantom.acoustics.Scanner",
@@ -77,6 +78,7 @@ ALLOWED: frozenset[str] = frozenset(
         "registration.surface.PoissonSurface",
         "registration.surface_volume.SignedDistanceSurface",
         "registration.temporal_calibration.TemporalCalibration",
+        "registration.vessel_pieces.VesselPieces",
     }
 )
 

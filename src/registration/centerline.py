@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,16 +10,19 @@ from jaxtyping import Float64
 from scipy.spatial import cKDTree
 
 from registration.centerline_ends import backwards, to_closed_end
+from registration.centerline_loops import require_no_loop
 from registration.centerline_refinement import refine
 from registration.centerline_tree import Path, find_tips, given_tips, paths_from
 from registration.checks import require_at_least, require_positive
 from registration.clouds import OrientedCloud
 from registration.errors import InputError
 from registration.geometry import Centerline, Mesh, Polyline
+from registration.hollow import find_lumen, genus
 from registration.medial_axis import mean_radius_mm, medial_axis
-from registration.mesh_topology import borders, largest_piece, with_caps
+from registration.mesh_topology import borders, with_caps
 from registration.roughness import smoothed_if_rough
 from registration.surface import SurfaceMethod
+from registration.vessel_pieces import VesselPieces
 from registration.walls import Walls
 
 # A cap over a hole takes part as a wall, so it needs points inside.
@@ -71,13 +75,28 @@ class CenterlineExtractor:
     def __call__(
         self, surface: Mesh | OrientedCloud, ends_mm: Float64[np.ndarray, "k 3"] | None = None
     ) -> Centerline:
-        """The lines of the largest piece of ``surface``, each from the source to one other end, radius included.
+        """The lines of a vessel's ``surface``, each from the source of its piece to one other end, radius included.
+
+        Pieces are those that belong to the vessel of the largest (``registration.vessel_pieces``).
 
         The source is the widest end. ``ends_mm`` names the ends instead, the source first. Lines that share a trunk
-        have the same points there. Raises InputError for a surface without an inside or without two ends, and for
-        ``ends_mm`` outside.
+        have the same points there. Of a hollow body the lines run through the lumen (``registration.hollow``). Raises
+        InputError for a surface without an inside or without two ends, for one that closes to a loop (unless ends
+        are given), for a hole that may or may not be a lumen, and for ``ends_mm`` outside.
         """
-        mesh = smoothed_if_rough(largest_piece(self._mesh(surface)), self.rough_radii)
+        mesh = self._mesh(surface)
+        lumen = find_lumen(mesh)
+        parts = VesselPieces().parts(mesh) if lumen is None else [lumen.mesh]
+        lines = list(self._lines(parts[0], ends_mm))
+        for part in parts[1:] if ends_mm is None else ():
+            # A piece of a vessel between two gaps may be shorter than wide: it has no line of its own.
+            with contextlib.suppress(InputError):
+                lines += self._lines(part, None)
+        return Centerline(tuple(lines))
+
+    def _lines(self, piece: Mesh, ends_mm: Float64[np.ndarray, "k 3"] | None) -> tuple[Polyline, ...]:
+        """The lines of one piece of a vessel."""
+        mesh = smoothed_if_rough(piece, self.rough_radii)
         found = borders(mesh)
         ends = tuple(border for border in found if border.is_end)
         wall = with_caps(mesh, tuple(border for border in found if not border.is_end), CAP_RINGS)
@@ -91,7 +110,9 @@ class CenterlineExtractor:
         lines: list[Polyline] = []
         for path in sorted(paths_from(axis, tips), key=lambda path: -path.width_mm):
             lines.append(self._line(path, walls, lines))
-        return Centerline(tuple(lines))
+        if ends_mm is None and (handles := genus(closed)):
+            require_no_loop(axis, lines, handles)
+        return tuple(lines)
 
     def _mesh(self, surface: Mesh | OrientedCloud) -> Mesh:
         if isinstance(surface, Mesh):

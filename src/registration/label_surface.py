@@ -13,6 +13,7 @@ from registration import frames
 from registration.checks import require_positive
 from registration.errors import InputError
 from registration.geometry import Mesh
+from registration.hollow import Lumen, find_lumen
 from registration.mesh_quality import enclosed_volume_mm3
 from registration.mesh_topology import largest_piece
 from registration.surface_ends import clip
@@ -29,12 +30,14 @@ MARGIN_WIDTHS = 4.0
 class LabelledSurface:
     """The surface of a label in mm in LPS, wound outwards, in one piece.
 
-    ``lost_mm`` is how far the farthest voxel of the label lies from what the surface encloses: below two voxels where
-    only steps were smoothed, a branch's length where a branch was too thin for its voxels.
+    Where the label is the wall of a hollow body, it is the surface of its ``lumen``. ``lost_mm`` is how far the
+    farthest voxel of the label lies from what the surface encloses: below two voxels where only steps were smoothed, a
+    branch's length where a branch was too thin for its voxels.
     """
 
     mesh: Mesh
     lost_mm: float
+    lumen: Lumen | None = None
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,10 @@ class LabelSurface:
         require_positive("smoothing_voxels", self.smoothing_voxels, 5.0)
 
     def __call__(self, mask: VesselMask) -> LabelledSurface:
-        """The surface around the voxels of ``mask``. Raises InputError for a label too small to have one."""
+        """The surface around the voxels of ``mask``. Raises InputError for a label too small to have one.
+
+        So does a hollow body whose lumen cannot be told (``registration.hollow``).
+        """
         spacing_mm = mask.spacing_mm
         width_mm = self.smoothing_voxels * float(np.prod(spacing_mm) ** (1 / 3))
         margin = np.ceil(MARGIN_WIDTHS * width_mm / spacing_mm).astype(int) + 1
@@ -76,7 +82,9 @@ class LabelSurface:
             if abs(missing_mm3) <= VOLUME_TOLERANCE * mask.volume_mm3:
                 break
             level_mm += missing_mm3 / float(mesh.areas_mm2.sum())
-        return LabelledSurface(largest_piece(mesh), _lost_mm(own <= level_mm, mask))
+        lumen = find_lumen(mesh)
+        surface = largest_piece(mesh) if lumen is None else lumen.mesh
+        return LabelledSurface(surface, _lost_mm(own <= level_mm, mask), lumen)
 
 
 def _extended(mask: VesselMask, margin: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -23,6 +24,8 @@ JOGGLE_SHARE = 1e-3
 SCALE = 2.0
 # Points of a wall at most, which bounds the memory: a million tetrahedra or so, at about a kilobyte each.
 MOST_POINTS = 120_000
+# Spheres at most; where more fit inside, as in a thin wall, fewer points are taken of it.
+MOST_SPHERES = 150_000
 # Spheres compared at a time, which bounds the memory.
 BLOCK = 4096
 
@@ -74,10 +77,22 @@ class MedialAxis:
         order = np.argsort(-self.radius_mm, kind="stable")
         large = order[np.unique(cube[order], axis=0, return_index=True)[1]]
         main = np.ones(len(self.radius_mm), dtype=bool)
-        for block in np.array_split(np.arange(len(main)), 1 + len(main) // BLOCK):
-            reach_mm = SCALE * (self.radius_mm[large] - self.radius_mm[block, None])
-            main[block] = (cdist(self.centres_mm[block], self.centres_mm[large]) >= reach_mm).all(axis=1)
+        reach_mm = SCALE * float(self.radius_mm.max())
+        for block in self._blocks(2 * reach_mm):
+            low_mm, high_mm = self.centres_mm[block].min(axis=0), self.centres_mm[block].max(axis=0)
+            places_mm = self.centres_mm[large]
+            near = large[((places_mm > low_mm - reach_mm) & (places_mm < high_mm + reach_mm)).all(axis=1)]
+            limit_mm = SCALE * (self.radius_mm[near] - self.radius_mm[block, None])
+            main[block] = (cdist(self.centres_mm[block], self.centres_mm[near]) >= limit_mm).all(axis=1)
         return main
+
+    def _blocks(self, side_mm: float) -> Iterator[Int64[np.ndarray, "b"]]:
+        """All spheres, in blocks that lie in one cube each: what contains a sphere is near it."""
+        cube = np.floor(self.centres_mm / side_mm).astype(np.int64)
+        _, owner = np.unique(cube, axis=0, return_inverse=True)
+        order = np.argsort(owner.reshape(-1), kind="stable")
+        for own in np.split(order, np.flatnonzero(np.diff(owner.reshape(-1)[order])) + 1):
+            yield from np.array_split(own, 1 + len(own) // BLOCK)
 
 
 def medial_axis(wall: Mesh, walls: Walls, size_mm: float) -> MedialAxis:
@@ -90,6 +105,15 @@ def medial_axis(wall: Mesh, walls: Walls, size_mm: float) -> MedialAxis:
     TMI 22(5), 2003). Raises InputError where no sphere fits inside.
     """
     points_mm = sample_evenly(wall, size_mm)
+    found = _spheres(points_mm, walls)
+    while len(found.radius_mm) > MOST_SPHERES:
+        share = 0.9 * MOST_SPHERES / len(found.radius_mm)
+        points_mm = sample_evenly(wall, size_mm, most=int(share * len(points_mm)))
+        found = _spheres(points_mm, walls)
+    return found
+
+
+def _spheres(points_mm: Float64[np.ndarray, "p 3"], walls: Walls) -> MedialAxis:
     cells = Delaunay(points_mm)
     corners_mm = points_mm[cells.simplices]
     centres_mm, radius_mm = _circumspheres(corners_mm)
@@ -113,18 +137,20 @@ def medial_axis(wall: Mesh, walls: Walls, size_mm: float) -> MedialAxis:
 
 
 def sample_evenly(
-    mesh: Mesh, size_mm: float, coarse: float = 0.3, fine: float = 0.1
+    mesh: Mesh, size_mm: float, coarse: float = 0.3, fine: float = 0.1, most: int | None = None
 ) -> Float64[np.ndarray, "p 3"]:
     """Points on the mesh no farther apart than ``coarse`` and no denser than ``fine`` of ``size_mm``.
 
     Long triangles get points on a lattice; vertices are thinned to one for each cube of the fine length, or of a longer
-    one where more than ``MOST_POINTS`` would be left.
+    one where more than ``most`` (``MOST_POINTS``) would be left.
     """
     points_mm = np.concatenate([mesh.vertices_mm, *_lattices(mesh, coarse * size_mm)])
     chosen = _one_a_cube(points_mm, fine * size_mm)
-    if len(chosen) > MOST_POINTS:
+    side_mm, most = fine * size_mm, MOST_POINTS if most is None else most
+    while len(chosen) > most:
         # As many on a surface go with the square of their spacing.
-        chosen = _one_a_cube(points_mm, fine * size_mm * 1.1 * np.sqrt(len(chosen) / MOST_POINTS))
+        side_mm *= 1.1 * np.sqrt(len(chosen) / most)
+        chosen = _one_a_cube(points_mm, side_mm)
     points_mm = points_mm[chosen]
     shake = np.random.default_rng(0).uniform(-1, 1, points_mm.shape)
     return points_mm + JOGGLE_SHARE * coarse * size_mm * shake

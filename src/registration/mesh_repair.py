@@ -9,6 +9,7 @@ import numpy as np
 
 from registration.errors import InputError
 from registration.geometry import Mesh
+from registration.hollow import Lumen, find_lumen
 from registration.mesh_quality import enclosed_volume_mm3
 from registration.mesh_topology import directed_edges, largest_piece, pieces
 
@@ -19,7 +20,7 @@ class Repaired:
 
     ``vertices_merged`` had another at the same place. ``triangles_dropped`` had no area or were there twice.
     ``triangles_turned`` were wound the other way. ``pieces_dropped`` were smaller than the one that was kept;
-    ``area_dropped_mm2`` is theirs.
+    ``area_dropped_mm2`` is theirs. Of a hollow body the mesh is the lumen's wall, and ``lumen`` says how it was found.
     """
 
     mesh: Mesh
@@ -28,13 +29,15 @@ class Repaired:
     triangles_turned: int
     pieces_dropped: int
     area_dropped_mm2: float
+    lumen: Lumen | None = None
 
 
 def repair(mesh: Mesh) -> Repaired:
     """Merge equal vertices, drop empty and double triangles, wind all outwards, and keep the largest piece.
 
-    Holes, crossings and edges with more than two triangles stay: ``mesh_quality`` tells of them. Raises InputError
-    where no triangle with area is left.
+    Of a body with an outer and an inner wall, joined or not, the inner one is kept, the lumen's (see
+    ``registration.hollow``). Holes, crossings and edges with more than two triangles stay: ``mesh_quality`` tells of
+    them. Raises InputError where no triangle with area is left, and for a hollow body whose lumen cannot be told.
     """
     vertices_mm, owner = np.unique(mesh.vertices_mm, axis=0, return_inverse=True)
     triangles = owner.reshape(-1)[mesh.triangles]
@@ -47,7 +50,8 @@ def repair(mesh: Mesh) -> Repaired:
     if not kept.any():
         raise InputError("mesh: expected triangles with area, received none")
     whole = Mesh(vertices_mm, triangles[kept])
-    one = largest_piece(whole)
+    lumen = find_lumen(_wound_alike(whole))
+    one = largest_piece(whole) if lumen is None else lumen.mesh
     wound = _outward(_wound_alike(one))
     turns = [(np.roll(one.triangles, turn, axis=1) == wound.triangles).all(axis=1) for turn in range(3)]
     return Repaired(
@@ -57,6 +61,7 @@ def repair(mesh: Mesh) -> Repaired:
         triangles_turned=int((~np.any(turns, axis=0)).sum()),
         pieces_dropped=pieces(whole)[0] - 1,
         area_dropped_mm2=float(whole.areas_mm2.sum() - one.areas_mm2.sum()),
+        lumen=lumen,
     )
 
 

@@ -9,6 +9,7 @@ from registration.errors import InputError
 from registration.file_checks import require_file
 from registration.geometry import Mesh
 from registration.geometry_io import read_surface
+from registration.hollow import Lumen
 from registration.label_files import READERS, volume_suffix
 from registration.label_maps import SPACES, LabelMap, read_label_map
 from registration.label_surface import LabelSurface
@@ -28,6 +29,7 @@ class ModelInput:
     ``units`` (mm, cm or m) is what the file's numbers were taken for, ``stated_units`` what its header says, ``space``
     the axes it has: lps or ras, or ``header`` for a volume that says so itself. A label map leaves its ``mask``, its
     ``label_name`` and how far from the surface its voxels lie at most (``lost_mm``), a mesh what was ``repaired``.
+    ``lumen`` is there where the model was the wall of a hollow body, of which the lumen's surface was taken.
     """
 
     mesh: Mesh
@@ -38,6 +40,7 @@ class ModelInput:
     lost_mm: float = 0.0
     repaired: Repaired | None = None
     stated_units: str = ""
+    lumen: Lumen | None = None
 
 
 def read_model(
@@ -113,6 +116,7 @@ def _from_labels(
         label_name=mask.name,
         lost_mm=smooth.lost_mm,
         stated_units=found.units,
+        lumen=smooth.lumen,
     )
 
 
@@ -134,4 +138,5 @@ def _from_mesh(path: Path, space: str | None, units: str | None) -> ModelInput:
         raise InputError(f"{path}: {refusal}") from refusal
     whole = to_millimetres(repaired.mesh, units, str(path))
     mesh = Mesh(lps_from(whole.vertices_mm, used), whole.triangles)
-    return ModelInput(mesh, units or "mm", used, repaired=replace(repaired, mesh=mesh))
+    kept = replace(repaired, mesh=mesh)
+    return ModelInput(mesh, units or "mm", used, repaired=kept, lumen=repaired.lumen)

@@ -15,11 +15,13 @@ from registration.segments import Segment
 # Segmentations of the whole body have a hundred labels or two, a CT itself has thousands of values.
 MOST_LABELS = 300
 LISTED_LABELS = 20
+# Noise leaves cavities of a few voxels; the lumen of a printed wall is as large as the wall itself.
+CAVITY_SHARE = 0.1
 
 
 @dataclass(frozen=True)
 class VesselMask:
-    """The voxels of one vessel: its largest piece, cavities filled, cropped to the box around it.
+    """The voxels of one vessel: its largest piece, small cavities filled, cropped to the box around it.
 
     ``inside`` (i, j, k) with the map ``ct_A_voxel`` of its own indices to mm in LPS. ``cut`` (3, 2) says for the low
     and the high side of each axis whether the vessel reaches the border of the scan there: it was cut off, and goes on.
@@ -50,10 +52,10 @@ class VesselMask:
 def vessel_mask(label_map: LabelMap, label: int | str | None = None) -> VesselMask:
     """The vessel with that ``label``, a number or the name of a segment; it may be left out where there is only one.
 
-    The largest piece is by voxels that touch at least at a corner; cavities are what it encloses on all sides. Raises
-    InputError for an empty map, for a label that is not there, and for a choice that was not made.
+    The largest piece is by voxels that touch at least at a corner; cavities are what it encloses on all sides. A cavity
+    of ``CAVITY_SHARE`` of the piece or more may be a lumen and is left. Raises InputError for an empty map, for a label
+    that is not there, and for a choice that was not made.
     """
-    from scipy.ndimage import binary_fill_holes
     from scipy.ndimage import label as label_pieces
 
     labels, chosen, name = _choose(label_map, label)
@@ -63,7 +65,7 @@ def vessel_mask(label_map: LabelMap, label: int | str | None = None) -> VesselMa
     sizes = np.bincount(pieces.reshape(-1))[1:]
     largest = pieces == 1 + int(sizes.argmax())
     inner = _box(largest)
-    inside = binary_fill_holes(largest[inner])
+    inside = _without_small_cavities(largest[inner])
     start = np.array([outer.start + own.start for outer, own in zip(box, inner, strict=True)])
     ends = label_map.scan_ends
     if ends is None:
@@ -80,6 +82,19 @@ def vessel_mask(label_map: LabelMap, label: int | str | None = None) -> VesselMa
         voxels_filled=int(inside.sum() - sizes.max()),
         name=name,
     )
+
+
+def _without_small_cavities(inside: Bool[np.ndarray, "i j k"]) -> Bool[np.ndarray, "i j k"]:
+    from scipy.ndimage import binary_fill_holes
+    from scipy.ndimage import label as label_pieces
+
+    filled: np.ndarray = binary_fill_holes(inside)
+    cavities, count = label_pieces(filled & ~inside)
+    if not count:
+        return filled
+    large = np.bincount(cavities.reshape(-1)) >= CAVITY_SHARE * inside.sum()
+    large[0] = False
+    return filled & ~large[cavities]
 
 
 def _choose(label_map: LabelMap, label: int | str | None) -> tuple[Shaped[np.ndarray, "i j k"], int, str]:

@@ -15,6 +15,7 @@ from experiments.outcome import InputData, Outcome, Progress
 from experiments.paths import PathSetting
 from experiments.reporting.scene import CloudLayer, Layer, LineLayer, Scene, SurfaceLayer
 from experiments.studies.centerline_report import cases, metrics, table
+from experiments.studies.ct_model_report import lumen_record
 from experiments.studies.reconstruction import timed
 from registration.centerline import CenterlineExtractor
 from registration.centerline_io import write_centerline
@@ -22,6 +23,7 @@ from registration.clouds import with_normals
 from registration.errors import InputError as RegistrationInputError
 from registration.geometry import Centerline, Mesh, diagonal_mm
 from registration.geometry_io import read_surface
+from registration.hollow import Lumen
 from registration.landmarks import Landmarks, read_landmarks
 from registration.mesh_quality import mesh_quality
 from registration.mesh_repair import repair
@@ -29,6 +31,7 @@ from registration.metrics import Surface
 from registration.model_files import lps_from, stated_space, write_model
 from registration.model_units import DIAGONAL_MM, MM_PER_UNIT, to_millimetres
 from registration.surface import SurfaceMethod
+from registration.vessel_pieces import VesselPieces
 
 SPACES = ("lps", "ras")
 WHERE = "The files are in mm in LPS; open scene.html in a browser to look at them."
@@ -65,7 +68,7 @@ def run(
     read, axes = _read(path, space)
     landmarks = _ends(ends)
     with timed(seconds, "surface"):
-        wall = _wall(read, units, surface, path)
+        wall, lumen = _wall(read, units, surface, path)
     if not isinstance(read, Mesh):
         write_model(workspace / "surface.ply", wall)
     progress.note(f"centerline of {len(wall.triangles)} triangles")
@@ -76,6 +79,7 @@ def run(
     told = _record(path, wall, found, landmarks, seconds) | {
         "input_space": axes,
         "input_units": units or "mm",
+        "lumen": lumen_record(lumen),
     }
     files.write_text(workspace / "centerline.json", json.dumps(told, indent=2, allow_nan=False) + "\n")
     _scene(path, wall, found, landmarks).write(workspace / "scene.html")
@@ -85,7 +89,11 @@ def run(
         metrics=metrics(found) | {f"{stage}_s": value for stage, value in seconds.items()},
         cases=cases(found),
         tables={"centerline": table(found)},
-        findings=(f"{len(found.lines)} lines of {lengths} mm from {path.name}.", WHERE),
+        findings=(
+            *(() if lumen is None else (lumen.described,)),
+            f"{len(found.lines)} lines of {lengths} mm from {path.name}.",
+            WHERE,
+        ),
         inputs=tuple(InputData(file.name, files.digest(file), str(file)) for file in used),
     )
 
@@ -114,10 +122,14 @@ def _ends(ends: PathSetting | None) -> Landmarks | None:
         raise InputError(f"ends: {refusal}") from refusal
 
 
-def _wall(read: Surface, units: str | None, surface: SurfaceMethod, path: Path) -> Mesh:
-    """The vessel's surface in mm: a mesh made whole, or made of a cloud."""
+def _wall(read: Surface, units: str | None, surface: SurfaceMethod, path: Path) -> tuple[Mesh, Lumen | None]:
+    """The vessel's surface in mm: a mesh made whole, or made of a cloud; and whether it is a hollow body's lumen."""
     if isinstance(read, Mesh):
-        return to_millimetres(repair(read).mesh, units, str(path))
+        try:
+            repaired = repair(read)
+        except RegistrationInputError as refusal:
+            raise InputError(f"mesh: {path}: {refusal}") from refusal
+        return to_millimetres(repaired.mesh, units, str(path)), repaired.lumen
     points_mm = MM_PER_UNIT[units or "mm"] * read
     length = diagonal_mm(points_mm)
     if units is None and not DIAGONAL_MM[0] <= length <= DIAGONAL_MM[1]:
@@ -125,7 +137,7 @@ def _wall(read: Surface, units: str | None, surface: SurfaceMethod, path: Path) 
             f"mesh: expected a vessel in millimetres in {path}, received points with a diagonal of {length:.3g}: "
             "pass units=m or units=cm to convert them or units=mm to take them as they are"
         )
-    return surface(with_normals(points_mm))
+    return VesselPieces()(surface(with_normals(points_mm))).mesh, None
 
 
 def _record(

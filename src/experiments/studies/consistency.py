@@ -16,10 +16,12 @@ from experiments.studies.consistency_report import PAIR, describe, figures, metr
 from experiments.studies.reconstruction import CloudFilter, Reconstruction
 from experiments.variants import told_apart
 from registration.contours import ContourExtractor
+from registration.mask_outliers import MaskOutliers
 from registration.phantom.scan import simulate_sweep
 from registration.phantom.settings import MESH, PhantomSettings
 from registration.smoothing import TaubinSmoothing
 from registration.surface import SurfaceMethod
+from registration.vessel_pieces import VesselPieces
 
 if TYPE_CHECKING:
     from models.predictor import Predictor
@@ -61,9 +63,11 @@ def run(
     *,
     phantom: PhantomSettings,
     phantoms: Sequence[str],
+    mask_outliers: MaskOutliers,
     contours: ContourExtractor,
     filters: Mapping[str, CloudFilter],
     surface: SurfaceMethod,
+    pieces: VesselPieces,
     smoothing: TaubinSmoothing,
     sweeps: int,
     masks: str,
@@ -86,7 +90,7 @@ def run(
     del workspace
     check(phantom=phantom, phantoms=phantoms, sweeps=sweeps, masks=masks, model_path=model_path)
     settings = _settings(phantom, phantoms)
-    chain = Reconstruction(contours, filters, surface, smoothing)
+    chain = Reconstruction(contours, filters, surface, smoothing, None, mask_outliers, pieces)
     predictor = _predictor(model_path)
     repeats = []
     for number in progress.track(range(sweeps), f"{settings.subset}: sweeps", sweeps):

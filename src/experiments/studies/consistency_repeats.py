@@ -11,6 +11,7 @@ import numpy as np
 from experiments.errors import InputError
 from experiments.studies.consistency_report import COMMON, TRUTH
 from experiments.studies.reconstruction import Reconstruction
+from experiments.studies.reconstruction_faults import mask_record, numbers, surface_record
 from registration import frames
 from registration.agreement import counterparts, surface_agreement
 from registration.errors import InputError as RegistrationInputError
@@ -78,6 +79,7 @@ def _repeat(
         "frames": len(posed.kept),
         "points": len(found.cloud),
         "frames_dropped": sum(posed.dropped.values()),
+        **numbers(mask_record(found, posed.kept), surface_record(found, posed.kept)),
         "runtime_s": sum(found.seconds.values()),
         "error": "",
     }

@@ -37,6 +37,9 @@ def metrics(cases: pd.DataFrame) -> dict[str, float]:
     answered = truths["error"] == ""
     for name in ("bias_mm", "covered_second"):
         found |= summary(f"truth_{name}", truths.loc[answered, name].tolist())
+    for name in ("frames_rejected", "pieces_left_out"):
+        found[name] = float(truths.loc[answered, name].sum())
+    found["gap_share_max"] = float(truths.loc[answered, "gap_share"].max())
     found |= {"common_mm": float(common["msd_covered_mm"].mean()), "sweeps_failed": float((~answered).sum())}
     return found | summary("runtime_s", truths.loc[answered, "runtime_s"].tolist())
 
@@ -83,6 +86,9 @@ def _to_truth(name: str, cases: pd.DataFrame) -> dict[str, object]:
         "bias_mm_mean": found["truth_bias_mm_mean"],
         "common_mm": found["common_mm"],
         "covered_mean": found["truth_covered_second_mean"],
+        "masks_left_out": found["frames_rejected"],
+        "pieces_left_out": found["pieces_left_out"],
+        "gap_share_max": found["gap_share_max"],
     }
 
 
@@ -126,6 +132,12 @@ def describe(cases: pd.DataFrame) -> tuple[str, ...]:
             f"which no pair shows, and on average a surface lies {abs(found['truth_bias_mm_mean']):.3f} mm too far "
             f"{'out' if found['truth_bias_mm_mean'] > 0 else 'in'}."
         )
+        if found["frames_rejected"] or found["pieces_left_out"] or found["gap_share_max"]:
+            said.append(
+                f"{name}: over all sweeps {found['frames_rejected']:.0f} masks that disagree with their neighbours and "
+                f"{found['pieces_left_out']:.0f} pieces that do not continue the vessel were left out; gaps between "
+                f"frames are up to {found['gap_share_max']:.1%} of a sweep's way."
+            )
         if found["sweeps_failed"]:
             reason = group.loc[(group["kind"] == TRUTH) & (group["error"] != ""), "error"].iloc[0]
             said.append(

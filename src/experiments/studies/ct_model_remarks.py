@@ -10,7 +10,10 @@ LOST_VOXELS = 2.0
 
 def remarks(model: CtModel) -> tuple[str, ...]:
     """What a user has to know of the model, in sentences."""
+    lumen = model.source.lumen
     found = [*_of_label(model), *_of_mesh(model), *_of_surface(model)]
+    if lumen is not None:
+        found.insert(0, lumen.described)
     if model.refusal:
         found.append(f"There is no centerline: {model.refusal}.")
     return tuple(found)
@@ -54,7 +57,7 @@ def _of_mesh(model: CtModel) -> list[str]:
     if done is None:
         return []
     found = []
-    if done.pieces_dropped:
+    if done.pieces_dropped and done.lumen is None:
         found.append(
             f"The mesh lies in {done.pieces_dropped + 1} pieces: only the largest was taken, "
             f"{done.area_dropped_mm2:.1f} mm2 of the others were left out."

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from registration.geometry import Centerline
+from registration.hollow import Lumen
 from registration.mesh_quality import MeshQuality
 from registration.model_input import ModelInput
 from registration.model_units import typical_radius_mm
@@ -56,6 +57,7 @@ def record(model: CtModel) -> dict[str, Any]:
         "low_mm": low_mm.tolist(),
         "high_mm": high_mm.tolist(),
         "quality": asdict(model.quality),
+        "lumen": lumen_record(model.source.lumen),
         "label": _label(model),
         "repair": _repair(model),
         "centerline": _centerline(model),
@@ -97,6 +99,11 @@ def table(model: CtModel) -> pd.DataFrame:
         lines.append(("centerline", f"{found['lines']} lines, {found['length_mm']:.1f} mm"))
     lines.append(("time", ", ".join(f"{name[:-2]} {value:.2f} s" for name, value in model.timing.items())))
     return pd.DataFrame(lines, columns=["what", "value"])
+
+
+def lumen_record(lumen: Lumen | None) -> dict[str, Any] | None:
+    """How the lumen of a hollow body was found; None for a surface with one wall."""
+    return None if lumen is None else {"walls_joined": lumen.joined, "genus": lumen.genus}
 
 
 def _label(model: CtModel) -> dict[str, Any] | None:

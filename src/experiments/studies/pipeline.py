@@ -14,21 +14,31 @@ from experiments import files
 from experiments.errors import InputError
 from experiments.outcome import Outcome, Progress
 from experiments.paths import PathSetting
-from experiments.studies.reconstruction import STAGES, CloudFilter, Reconstructed, Reconstruction, timed
+from experiments.studies.reconstruction import (
+    STAGES,
+    CloudFilter,
+    Gathered,
+    Reconstructed,
+    Reconstruction,
+    timed,
+)
+from experiments.studies.reconstruction_faults import mask_record, numbers, sentences, surface_record
 from experiments.studies.registration_inputs import one_method
 from experiments.studies.robustness_problem import MOST_TARGETS
 from registration import frames
 from registration.centerline import CenterlineExtractor
 from registration.centerline_io import write_centerline
-from registration.contours import ContourCloud, ContourExtractor
+from registration.contours import ContourExtractor
 from registration.errors import InputError as RegistrationInputError
 from registration.geometry_io import write_surface
+from registration.mask_outliers import MaskOutliers
 from registration.metrics import pose_error, surface_residuals
 from registration.phantom.scan import simulate_sweep
 from registration.phantom.settings import PhantomSettings
 from registration.smoothing import TaubinSmoothing
 from registration.surface import SurfaceMethod
 from registration.synchronisation import synchronise
+from registration.vessel_pieces import VesselPieces
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -39,12 +49,21 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
+class LeftOut:
+    """Records of what the reconstruction left out of masks and surface; no ``surface`` where there is none."""
+
+    masks: dict[str, Any]
+    surface: dict[str, Any] | None
+
+
+@dataclass(frozen=True)
 class Registered:
     """What the geometric half of the chain found, beside the truth; without ``built`` a ``refusal`` says why."""
 
     cloud_mm: np.ndarray
     built: Reconstructed | None
     refusal: str
+    left_out: LeftOut
     result: RigidResult
     residuals: SurfaceResiduals
     error: PoseError
@@ -61,9 +80,11 @@ def check(*, model_path: PathSetting) -> None:
 def run(
     *,
     phantom: PhantomSettings,
+    mask_outliers: MaskOutliers,
     contours: ContourExtractor,
     filters: Mapping[str, CloudFilter],
     surface: SurfaceMethod,
+    pieces: VesselPieces,
     smoothing: TaubinSmoothing,
     centerline: CenterlineExtractor,
     rigid: Mapping[str, Any],
@@ -86,7 +107,7 @@ def run(
     from models.predictor import Predictor
 
     name, method = one_method(rigid)
-    chain = Reconstruction(contours, filters, surface, smoothing, centerline)
+    chain = Reconstruction(contours, filters, surface, smoothing, centerline, mask_outliers, pieces)
     seconds: dict[str, float] = {}
     progress.note("simulating the sweep")
     with timed(seconds, "simulation_s"):
@@ -98,8 +119,8 @@ def run(
     posed = synchronise(truth.sweep, max_gap_s)
     if not (probability[posed.kept] >= contours.level).any():
         raise InputError(f"model_path: expected a network that finds the vessel, {model_path} found none")
-    cloud, built, refusal = _reconstructed(chain, probability[posed.kept], posed.world_A_pixel, seconds)
-    cloud_mm = cloud.points_mm
+    gathered, built, refusal = _reconstructed(chain, probability[posed.kept], posed.world_A_pixel, seconds)
+    cloud, cloud_mm = gathered.cloud, gathered.cloud.points_mm
     progress.note(f"registering {len(cloud_mm)} points by {name}")
     fixed_mm = _drawn(truth, fixed_points, seed)
     with timed(seconds, "registration_s"):
@@ -108,7 +129,10 @@ def run(
         cloud_mm, truth.model, result.fixed_T_moving, inlier_mm=inlier_mm, keep=keep, seed=seed
     )
     error = pose_error(result.fixed_T_moving, truth.ct_T_world, _targets(truth))
-    found = Registered(cloud_mm, built, refusal, result, residuals, error)
+    left_out = LeftOut(
+        mask_record(gathered, posed.kept), None if built is None else surface_record(built, posed.kept)
+    )
+    found = Registered(cloud_mm, built, refusal, left_out, result, residuals, error)
     _write(workspace, truth, found, name)
     masks = probability >= predictor.threshold
     return _outcome(
@@ -130,8 +154,8 @@ def _targets(truth: SimulatedSweep) -> np.ndarray:
 
 def _reconstructed(
     chain: Reconstruction, probability: np.ndarray, world_A_pixel: np.ndarray, seconds: dict[str, float]
-) -> tuple[ContourCloud, Reconstructed | None, str]:
-    """The points to register, the surface and centerline through them, or why there are none; stages timed."""
+) -> tuple[Gathered, Reconstructed | None, str]:
+    """What there is to register, the surface and centerline through it, or why there are none; stages timed."""
     with timed(seconds, "reconstruction_s"):
         gathered = chain.gather(probability, world_A_pixel)
         try:
@@ -140,7 +164,7 @@ def _reconstructed(
             built, refusal = None, str(refused)
     stages = gathered.seconds if built is None else built.seconds
     seconds.update({f"{stage}_s": stages.get(stage, float("nan")) for stage in STAGES})
-    return gathered.cloud, built, refusal
+    return gathered, built, refusal
 
 
 def _score_frames(masks: np.ndarray, truth: SimulatedSweep) -> pd.DataFrame:
@@ -170,6 +194,7 @@ def _write(workspace: Path, truth: SimulatedSweep, found: Registered, name: str)
         "fixed_T_moving": result.fixed_T_moving.tolist(),
         "verdict": result.verdict,
         "reason": result.reason,
+        "reconstruction": {"mask_check": found.left_out.masks, "surface": found.left_out.surface},
     }
     files.write_text(workspace / "registration.json", json.dumps(answer))
 
@@ -210,6 +235,7 @@ def _outcome(
         **seconds,
         "points": len(found.cloud_mm),
         "frames_dropped": dropped,
+        **numbers(found.left_out.masks, found.left_out.surface),
     }
     row = {
         "rigid": name,
@@ -237,8 +263,9 @@ def _outcome(
 
 def _gaps(found: Registered) -> tuple[str, ...]:
     """What the reconstruction lacks, in sentences."""
+    said = sentences(found.left_out.masks, found.left_out.surface)
     if found.built is None:
-        return (f"There is no surface: {found.refusal}.",)
+        return (*said, f"There is no surface: {found.refusal}.")
     if found.built.centerline is None:
-        return (f"There is no centerline: {found.built.refusal}.",)
-    return ()
+        return (*said, f"There is no centerline: {found.built.refusal}.")
+    return said

@@ -21,10 +21,12 @@ from registration.centerline import CenterlineExtractor
 from registration.centerline_io import write_centerline
 from registration.cloud_io import write_cloud
 from registration.contours import ContourExtractor
+from registration.mask_outliers import MaskOutliers
 from registration.model_files import write_model
 from registration.smoothing import TaubinSmoothing
 from registration.surface import SurfaceMethod
 from registration.synchronisation import synchronise
+from registration.vessel_pieces import VesselPieces
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -55,9 +57,11 @@ def run(
     acquisition: SweepReader,
     masks: PathSetting | None,
     model_path: PathSetting | None,
+    mask_outliers: MaskOutliers,
     contours: ContourExtractor,
     filters: Mapping[str, CloudFilter],
     surface: SurfaceMethod,
+    pieces: VesselPieces,
     smoothing: TaubinSmoothing,
     centerline: CenterlineExtractor,
     max_gap_s: float,
@@ -73,7 +77,7 @@ def run(
     dropped and counted. Raises InputError for masks that do not fit the frames or show no vessel.
     """
     check(sweep=sweep, masks=masks, model_path=model_path)
-    chain = Reconstruction(contours, filters, surface, smoothing, centerline)
+    chain = Reconstruction(contours, filters, surface, smoothing, centerline, mask_outliers, pieces)
     path = require_exists(sweep, "sweep")
     progress.note(f"reading {path}")
     recorded = acquisition(path)

@@ -9,6 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.reporting.scene import CloudLayer, Layer, LineLayer, Scene, SurfaceLayer
+from experiments.studies.reconstruction_faults import (
+    mask_record,
+    numbers,
+    sentences,
+    steps_along,
+    surface_record,
+)
 from experiments.studies.sweep_input import describe_dropped
 from registration.mesh_quality import mesh_quality
 from registration.metrics import SurfaceDistance
@@ -27,7 +34,7 @@ MOST_POINTS_NEAR = 0.95
 
 
 def record(found: Reconstructed, posed: PosedFrames, sweep: TrackedSweep, near_mm: float) -> dict[str, Any]:
-    """What goes into ``reconstruction.json``: counts, coverage, seconds by stage, quality."""
+    """What goes into ``reconstruction.json``: counts, what was left out, coverage, seconds, quality."""
     contours = found.contours
     return {
         "units": {"length": "mm", "time": "s"},
@@ -38,6 +45,7 @@ def record(found: Reconstructed, posed: PosedFrames, sweep: TrackedSweep, near_m
             "dropped": dict(posed.dropped),
             "with_vessel": len(np.unique(contours.frame_index)),
         },
+        "mask_check": mask_record(found, posed.kept),
         "contours": {
             "contours": len(np.unique(contours.contour_index)),
             "open_contours": len(np.unique(contours.contour_index[contours.is_open])),
@@ -46,6 +54,7 @@ def record(found: Reconstructed, posed: PosedFrames, sweep: TrackedSweep, near_m
         "removed_points": dict(found.removed),
         "points": len(found.cloud),
         "coverage": _coverage(found, near_mm),
+        "surface": surface_record(found, posed.kept),
         "quality": asdict(mesh_quality(found.surface)),
         "smoothing": {
             "volume_change": found.smoothed.volume_change,
@@ -58,7 +67,7 @@ def record(found: Reconstructed, posed: PosedFrames, sweep: TrackedSweep, near_m
 
 def _coverage(found: Reconstructed, near_mm: float) -> dict[str, float]:
     """How much of the sweep shows the vessel, how wide its gaps are, and how much of the surface was measured."""
-    steps_mm = _steps_mm(found)
+    steps_mm = steps_along(found)[1]
     samples_mm = found.surface.sample(SAMPLES, np.random.default_rng(0))
     apart_mm = SurfaceDistance(found.cloud.points_mm)(samples_mm)
     fit_mm = SurfaceDistance(found.surface)(found.cloud.points_mm)
@@ -75,17 +84,6 @@ def _coverage(found: Reconstructed, near_mm: float) -> dict[str, float]:
     }
 
 
-def _steps_mm(found: Reconstructed) -> np.ndarray:
-    """From each frame with the vessel to the next, along the picture's normal: the vessel's own way is no gap."""
-    contours = found.contours
-    shown = np.unique(contours.frame_index)
-    middle_mm = np.stack([contours.points_mm[contours.frame_index == frame].mean(axis=0) for frame in shown])
-    axes = contours.world_A_pixel[shown, :3, :2]
-    facing = np.cross(axes[..., 0], axes[..., 1])
-    facing /= np.linalg.norm(facing, axis=1, keepdims=True)
-    return np.abs(np.einsum("fi,fi->f", np.diff(middle_mm, axis=0), facing[1:]))
-
-
 def _centerline(found: Reconstructed) -> dict[str, Any]:
     if found.centerline is None:
         return {"refused": found.refusal}
@@ -100,7 +98,10 @@ def _centerline(found: Reconstructed) -> dict[str, Any]:
 
 
 def cases(found: Reconstructed, posed: PosedFrames, sweep: TrackedSweep) -> pd.DataFrame:
-    """A row a frame with a pose: its contours and points, before and after the filters."""
+    """A row a frame with a pose: why its mask was rejected (empty: it was not), its contours, its points twice.
+
+    ``excess`` is by what factor the mask passed its limit; points are those before and after the filters.
+    """
     import pandas as pd
 
     count = len(posed.kept)
@@ -109,6 +110,9 @@ def cases(found: Reconstructed, posed: PosedFrames, sweep: TrackedSweep) -> pd.D
         {
             "frame": posed.kept,
             "time_s": sweep.image_times_s[posed.kept],
+            "rejected": found.checked.reason,
+            "excess": found.checked.excess,
+            "speck_removed": found.checked.specks > 0,
             "contours": np.bincount(found.contours.frame_index[first], minlength=count),
             "points": np.bincount(found.contours.frame_index, minlength=count),
             "points_left": np.bincount(found.cloud.frame_index, minlength=count),
@@ -124,6 +128,7 @@ def metrics(told: Mapping[str, Any]) -> dict[str, float]:
         "frames_with_pose": float(frames["with_pose"]),
         "frames_with_vessel": float(frames["with_vessel"]),
         "frames_dropped": float(count_frames(frames["dropped"])),
+        **numbers(told["mask_check"], told["surface"]),
         "points": float(told["points"]),
         **{f"removed_{name}": float(count) for name, count in told["removed_points"].items()},
         **{
@@ -152,12 +157,18 @@ def table(told: Mapping[str, Any]) -> pd.DataFrame:
     lines = [
         ("frames", f"{frames['with_vessel']} with the vessel of {frames['with_pose']} with a pose"),
         ("frames dropped", describe_dropped(frames["dropped"])),
+        ("masks left out", _left_out(told["mask_check"])),
         (
             "contours",
             f"{contours['contours']}, {contours['open_contours']} of them cut by the picture's edge",
         ),
         ("points", f"{told['points']} of {contours['points']}; left out: {removed}"),
-        ("surface", f"{quality['triangles']} triangles, {ends}"),
+        ("surface", f"{quality['triangles']} triangles in {quality['pieces']} pieces, {ends}"),
+        (
+            "left out",
+            f"{told['surface']['area_share_left_out']:.1%} of the area in {told['surface']['pieces_left_out']} pieces; "
+            f"{len(told['surface']['gaps'])} gaps, {told['surface']['gap_share']:.1%} of the way",
+        ),
         ("volume", volume),
     ]
     if "refused" not in line:
@@ -165,6 +176,13 @@ def table(told: Mapping[str, Any]) -> pd.DataFrame:
         lines.append(("centerline", f"{line['lines']} lines of {lengths} mm"))
     seconds = ", ".join(f"{stage} {value:.2f} s" for stage, value in told["seconds"].items())
     return pd.DataFrame([*lines, ("time", seconds)], columns=["what", "value"])
+
+
+def _left_out(masks: Mapping[str, Any]) -> str:
+    found = ", ".join(
+        f"{count} by {reason}" for reason, count in masks["rejected_by_reason"].items() if count
+    )
+    return f"{found or 'none'}; {len(masks['empty_between_others'])} empty between others"
 
 
 def remarks(found: Reconstructed, told: Mapping[str, Any]) -> tuple[str, ...]:
@@ -178,8 +196,9 @@ def remarks(found: Reconstructed, told: Mapping[str, Any]) -> tuple[str, ...]:
     if coverage["points_near_surface"] < MOST_POINTS_NEAR:
         said.append(
             f"{1 - coverage['points_near_surface']:.1%} of the points lie farther than {coverage['near_mm']:g} mm from "
-            f"the surface: they belong to other pieces, of which only the largest was kept, or to none."
+            f"the surface: they belong to pieces that were left out, or to none."
         )
+    said += sentences(told["mask_check"], told["surface"])
     if quality["holes"]:
         said.append(f"The surface has {quality['holes']} holes in its wall.")
     if not (quality["manifold"] and quality["oriented"]):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -13,8 +13,10 @@ import numpy as np
 from experiments.errors import InputError
 from registration.contours import ContourCloud, ContourExtractor
 from registration.errors import InputError as RegistrationInputError
+from registration.mask_outliers import MaskCheck, MaskOutliers
 from registration.smoothing import Smoothed, TaubinSmoothing
 from registration.surface import SurfaceMethod
+from registration.vessel_pieces import KeptPieces, VesselPieces
 
 if TYPE_CHECKING:
     from registration.centerline import CenterlineExtractor
@@ -40,9 +42,11 @@ class CloudFilter(Protocol):
 class Gathered:
     """The points of a sweep's masks, in the world, and how long each stage took.
 
-    ``contours`` are all points found, ``cloud`` those that the filters left; ``removed`` counts the others by filter.
-    ``seconds`` has an entry a stage.
+    ``checked`` are the masks without those that disagree with their neighbours. ``contours`` are all points found,
+    ``cloud`` those that the filters left; ``removed`` counts the others by filter. ``seconds`` has an entry a stage.
     """
+
+    checked: MaskCheck
 
     contours: ContourCloud
     cloud: ContourCloud
@@ -54,10 +58,13 @@ class Gathered:
 class Reconstructed(Gathered):
     """What was gathered, and the surface and centerline made of it.
 
-    ``rough`` is the surface as reconstructed and ``smoothed`` the one after. ``centerline`` is None where none was
-    asked for, or where the surface has none: ``refusal`` says why.
+    ``pieces`` tells what of the reconstructed surface was kept, ``gap_mm`` from which distance on the method leaves a
+    gap between frames open. ``rough`` is the surface as reconstructed and ``smoothed`` the one after. ``centerline`` is
+    None where none was asked for, or where the surface has none: ``refusal`` says why.
     """
 
+    pieces: KeptPieces
+    gap_mm: float
     rough: Mesh
     smoothed: Smoothed
     centerline: Centerline | None
@@ -71,9 +78,10 @@ class Reconstructed(Gathered):
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """Masks to contours to a filtered cloud to a smoothed surface to its centerline.
+    """Masks that agree to contours to a filtered cloud to a smoothed surface to its centerline.
 
-    ``filters`` are applied in their order. Without ``centerline`` the chain ends with the surface.
+    ``filters`` are applied in their order. ``pieces`` keeps what belongs to the vessel of a surface that came in
+    pieces. Without ``centerline`` the chain ends with the surface.
     """
 
     contours: ContourExtractor
@@ -81,6 +89,8 @@ class Reconstruction:
     surface: SurfaceMethod
     smoothing: TaubinSmoothing
     centerline: CenterlineExtractor | None = None
+    mask_outliers: MaskOutliers = field(default_factory=MaskOutliers)
+    pieces: VesselPieces = field(default_factory=VesselPieces)
 
     def __post_init__(self) -> None:
         if not isinstance(self.filters, Mapping) or not all(callable(one) for one in self.filters.values()):
@@ -102,7 +112,8 @@ class Reconstruction:
         seconds: dict[str, float] = {}
         note(f"contours of {len(masks)} masks")
         with timed(seconds, "contours"):
-            contours = self.contours(masks, world_A_pixel)
+            checked = self.mask_outliers(masks, world_A_pixel, self.contours.level)
+            contours = self.contours(checked.masks, world_A_pixel)
         if not len(contours):
             raise InputError(f"masks: expected a vessel in some of them, received {len(masks)} without any")
         cloud, removed = contours, {}
@@ -110,23 +121,34 @@ class Reconstruction:
             for name, leave_out in self.filters.items():
                 left = leave_out(cloud)
                 cloud, removed[name] = left.cloud, len(left.removed)
-        return Gathered(contours, cloud, removed, seconds)
+        return Gathered(checked, contours, cloud, removed, seconds)
 
     def build(self, gathered: Gathered, note: Callable[[str], None] = _silent) -> Reconstructed:
         """The second half: surface and centerline of a cloud."""
         seconds = dict(gathered.seconds)
         note(f"surface through {len(gathered.cloud)} points")
         with timed(seconds, "surface"):
-            rough = self.surface(gathered.cloud)
+            pieces = self.pieces(self.surface(gathered.cloud))
         with timed(seconds, "smoothing"):
-            smoothed = self.smoothing(rough)
+            smoothed = self.smoothing(pieces.mesh)
         centerline, refusal = None, "none was asked for"
         if self.centerline is not None:
             note(f"centerline of {len(smoothed.mesh.triangles)} triangles")
             with timed(seconds, "centerline"):
                 centerline, refusal = _centerline(self.centerline, smoothed.mesh)
         return Reconstructed(
-            gathered.contours, gathered.cloud, gathered.removed, seconds, rough, smoothed, centerline, refusal
+            gathered.checked,
+            gathered.contours,
+            gathered.cloud,
+            gathered.removed,
+            seconds,
+            pieces,
+            # A method without such a width closes no gap knowingly: then no step between frames is called one.
+            float(getattr(self.surface, "bridge_mm", 0.0)) or np.inf,
+            pieces.mesh,
+            smoothed,
+            centerline,
+            refusal,
         )
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hollow_bodies import hollow, ring
 from tubes import straight, tube
 
 from experiments import cells
@@ -134,3 +135,23 @@ def test_unknown_settings_and_missing_files_are_refused(tmp_path: Path, mesh: Pa
     for message, change in refusals.items():
         with pytest.raises(InputError, match=message):
             centerline.check(**(here | change))
+
+
+def test_a_printed_hollow_phantom_has_the_line_of_its_lumen(tmp_path: Path) -> None:
+    write_model(tmp_path / "phantom.stl", hollow(AXIS_MM, 6.0, RADIUS_MM))
+    outcome = run(tmp_path / "out", tmp_path / "phantom.stl")
+    (line,) = read_centerline_table(tmp_path / "out" / "centerline.csv").lines
+    assert off_axis_mm(line.points_mm).max() < 0.1 * RADIUS_MM
+    assert line.length_mm == pytest.approx(40.0, rel=0.02)
+    told = json.loads((tmp_path / "out" / "centerline.json").read_text())
+    assert told["lumen"] == {"walls_joined": True, "genus": 1}
+    assert outcome.findings[0] == (
+        "The surface is a hollow body, its outer and inner wall joined to one surface of genus 1: the inner wall was "
+        "taken, the lumen's."
+    )
+
+
+def test_a_vessel_that_closes_to_a_loop_is_refused(tmp_path: Path) -> None:
+    write_model(tmp_path / "ring.stl", ring(20.0, 4.0))
+    with pytest.raises(RegistrationInputError, match="closes to a loop"):
+        run(tmp_path / "out", tmp_path / "ring.stl")

@@ -18,12 +18,14 @@ from registration.clouds import OrientedCloud
 from registration.contours import ContourExtractor
 from registration.errors import InputError as RegistrationInputError
 from registration.geometry import Mesh
+from registration.mask_outliers import MaskOutliers
 from registration.phantom.acoustics import Scanner
 from registration.phantom.conditions import Deformation, Motion
 from registration.phantom.scan import SimulatedSweep
 from registration.phantom.settings import PhantomSettings
 from registration.smoothing import TaubinSmoothing
 from registration.surface import PoissonSurface
+from registration.vessel_pieces import VesselPieces
 
 EXACT = Motion(frames=50, length_mm=40.0, noise_mm=0.0, noise_deg=0.0)
 PHANTOM = PhantomSettings(
@@ -35,7 +37,8 @@ PHANTOM = PhantomSettings(
 
 def run(phantom: PhantomSettings, **changes: Any) -> Outcome:
     settings: dict[str, Any] = {
-        "phantoms": ["artificial"], "contours": ContourExtractor(), "filters": {"voxel": VoxelDownsampling(0.6)},
+        "phantoms": ["artificial"], "mask_outliers": MaskOutliers(), "pieces": VesselPieces(),
+        "contours": ContourExtractor(), "filters": {"voxel": VoxelDownsampling(0.6)},
         "surface": PoissonSurface(cell_mm=0.9, bridge_mm=3.0), "smoothing": TaubinSmoothing(), "sweeps": 2,
         "masks": "exact", "model_path": None, "max_gap_s": 0.1, "samples": 3000, "seed": 0,
         "workspace": Path(), "progress": Silent(),

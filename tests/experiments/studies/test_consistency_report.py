@@ -20,6 +20,7 @@ def cases(apart_mm: np.ndarray, phantom: str = "vein") -> pd.DataFrame:
         rows.append({"kind": "pair", "first": first, "second": second} | dict.fromkeys(names, value))
     truth = {
         "msd_covered_mm": 0.5, "hd95_covered_mm": 0.9, "bias_mm": -0.1, "covered_second": 0.8, "runtime_s": 2.0,
+        "frames_rejected": 0.0, "pieces_left_out": 0.0, "gap_share": 0.0,
     }  # fmt: skip
     rows += [{"kind": "truth", "first": number, "second": -1} | truth for number in range(len(apart_mm))]
     rows.append({"kind": "common", "first": -1, "second": -1, "msd_covered_mm": 0.4})

@@ -292,3 +292,25 @@ def test_the_real_aorta(real_data: Path, tmp_path: Path) -> None:
     radius_mm = np.concatenate([line.radius_mm for line in reference.lines])
     assert record["centerline"]["radius_max_mm"] == pytest.approx(radius_mm.max(), abs=0.2)
     assert any("open scene.html" in sentence for sentence in outcome.findings)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_the_wall_of_a_hollow_phantom_gives_its_lumen(tmp_path: Path, closed: bool) -> None:
+    def in_wall(points_mm: np.ndarray) -> np.ndarray:
+        height_mm = (points_mm - START_MM) @ WAY
+        apart_mm = np.linalg.norm(points_mm - START_MM - height_mm[:, None] * WAY, axis=1)
+        cavity = (apart_mm < 4) & ((np.abs(height_mm - 20) < 18) | (not closed))
+        return np.asarray((apart_mm < 7) & (np.abs(height_mm - 20) < 20) & ~cavity)
+
+    labels = voxelised(in_wall, START_MM - 9, START_MM + 40 * WAY + 9, (0.8, 0.8, 1.0), np.eye(3), label=1)
+    write_volume(tmp_path / "wall.nii.gz", labels)
+    outcome, told = run(tmp_path, "wall.nii.gz")
+    assert told["lumen"] == {"walls_joined": not closed, "genus": 0 if closed else 1}
+    assert outcome.findings[0].startswith("The surface is a hollow body, its outer and inner wall")
+    (line,) = read_centerline_table(tmp_path / "out" / "centerline.csv").lines
+    height_mm = (line.points_mm - START_MM) @ WAY
+    off_axis_mm = np.linalg.norm(line.points_mm - START_MM - height_mm[:, None] * WAY, axis=1)
+    assert off_axis_mm[3:-3].max() < 0.3
+    assert np.median(line.radius_mm) == pytest.approx(4.0, abs=0.2)
+    assert line.length_mm == pytest.approx(36.0 if closed else 40.0, abs=2.0)
+    assert told["typical_radius_mm"] == pytest.approx(4.0, abs=0.45)

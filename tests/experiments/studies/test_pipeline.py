@@ -21,6 +21,7 @@ from registration.contours import ContourExtractor
 from registration.errors import InputError as RegistrationInputError
 from registration.geometry import Mesh
 from registration.geometry_io import read_centerline, read_surface
+from registration.mask_outliers import MaskOutliers
 from registration.metrics import SurfaceDistance
 from registration.phantom.acoustics import Scanner
 from registration.phantom.conditions import Deformation, Motion
@@ -28,6 +29,7 @@ from registration.phantom.settings import PhantomSettings
 from registration.rigid import MultiStartICP
 from registration.smoothing import TaubinSmoothing
 from registration.surface import PoissonSurface
+from registration.vessel_pieces import VesselPieces
 
 RIGID_PHANTOM = PhantomSettings(
     subset="artery",
@@ -62,7 +64,8 @@ def oracle(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 def run(workspace: Path, **changes: Any) -> Any:
     workspace.mkdir(exist_ok=True)
     settings: dict[str, Any] = {
-        "phantom": RIGID_PHANTOM, "contours": ContourExtractor(), "filters": {"voxel": VoxelDownsampling(0.5)},
+        "phantom": RIGID_PHANTOM, "mask_outliers": MaskOutliers(), "pieces": VesselPieces(),
+        "contours": ContourExtractor(), "filters": {"voxel": VoxelDownsampling(0.5)},
         "surface": PoissonSurface(cell_mm=0.9, bridge_mm=3.0), "smoothing": TaubinSmoothing(),
         "centerline": CenterlineExtractor(), "rigid": {"multistart": MultiStartICP()},
         "model_path": "model.pt", "sweep_index": 3, "max_gap_s": 0.1, "fixed_points": 5000,

@@ -23,6 +23,7 @@ from registration.centerline_io import read_centerline_table
 from registration.geometry import Mesh
 from registration.geometry_io import read_centerline, read_surface
 from registration.readers.folder import FolderReader, write_folder
+from registration.surface import PoissonSurface
 
 FILES = {
     "cloud.ply", "surface.ply", "surface.stl", "centerline.vtp", "centerline.csv", "centerline.mrk.json",
@@ -155,17 +156,69 @@ def test_a_surface_without_a_centerline_is_kept_and_the_reason_told(tmp_path: Pa
     assert np.isnan(outcome.metrics["centerline_length_mm"])
 
 
-def test_a_piece_left_out_is_told(tmp_path: Path) -> None:
+def test_pieces_on_both_sides_of_a_gap_are_kept_and_the_gap_is_told(tmp_path: Path) -> None:
     tube = tube_sweep()
     # The vessel is lost for ten frames: two pieces of 15 and 16 frames are too far apart to be joined.
     tube.masks[15:25] = False
     sweep, masks = recorded(tmp_path, tube)
     outcome = run(tmp_path / "out", sweep, masks)
     told = json.loads((tmp_path / "out" / "reconstruction.json").read_text())
-    assert told["coverage"]["points_near_surface"] == pytest.approx(16 / 31, abs=0.06)
+    assert told["coverage"]["points_near_surface"] > 0.99
     assert told["coverage"]["frames_share"] == pytest.approx(31 / 41)
+    assert told["quality"]["volume_mm3"] == pytest.approx(volume_mm3(7.0 + 7.5), rel=0.05)
+    assert (told["quality"]["pieces"], told["quality"]["open_ends"]) == (2, 4)
+    found = told["surface"]
+    assert found["pieces"] == 2
+    # Crumbs of the surface between the last frames before the gap.
+    assert found["area_share_left_out"] < 0.03
+    assert found["swept_mm"] == pytest.approx(20.0)
+    assert found["gap_share"] == pytest.approx(5.5 / 20)
+    assert found["gaps"] == [{"after_frame": 14, "before_frame": 25, "gap_mm": pytest.approx(5.5)}]
+    assert told["mask_check"]["empty_between_others"] == list(range(15, 25))
+    assert told["centerline"]["lines"] == 2
+    assert sum(told["centerline"]["lengths_mm"]) == pytest.approx(14.5, rel=0.05)
+    findings = " ".join(outcome.findings)
+    assert "1 gaps between frames, up to 5.5 mm wide, are 27.5% of the way" in findings
+    assert "10 masks between others that show the vessel show none (frames 15, 16," in findings
+    assert outcome.metrics["pieces"] == 2
+    assert outcome.metrics["gap_share"] == pytest.approx(0.275)
+
+
+def test_only_the_largest_piece_where_that_is_asked_for(tmp_path: Path) -> None:
+    tube = tube_sweep()
+    tube.masks[15:25] = False
+    sweep, masks = recorded(tmp_path, tube)
+    outcome = run(tmp_path / "out", sweep, masks, surface=PoissonSurface(0.7, 3.0, largest=True))
+    told = json.loads((tmp_path / "out" / "reconstruction.json").read_text())
+    assert told["coverage"]["points_near_surface"] == pytest.approx(16 / 31, abs=0.06)
     assert told["quality"]["volume_mm3"] == pytest.approx(volume_mm3(7.5), rel=0.08)
-    assert "belong to other pieces, of which only the largest was kept" in " ".join(outcome.findings)
+    assert "they belong to pieces that were left out, or to none" in " ".join(outcome.findings)
+
+
+def test_wrong_masks_are_left_out_and_named(tmp_path: Path) -> None:
+    tube = tube_sweep()
+    row, column = np.mgrid[:56, :56]
+    tube.masks[5] = np.roll(tube.masks[5], 10, axis=1)
+    tube.masks[12] = np.hypot(row - 27.5, column - 27.5) < 1.5 * RADIUS_MM / 0.25
+    tube.masks[20] = np.hypot(row - 9, column - 9) < 7
+    tube.masks[30] = True
+    tube.masks[33] = (np.abs(row - 27.5) < 4) & (np.abs(column - 27.5) < 25)
+    (tmp_path / "faulty").mkdir()
+    sweep, masks = recorded(tmp_path / "faulty", tube)
+    outcome = run(tmp_path / "out", sweep, masks)
+    told = json.loads((tmp_path / "out" / "reconstruction.json").read_text())
+    reasons = {entry["frame"]: entry["reason"] for entry in told["mask_check"]["rejected"]}
+    assert reasons == {5: "position", 12: "size", 20: "position", 30: "size", 33: "shape"}
+    assert told["mask_check"]["rejected_by_reason"] == {"position": 2, "size": 2, "shape": 1}
+    assert all(entry["times_limit"] > 1 for entry in told["mask_check"]["rejected"])
+    surface = read_surface(tmp_path / "out" / "surface.ply")
+    assert isinstance(surface, Mesh)
+    assert np.abs(tube.off_axis_mm(surface.vertices_mm) - RADIUS_MM).max() < 0.2
+    assert told["centerline"]["lines"] == 1
+    assert outcome.cases is not None
+    assert outcome.cases.loc[outcome.cases["rejected"] != "", "frame"].tolist() == [5, 12, 20, 30, 33]
+    assert outcome.metrics["frames_rejected"] == 5
+    assert "5 masks disagree with those before and after them and were left out" in " ".join(outcome.findings)
 
 
 def test_what_does_not_fit_is_refused(tmp_path: Path) -> None:

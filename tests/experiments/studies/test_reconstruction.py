@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tube_sweeps import tube_sweep
@@ -11,6 +13,7 @@ from experiments.studies.reconstruction import STAGES, Reconstruction
 from registration.cloud_filters import RadiusOutlierRemoval, VoxelDownsampling
 from registration.contours import ContourExtractor
 from registration.errors import InputError as RegistrationInputError
+from registration.mask_outliers import MaskOutliers
 from registration.smoothing import TaubinSmoothing
 from registration.surface import PoissonSurface
 from registration.synchronisation import synchronise
@@ -28,7 +31,7 @@ def test_a_speck_is_counted_by_the_filter_that_takes_it() -> None:
     tube.masks[10, 2:6, 2:6] = True
     poses = synchronise(tube.sweep, 0.1).world_A_pixel
     told: list[str] = []
-    found = CHAIN(tube.masks, poses, told.append)
+    found = replace(CHAIN, mask_outliers=MaskOutliers(enabled=False))(tube.masks, poses, told.append)
     assert len(found.contours) == len(found.cloud) + sum(found.removed.values())
     # The speck's contour: a few points in a cube or two, 6 mm from the tube.
     assert 1 <= found.removed["radius"] <= 12
@@ -40,6 +43,18 @@ def test_a_speck_is_counted_by_the_filter_that_takes_it() -> None:
     assert [text.split()[0] for text in told] == ["contours", "surface"]
     assert found.surface is found.smoothed.mesh
     assert len(found.rough.triangles) == len(found.surface.triangles)
+
+
+def test_a_speck_is_taken_out_of_its_mask_before() -> None:
+    tube = tube_sweep(count=21)
+    clean = CHAIN(tube.masks, synchronise(tube.sweep, 0.1).world_A_pixel)
+    tube.masks[10, 2:6, 2:6] = True
+    found = CHAIN(tube.masks, synchronise(tube.sweep, 0.1).world_A_pixel)
+    assert np.flatnonzero(found.checked.specks).tolist() == [10]
+    assert not found.checked.rejected.any()
+    np.testing.assert_array_equal(found.cloud.points_mm, clean.cloud.points_mm)
+    # The masks of the caller stay as they were.
+    assert tube.masks[10, 2:6, 2:6].all()
 
 
 def test_empty_masks_and_what_is_no_filter_are_refused() -> None:
