@@ -151,7 +151,7 @@ def loader_with_text(loader: type[Any], settings: Collection[str] = TEXT) -> typ
     ``loader`` is the one it is made from. A value with a tag of its own, or quoted, is as it was.
     """
 
-    class Loader(loader):  # type: ignore[misc, valid-type]
+    class Loader(loader):
         def construct_mapping(self, node: yaml.Node, deep: bool = False) -> Any:
             for key, value in node.value:
                 if isinstance(key, yaml.ScalarNode) and key.value.rpartition(".")[2] in settings:

@@ -36,8 +36,7 @@ def read_training(folder: Path) -> RunRecord:
             )
     weights = digest(folder / "model.pt")
     text = (folder / "config.yaml").read_text(encoding="utf-8")
-    # A case called 010 or NA is no number, nor missing.
-    cases = pd.read_csv(folder / "cases.csv", converters=dict.fromkeys(_NAMES, str))
+    cases = _cases(folder / "cases.csv")
     ended_ms = int((folder / "metrics.json").stat().st_mtime * 1000)
     metrics = _read_json(folder / "metrics.json")
     settings = flatten(yaml.safe_load(text))
@@ -60,6 +59,14 @@ def read_training(folder: Path) -> RunRecord:
         history=_history(_read_json(folder / "history.json"), metrics, ended_ms),
         cases=cases,
     )
+
+
+def _cases(path: Path) -> pd.DataFrame:
+    """The table of cases; one called 010 or NA is no number, nor missing."""
+    scores = [name for name in pd.read_csv(path, nrows=0).columns if name not in _NAMES]
+    missing = {name: ["", "nan", "NaN"] for name in scores}
+    text = dict.fromkeys(_NAMES, str)
+    return pd.read_csv(path, dtype=text, keep_default_na=False, na_values=missing)
 
 
 def _read_json(path: Path) -> Any:

@@ -47,6 +47,16 @@ def test_a_training_becomes_one_run_however_often_it_is_imported(training: Path,
     assert cases["dsc"].tolist() == [0.7, 0.9]
 
 
+def test_names_of_cases_and_groups_are_text(training: Path) -> None:
+    (training / "cases.csv").write_text(
+        "case_id,group,fold,model,dataset,dsc\n010,1.10,1,unet,2024,0.5\nNA,null,1,unet,2024,\n"
+    )
+    cases = read_training(training).cases
+    assert cases is not None
+    assert cases["case_id"].tolist() == ["010", "NA"] and cases["group"].tolist() == ["1.10", "null"]
+    assert cases["dataset"].tolist() == ["2024"] * 2 and cases["dsc"].isna().tolist() == [False, True]
+
+
 def test_a_missing_or_broken_file_is_named(training: Path) -> None:
     (training / "metrics.json").write_text("{")
     with pytest.raises(InputError, match=r"metrics\.json: expected JSON"):

@@ -59,8 +59,8 @@ class Pairing:
         said = []
         if self.unpaired:
             said.append(
-                f"Left out as unpaired: {len(self.images)} images without a mask and {len(self.masks)} masks without "
-                "an image."
+                f"Left out as unpaired: {_counted(self.images, 'image')} without a mask and "
+                f"{_counted(self.masks, 'mask')} without an image."
             )
         if self.others:
             said.append(f"Not used: {self._no_images(root).removeprefix(', with ')}.")

@@ -74,7 +74,9 @@ def pair_transforms(prediction: Path, reference: Path, targets: str | None) -> T
     truths = reference / TRUTH if (reference / TRUTH).is_dir() else reference
     references = _named(truths, "reference")
     cases = truths.parent if truths.name == TRUTH else None
-    if cases is not None and not any((cases / name / CASE_FILE).is_file() for name in references):
+    if cases is not None and not any(
+        (cases / path.stem / CASE_FILE).is_file() for path in references.values()
+    ):
         cases = None
     found = _named(prediction, "prediction")
     predictions = {name: path for name, path in found.items() if name in references}
@@ -119,7 +121,7 @@ def transform_rows(pairs: TransformPairs, progress: Progress) -> Iterator[dict[s
         case = None
         if pairs.cases is not None and pairs.targets_mm is None:
             with naming("reference"):
-                case = read_case(pairs.cases / name)
+                case = read_case(pairs.cases / path.stem)
         given = pairs.predictions.get(name)
         answer = Answer(None, FAILED, error=MISSING) if given is None else read_answer(given)
         yield answer_row(answer, truth, case)

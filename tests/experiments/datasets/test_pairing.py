@@ -22,7 +22,7 @@ def test_all_that_has_no_partner_is_named_at_once() -> None:
     )
     assert found.settled("skip", ROOT) is found and found.unpaired == 3
     assert found.notes(ROOT) == (
-        "Left out as unpaired: 1 images without a mask and 2 masks without an image.",
+        "Left out as unpaired: 1 image without a mask and 2 masks without an image.",
         "Not used: 1 file of another kind (images/model.h5).",
     )
 

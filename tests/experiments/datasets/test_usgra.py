@@ -65,9 +65,7 @@ def test_refuses_files_by_name(tmp_path) -> None:
         Usgra(str(root))()
     dataset = Usgra(str(root), unpaired="skip")
     assert "0002" not in dataset().case_ids and dataset.left_out() == 1
-    assert (
-        dataset.notes()[-1] == "Left out as unpaired: 1 images without a mask and 0 masks without an image."
-    )
+    assert dataset.notes()[-1] == "Left out as unpaired: 1 image without a mask and 0 masks without an image."
     root = write_set(tmp_path / "empty", label=0)
     with pytest.raises(InputError, match="masks: expected masks with a vessel, received 3 empty ones"):
         Usgra(str(root))()

@@ -113,6 +113,8 @@ def test_one_pose_against_one_truth(transforms: Path) -> None:
 def test_settings_of_the_other_kind_are_refused(masks: Path, transforms: Path) -> None:
     with pytest.raises(InputError, match=r"spacing_mm: expected none with transforms, received 0\.1"):
         run(transforms / "mine", transforms / "subset", transforms / "out", spacing_mm=0.1)
+    with pytest.raises(InputError, match="label: expected none with transforms, received 2"):
+        run(transforms / "mine", transforms / "subset", transforms / "out", label=2)
     with pytest.raises(InputError, match="targets: expected none with masks"):
         run(masks / "given", masks / "truth", masks / "out", targets="line.csv")
     with pytest.raises(InputError, match=r"reference: expected a file or folder, received .*nowhere"):
@@ -124,6 +126,19 @@ def test_references_without_any_vessel_are_refused(masks: Path) -> None:
         Image.fromarray(np.zeros((30, 30), dtype=np.uint8)).save(masks / "truth" / f"{name}.png")
     with pytest.raises(InputError, match="reference: expected masks with a vessel, received 2 empty ones"):
         run(masks / "given", masks / "truth", masks / "out")
+
+
+def test_a_label_from_the_command_line(home: Path, masks: Path) -> None:
+    for folder in ("given", "truth"):
+        for path in (masks / folder).iterdir():
+            labels = (np.asarray(Image.open(path)) > 0).astype(np.uint8) * 2
+            labels[0] = 1
+            Image.fromarray(labels).save(path)
+    words = ["study=evaluate", f"prediction={masks / 'given'}", f"reference={masks / 'truth'}"]
+    assert main([*words, f"out={home / 'none'}"]) == 2
+    assert main([*words, "label=2", f"out={home / 'two'}"]) == 0
+    told = json.loads((home / "two" / "evaluation.json").read_text())
+    assert told["labels"] == {"reference": [2], "prediction": [2]}
 
 
 def test_from_the_command_line(home: Path, masks: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -55,6 +55,17 @@ def test_answers_are_paired_by_name_and_a_missing_one_has_failed(subset: Path, r
     assert math.isfinite(rows["tube_a"]["rmse_mm"])
 
 
+def test_names_that_look_alike_belong_together(subset: Path) -> None:
+    answers = subset / "answers"
+    truth = subset / "subset" / "truth"
+    truth.rename(subset / "moved")
+    (subset / "moved" / "tube_a.json").rename(subset / "moved" / "tub\u00e9.json")
+    (answers / "tube_a.json").rename(answers / "tube\u0301.json")
+    pairs = pair_transforms(answers, subset / "moved", None)
+    rows = list(transform_rows(pairs, Silent()))
+    assert [row["tre_mm"] for row in rows].count(math.inf) == 1 and pairs.unused == ("tube_z",)
+
+
 def test_without_the_cases_there_is_no_residual(subset: Path) -> None:
     (subset / "subset" / "truth").rename(subset / "moved")
     pairs = pair_transforms(subset / "answers", subset / "moved", None)

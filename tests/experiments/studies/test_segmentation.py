@@ -286,6 +286,23 @@ def test_without_spacing_distances_are_in_pixels(tmp_path) -> None:
     assert "hd95_px" in outcome.findings[0]
 
 
+def test_what_was_left_out_as_unpaired_stands_in_every_table_and_figure(tmp_path) -> None:
+    @dataclasses.dataclass(frozen=True)
+    class Incomplete(Drawn):
+        def left_out(self) -> int:
+            return 4
+
+    folds = [run_fold(tmp_path / str(fold), fold=fold, dataset=Incomplete()) for fold in (0, 1)]
+    results = [
+        CellResult(config(fold=fold), outcome.metrics, outcome.cases, tmp_path / str(fold))
+        for fold, outcome in enumerate(folds)
+    ]
+    for outcome in (*folds, segmentation.summarise(results)):
+        assert "drawn (4 unpaired left out)" in outcome.findings[0]
+        for name, table in outcome.tables.items():
+            assert "4 unpaired left out" in f"{name} {table.get('dataset', pd.Series()).tolist()}"
+
+
 def test_refuses_a_size_that_the_network_does_not_take(tmp_path) -> None:
     with pytest.raises(ModelInputError, match="multiples of 4"):
         run_fold(tmp_path, preprocessing=Preprocessing(30))
