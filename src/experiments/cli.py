@@ -133,10 +133,13 @@ def _refuse_unreadable(overrides: list[str]) -> None:
 
 
 def _register_resolvers() -> None:
-    """Make ``${project:folder}`` in a configuration a folder of the project, whatever the current folder is."""
+    """Give meaning to ``${project:folder}``, a folder of the project, and ``${method:name.setting}`` in a configuration."""
     from omegaconf import OmegaConf
 
+    from experiments.method_settings import method_setting
+
     OmegaConf.register_new_resolver("project", lambda part: str(project_root() / part), replace=True)
+    OmegaConf.register_new_resolver("method", method_setting, replace=True)
 
 
 def resolve(config: DictConfig) -> Mapping[str, Any]:

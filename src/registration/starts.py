@@ -13,7 +13,6 @@ from registration import frames
 from registration.correspondence import TreeTarget
 from registration.geometry import PrincipalFrame, principal_frame
 from registration.icp import align
-from registration.search_cone import SearchCone
 from registration.selection import distinct
 
 # Below this share of the moving cloud's length there is no room to slide: the whole is one window.
@@ -95,20 +94,23 @@ def centerline_starts(
 
 
 def cone_starts(
-    moving_mm: Float64[np.ndarray, "m 3"], initial: Float64[np.ndarray, "4 4"], cone: SearchCone
+    moving_mm: Float64[np.ndarray, "m 3"],
+    initial: Float64[np.ndarray, "4 4"],
+    angle_deg: float,
+    radius_mm: float,
 ) -> Float64[np.ndarray, "s 4 4"]:
     """A known pose, and the same pose turned about each principal axis of the moving cloud and slid along the first.
 
-    The known pose comes first. Turns are by half and by all of the cone's angle, both ways; slides by half and by all
-    of its radius, at most half the cloud's length.
+    The known pose comes first. Turns are by half and by all of ``angle_deg``, both ways; slides by half and by all of
+    ``radius_mm``, at most half the cloud's length.
     """
     moving = principal_frame(moving_mm)
-    angles = np.deg2rad(cone.angle_deg) * np.array([-1.0, -0.5, 0.5, 1.0])
+    angles = np.deg2rad(angle_deg) * np.array([-1.0, -0.5, 0.5, 1.0])
     rotations = Rotation.from_rotvec(
         np.concatenate([np.zeros((1, 3)), (angles[:, None, None] * moving.axes.T[None]).reshape(-1, 3)])
     )
     turned = frames.from_rotation(rotations, moving.centre_mm - rotations.apply(moving.centre_mm))
-    farthest_mm = min(cone.radius_mm, 0.5 * float(np.ptp((moving_mm - moving.centre_mm) @ moving.axes[:, 0])))
+    farthest_mm = min(radius_mm, 0.5 * float(np.ptp((moving_mm - moving.centre_mm) @ moving.axes[:, 0])))
     slid = np.tile(np.eye(4), (5, 1, 1))
     slid[:, :3, 3] = farthest_mm * np.array([0.0, -1.0, -0.5, 0.5, 1.0])[:, None] * moving.axes[:, 0]
     return (initial @ slid[:, None] @ turned[None]).reshape(-1, 4, 4)
