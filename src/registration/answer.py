@@ -74,7 +74,9 @@ def answer(
     ]
     gap = min((behind for _, behind in rivals), default=float("inf"))
     weak = []
-    if gap < method.judge.least_gap:
+    # Where several axes may be the vessel's, as many searches look for a pose that is better by chance.
+    tries = method.axes_tried(evidence) if bound is None else 1
+    if gap < method.judge.needed_gap(tries):
         weak = [motion for motion, behind in rivals if behind < gap + ALIKE_GAPS]
     if spread.expected_mm > method.judge.tolerated_mm:
         weak.append(spread.weakest)
@@ -86,6 +88,7 @@ def answer(
         gap=gap,
         expected_mm=spread.expected_mm,
         weak=directions,
+        tries=tries,
     )
     verdict, reason = _within_bound(
         verdict, reason, bound, pose, _beyond(method, evidence, found, bound, pose)

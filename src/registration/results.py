@@ -19,6 +19,8 @@ ACCEPTED, AMBIGUOUS, FAILED = "accepted", "ambiguous", "failed"
 NOT_JUDGED = "not judged"
 VERDICTS = (ACCEPTED, AMBIGUOUS, FAILED, NOT_JUDGED)
 UNJUDGED = "the method does not judge its answers"
+# A length below this is rounding: no error of a registration is as small as that.
+LEAST_SHOWN_MM = 1e-3
 
 
 @dataclass(frozen=True)
@@ -119,6 +121,28 @@ class RigidResult:
         errors_mm = np.sqrt(((moved_mm - targets_mm) ** 2).sum(axis=2).mean(axis=1))
         low_mm, high_mm = np.quantile(errors_mm, [(1 - level) / 2, (1 + level) / 2])
         return float(low_mm), float(high_mm)
+
+
+def length_mm(value_mm: float) -> str:
+    """A length for a sentence: two digits that count, and never 0.0 for what is not."""
+    if value_mm < LEAST_SHOWN_MM:
+        return f"below {LEAST_SHOWN_MM:g} mm"
+    return f"{value_mm:.1f} mm" if value_mm >= 1 else f"{value_mm:.2g} mm"
+
+
+def predicted_sentence(low_mm: float, high_mm: float) -> str:
+    """What a method predicts of its error, and what is not in it; nothing where it predicts none.
+
+    Clouds without noise leave nothing to predict an error from.
+    """
+    if not (np.isfinite(low_mm) and np.isfinite(high_mm)):
+        return ""
+    if high_mm < LEAST_SHOWN_MM:
+        return "No TRE is predicted: the clouds fit each other without noise."
+    return (
+        f"Predicted TRE {length_mm(low_mm)} to {length_mm(high_mm)} (90 %); what the tissue's deformation adds is not "
+        "included."
+    )
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from registration.answer import answer, measured_candidate
 from registration.checks import require_count, require_positive
 from registration.correspondence import TreeTarget
 from registration.errors import InputError
+from registration.geometry import principal_frame
 from registration.rejection import NormalRejection, Rejection
 from registration.results import ACCEPTED, RigidResult, fit
 from registration.rigid_input import frame_of_points, points_on_line, rigid_clouds
@@ -22,7 +23,7 @@ from registration.search import EARLY_TOLERANCE, CoarseToFine, Stage, estimation
 from registration.search_cone import USUAL_DEG, USUAL_MM, Bound, SearchCone, bound_around, known_pose
 from registration.selection import Evidence, blocks_of, blocks_of_frames
 from registration.smoothed_target import outward_targets
-from registration.starts import centerline_starts, cone_starts, symmetry_starts
+from registration.starts import centerline_starts, cone_starts, principal_axes, symmetry_starts
 from registration.strays import LEAST_CLOUD, NEIGHBOUR, lonely, strays
 from registration.turned_round import is_longer, turned_round
 
@@ -39,7 +40,7 @@ class MultiStartICP:
 
     Starts: principal axes laid on each other, rolled in ``rolls`` equal steps, inverted, and slid along the vessel
     in steps of ``slide_share`` of the moving cloud's length; an axis with ``axis_share`` of the longest one's
-    spread counts as principal too; ``invert`` and ``slide`` can be left out. Where the centerlines of both clouds
+    spread counts as principal too, and where the second one has ``compact_share`` of it none is: all are tried; ``invert`` and ``slide`` can be left out. Where the centerlines of both clouds
     are given and ``use_centerline`` is true, ICP on these comes first and leaves only its ``centerline_places``
     best places to be rolled; where the answer is then not accepted, the surfaces' own axes are tried too. All
     starts take ``first_iterations`` on ``first_points`` against a closest-point table of ``coarse_cells`` voxels,
@@ -56,10 +57,10 @@ class MultiStartICP:
     and is no residual. Along normals the ``kernel`` weighs the pairs of the last two stages. The closest ``keep`` share
     of pairs counts in all stages and in the trimmed residual; None stands for 0.9, and for all pairs where the kernel
     weighs them. ``rejections`` can leave out more. ``cone_deg`` and ``cone_radius_mm`` bound the answer around a given
-    initial pose, as far as a search cone does not. The ``judge`` decides whether the answer is accepted, from the candidates and from a bootstrap of
-    ``replicates`` over ``blocks`` blocks of points, its spread enlarged by ``inflation``: this was set so that the
-    predicted 90 % intervals hold on random anatomies with seeds below 1000. From point to point no error is
-    predicted: closest points say too little about it. Where the moving cloud is the longer one, the fixed one is
+    initial pose, as far as a search cone does not. The ``judge`` decides whether the answer is accepted, from the
+    candidates and from a bootstrap of ``replicates`` over ``blocks`` blocks of points, its spread enlarged by
+    ``inflation``: this was set so that the predicted 90 % intervals hold on random anatomies with seeds below 1000.
+    From point to point no error is predicted: closest points say too little about it. Where the moving cloud is the longer one, the fixed one is
     registered to it and the result turned round. Deterministic in ``seed``.
 
     Methods: T. Vantini, Politecnico di Milano, 2025, section 2.5 (starts and selection); see ``registration.icp``,
@@ -73,6 +74,7 @@ class MultiStartICP:
     rolls: int = 12
     slide_share: float = 0.25
     axis_share: float = 0.75
+    compact_share: float = 0.5
     invert: bool = True
     slide: bool = True
     use_centerline: bool = True
@@ -124,7 +126,7 @@ class MultiStartICP:
         require_count("blocks", self.blocks, 2)
         require_count("replicates", self.replicates, 20)
         require_count("seed", self.seed, 0)
-        for name in ("slide_share", "axis_share", "first_share", "tolerance", "basin_share"):
+        for name in ("slide_share", "axis_share", "compact_share", "first_share", "tolerance", "basin_share"):
             require_positive(name, getattr(self, name), 1.0)
         if self.keep is not None:
             require_positive("keep", self.keep, 1.0)
@@ -150,8 +152,8 @@ class MultiStartICP:
     ) -> RigidResult:
         """Register ``moving_mm`` to ``fixed_mm`` from anywhere, or from near ``initial`` (a fixed_T_moving).
 
-        Clouds and points on centerlines are arrays or lists of shape (n, 3) in mm, ``initial`` is (4, 4). No answer lies
-        outside the bound around ``initial``: that of ``search_cone``, else that of ``cone_deg`` and ``cone_radius_mm``.
+        Clouds and points on centerlines are arrays or lists of shape (n, 3) in mm, ``initial`` is (4, 4). No answer
+        lies outside the bound around ``initial``: of ``search_cone``, else of ``cone_deg`` and ``cone_radius_mm``.
         Points on the clouds' centerlines, in their frames, shorten the search; ``moving_frame`` (m,) is the frame of
         the sweep that each moving point was seen in, which makes the bootstrap one over frames. Raises InputError for a
         cloud that is empty, of another shape, not finite, degenerate or in metres, an ``initial`` that is not rigid or
@@ -208,6 +210,11 @@ class MultiStartICP:
         """The share of closest pairs in the early stages and in the trimmed residual."""
         return KEPT if self.keep is None else self.keep
 
+    def axes_tried(self, evidence: Evidence) -> int:
+        """How many axes of the moving cloud are tried for the vessel's where nothing is known of its pose."""
+        spread_mm = principal_frame(evidence.moving_mm[: evidence.core]).spread_mm
+        return len(principal_axes(spread_mm, self.axis_share, self.compact_share))
+
     @property
     def _weighing(self) -> RobustKernel | None:
         return None if self.refine_by == "point" else self.kernel
@@ -245,6 +252,7 @@ class MultiStartICP:
                 self.rolls,
                 self.slide_share,
                 self.axis_share,
+                self.compact_share,
                 invert=self.invert,
                 slide=self.slide,
             )
