@@ -133,7 +133,7 @@ def _refuse_unreadable(overrides: list[str]) -> None:
 
 
 def _register_resolvers() -> None:
-    """Give meaning to ``${project:folder}``, a folder of the project, and ``${method:name.setting}`` in a configuration."""
+    """Make ``${project:folder}`` a folder of the project, and ``${method:name.setting}`` that of a rigid method."""
     from omegaconf import OmegaConf
 
     from experiments.method_settings import method_setting

@@ -123,6 +123,11 @@ class RigidResult:
         return float(low_mm), float(high_mm)
 
 
+def verdict_sentence(result: RigidResult) -> str:
+    """The verdict and its reason, as one sentence."""
+    return f"Verdict: {result.verdict}, {result.reason}."
+
+
 def length_mm(value_mm: float) -> str:
     """A length for a sentence: two digits that count, and never 0.0 for what is not."""
     if value_mm < LEAST_SHOWN_MM:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -38,29 +39,29 @@ KEPT = 0.9
 class MultiStartICP:
     """ICP from every pose that the symmetry of a vessel allows; the one that explains the points best wins.
 
-    Starts: principal axes laid on each other, rolled in ``rolls`` equal steps, inverted, and slid along the vessel
-    in steps of ``slide_share`` of the moving cloud's length; an axis with ``axis_share`` of the longest one's
-    spread counts as principal too, and where the second one has ``compact_share`` of it none is: all are tried; ``invert`` and ``slide`` can be left out. Where the centerlines of both clouds
-    are given and ``use_centerline`` is true, ICP on these comes first and leaves only its ``centerline_places``
-    best places to be rolled; where the answer is then not accepted, the surfaces' own axes are tried too. All
-    starts take ``first_iterations`` on ``first_points`` against a closest-point table of ``coarse_cells`` voxels,
-    the best ``first_share`` of them ``coarse_iterations`` on ``coarse_points``; the best ``survivors`` of different
-    basins go on with ``middle_points`` and exact closest points, at most ``finalists`` of those with up to
-    ``fine_points``. A pose is in the basin of a better one if both move the cloud alike within ``basin_share`` of
-    its radius. Of a fixed cloud with more than ``fixed_points`` so many are drawn: the nearest neighbours in a denser
-    one are its noise and not its surface.
+    Starts: principal axes laid on each other, rolled in ``rolls`` equal steps, inverted, and slid along the vessel in
+    steps of ``slide_share`` of the moving cloud's length; an axis with ``axis_share`` of the longest one's spread
+    counts as principal too, and where the second one has ``compact_share`` of it none is: all are tried; ``invert`` and
+    ``slide`` can be left out. Where the centerlines of both clouds are given and ``use_centerline`` is true, ICP on
+    these comes first and leaves only its ``centerline_places`` best places to be rolled; where the answer is then not
+    accepted, the surfaces' own axes are tried too. All starts take ``first_iterations`` on ``first_points`` against a
+    closest-point table of ``coarse_cells`` voxels, the best ``first_share`` of them ``coarse_iterations`` on
+    ``coarse_points``; the best ``survivors`` of different basins go on with ``middle_points`` and exact closest points,
+    at most ``finalists`` of those with up to ``fine_points``. A pose is in the basin of a better one if both move the
+    cloud alike within ``basin_share`` of its radius. Of a fixed cloud with more than ``fixed_points`` so many are
+    drawn: the nearest neighbours in a denser one are its noise and not its surface.
 
-    ``refine_by`` is the residual of the last two stages: ``plane`` (along normals estimated from ``neighbours``
-    points: exact on sampled surfaces, whose points never coincide), ``symmetric`` (normals of both) or ``point``
-    (for clouds that are no surface). With ``wall_offset`` one wall may lie outside the other by the same distance
-    everywhere, for the borders that two modalities show are not one: it is estimated with the pose and reported,
-    and is no residual. Along normals the ``kernel`` weighs the pairs of the last two stages. The closest ``keep`` share
-    of pairs counts in all stages and in the trimmed residual; None stands for 0.9, and for all pairs where the kernel
-    weighs them. ``rejections`` can leave out more. ``cone_deg`` and ``cone_radius_mm`` bound the answer around a given
-    initial pose, as far as a search cone does not. The ``judge`` decides whether the answer is accepted, from the
-    candidates and from a bootstrap of ``replicates`` over ``blocks`` blocks of points, its spread enlarged by
-    ``inflation``: this was set so that the predicted 90 % intervals hold on random anatomies with seeds below 1000.
-    From point to point no error is predicted: closest points say too little about it. Where the moving cloud is the longer one, the fixed one is
+    ``refine_by`` is the residual of the last two stages: ``plane`` (along normals estimated from ``neighbours`` points:
+    exact on sampled surfaces, whose points never coincide), ``symmetric`` (normals of both) or ``point`` (for clouds
+    that are no surface). With ``wall_offset`` one wall may lie outside the other by the same distance everywhere, for
+    the borders that two modalities show are not one: it is estimated with the pose and reported, and is no residual.
+    Along normals the ``kernel`` weighs the pairs of the last two stages. The closest ``keep`` share of pairs counts in
+    all stages and in the trimmed residual; None stands for 0.9, and for all pairs where the kernel weighs them.
+    ``rejections`` can leave out more. ``cone_deg`` and ``cone_radius_mm`` bound the answer around a given initial pose,
+    as far as a search cone does not. The ``judge`` decides whether the answer is accepted, from the candidates and from
+    a bootstrap of ``replicates`` over ``blocks`` blocks of points, its spread enlarged by ``inflation``: this was set
+    so that the predicted 90 % intervals hold on random anatomies with seeds below 1000. From point to point no error is
+    predicted: closest points say too little about it. Where the moving cloud is the longer one, the fixed one is
     registered to it and the result turned round. Deterministic in ``seed``.
 
     Methods: T. Vantini, Politecnico di Milano, 2025, section 2.5 (starts and selection); see ``registration.icp``,
@@ -97,7 +98,7 @@ class MultiStartICP:
     neighbours: int = 20
     wall_offset: bool = True
     kernel: RobustKernel | None = field(default_factory=Tukey)
-    rejections: tuple[Rejection, ...] = ()
+    rejections: Sequence[Rejection] = ()
     basin_share: float = 0.1
     cone_deg: float = USUAL_DEG
     cone_radius_mm: float = USUAL_MM
