@@ -135,10 +135,13 @@ def _refuse_unreadable(overrides: list[str]) -> None:
 
 
 def _register_resolvers() -> None:
-    """Make ``${project:folder}`` in a configuration a folder of the project, whatever the current folder is."""
+    """Make ``${project:folder}`` a folder of the project, and ``${method:name.setting}`` that of a rigid method."""
     from omegaconf import OmegaConf
 
+    from experiments.method_settings import method_setting
+
     OmegaConf.register_new_resolver("project", lambda part: str(project_root() / part), replace=True)
+    OmegaConf.register_new_resolver("method", method_setting, replace=True)
 
 
 def _keep_names_as_text() -> None:

@@ -29,6 +29,8 @@ class TrainerSettings:
     ``resume``: go on with an interrupted training from its last whole epoch; the result is that of a training never
     interrupted. ``extend_epochs``: go on with a finished training for up to so many epochs more, at a constant tenth
     of ``learning_rate``, so that an extension by 10 is the beginning of one by 20; patience counts anew.
+
+    ``smoke``: the training shows that all works and not how well; its results say so and are not compared.
     """
 
     max_epochs: int
@@ -44,6 +46,7 @@ class TrainerSettings:
     deterministic: bool = True
     resume: bool = False
     extend_epochs: int = 0
+    smoke: bool = False
 
     def __post_init__(self) -> None:
         for name in ("max_epochs", "batch_size", "patience"):
@@ -65,7 +68,7 @@ class TrainerSettings:
                 raise InputError(
                     f"{name}: expected one of {', '.join(known)}, received {getattr(self, name)!r}"
                 )
-        for name in ("deterministic", "resume"):
+        for name in ("deterministic", "resume", "smoke"):
             if not isinstance(getattr(self, name), bool):
                 raise InputError(f"{name}: expected true or false, received {getattr(self, name)!r}")
         if self.accelerator == "cpu" and self.precision != "32-true":

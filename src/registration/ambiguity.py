@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
+from scipy.special import ndtr, ndtri
 
 from registration import frames
 from registration.checks import require_positive
 from registration.geometry import PrincipalFrame
-from registration.results import ACCEPTED, AMBIGUOUS, FAILED
+from registration.results import ACCEPTED, AMBIGUOUS, FAILED, LEAST_SHOWN_MM, length_mm
 
 DIRECTIONS = ("slide", "shift", "roll", "tilt", "flip")
 # A turn about an axis across the vessel by more than this lays it the other way round.
@@ -40,28 +41,41 @@ class Judge:
         require_positive("least_gap", self.least_gap)
         require_positive("least_inliers", self.least_inliers, 1.0)
 
+    def needed_gap(self, tries: int = 1) -> float:
+        """By how many standard errors other poses must be worse where ``tries`` searches could each err by chance.
+
+        Bonferroni: each may err in the share of cases that one may, divided by their number.
+        """
+        return self.least_gap if tries == 1 else float(-ndtri(ndtr(-self.least_gap) / tries))
+
     def __call__(
-        self, *, settled: bool, inlier_share: float, gap: float, expected_mm: float, weak: tuple[str, ...]
+        self,
+        *,
+        settled: bool,
+        inlier_share: float,
+        gap: float,
+        expected_mm: float,
+        weak: tuple[str, ...],
+        tries: int = 1,
     ) -> tuple[str, str]:
         """The verdict and its reason in one sentence.
 
-        ``expected_mm`` is the upper end of the predicted error, NaN where none was predicted.
+        ``expected_mm`` is the upper end of the predicted error without deformation, NaN where none was predicted;
+        ``tries`` is the number of axes that were tried for the vessel's.
         """
         named = f" ({', '.join(weak)})" if weak else ""
+        needed = self.needed_gap(tries)
         if inlier_share < self.least_inliers:
             return FAILED, (
                 f"only {100 * inlier_share:.0f} % of the moving points lie on the fixed cloud, "
                 f"{100 * self.least_inliers:.0f} % are needed"
             )
-        if gap < self.least_gap:
-            return AMBIGUOUS, (
-                f"another pose{named} explains the clouds as well: it is worse by {gap:.1f} standard errors, "
-                f"{self.least_gap:g} are needed"
-            )
+        if gap < needed:
+            return AMBIGUOUS, f"{_rival(gap, named)}, at least {needed:.2g} are needed"
         if expected_mm > self.tolerated_mm:
             return AMBIGUOUS, (
-                f"the clouds leave the pose open{named}: the error may reach {expected_mm:.1f} mm, "
-                f"{self.tolerated_mm:g} mm are tolerated"
+                f"the clouds leave the pose open{named}: the predicted TRE reaches {expected_mm:.1f} mm without "
+                f"deformation, {self.tolerated_mm:g} mm are tolerated"
             )
         if not settled:
             return FAILED, "the best pose had not settled when the iterations ran out"
@@ -70,8 +84,22 @@ class Judge:
             if np.isinf(gap)
             else f"the next pose is worse by {gap:.1f} standard errors"
         )
-        error = "was not predicted" if np.isnan(expected_mm) else f"should stay below {expected_mm:.1f} mm"
-        return ACCEPTED, f"{rest}, and the error {error}"
+        return ACCEPTED, f"{rest}, and {_predicted(expected_mm)}"
+
+
+def _rival(gap: float, named: str) -> str:
+    if gap < 0:
+        return f"another pose{named} explains the clouds better, by {-gap:.1f} standard errors"
+    return f"another pose{named} explains the clouds as well: it is worse by {gap:.1f} standard errors"
+
+
+def _predicted(expected_mm: float) -> str:
+    """The upper end of the predicted error; clouds without noise leave nothing to predict it from."""
+    if np.isnan(expected_mm):
+        return "no error was predicted"
+    if expected_mm < LEAST_SHOWN_MM:
+        return "the clouds fit without noise, which predicts nothing"
+    return f"the predicted TRE without deformation is up to {length_mm(expected_mm)} (95 %)"
 
 
 def named_motion(

@@ -15,9 +15,10 @@ from registration.correspondence import TreeTarget
 from registration.errors import InputError
 from registration.geometry import PrincipalFrame, principal_frame
 from registration.icp import align
-from registration.results import FAILED, Candidate, RigidResult, fit
+from registration.results import ACCEPTED, AMBIGUOUS, FAILED, Candidate, RigidResult, fit
 from registration.robust_kernels import Tukey
 from registration.search import EARLY_TOLERANCE, Found
+from registration.search_cone import Bound
 from registration.selection import Evidence, both_ways
 from registration.smoothed_target import SmoothedTarget
 from registration.uncertainty import bootstrap_motions, local_fit
@@ -41,12 +42,14 @@ def answer(
     moving_mm: Float64[np.ndarray, "m 3"],
     evidence: Evidence,
     found: Found,
+    bound: Bound | None,
     begin_s: float,
 ) -> RigidResult:
-    """Judge the best candidate by the others, by its local fit and by its residuals."""
+    """Judge the best candidate by the others, by its local fit, by its residuals, and by what lies beyond the bound."""
     if not found.candidates or not len(found.gap):
         raise InputError(
             "search_cone: expected a cone that holds an answer, received one that no start ends in"
+            + _best_end(found, bound)
         )
     target = evidence.target
     moving = TreeTarget(moving_mm)
@@ -59,7 +62,7 @@ def answer(
     )
     best = candidates[0]
     pose = best.fixed_T_moving
-    measured = fit(moving_mm, target, pose, keep=method.keep, inlier_spacings=method.inlier_spacings)
+    measured = fit(moving_mm, target, pose, keep=method.kept, inlier_spacings=method.inlier_spacings)
     rng = np.random.default_rng(method.seed)
     places_mm = rng.permutation(target.points_mm, axis=0)[:TARGETS]
     spread = _spread(method, evidence, pose, places_mm, rng)
@@ -71,7 +74,9 @@ def answer(
     ]
     gap = min((behind for _, behind in rivals), default=float("inf"))
     weak = []
-    if gap < method.judge.least_gap:
+    # Where several axes may be the vessel's, as many searches look for a pose that is better by chance.
+    tries = method.axes_tried(evidence) if bound is None else 1
+    if gap < method.judge.needed_gap(tries):
         weak = [motion for motion, behind in rivals if behind < gap + ALIKE_GAPS]
     if spread.expected_mm > method.judge.tolerated_mm:
         weak.append(spread.weakest)
@@ -83,6 +88,10 @@ def answer(
         gap=gap,
         expected_mm=spread.expected_mm,
         weak=directions,
+        tries=tries,
+    )
+    verdict, reason = _within_bound(
+        verdict, reason, bound, pose, _beyond(method, evidence, found, bound, pose)
     )
     return RigidResult(
         fixed_T_moving=pose,
@@ -102,6 +111,37 @@ def answer(
         pose_samples=spread.samples,
         wall_offset_mm=evidence.wall_offset_mm(pose),
     )
+
+
+def _best_end(found: Found, bound: Bound | None) -> str:
+    if bound is None or found.outside is None:
+        return ""
+    return f"; the best one ends {bound.describe(found.outside.fixed_T_moving)}"
+
+
+def _beyond(
+    method: MultiStartICP, evidence: Evidence, found: Found, bound: Bound | None, pose: np.ndarray
+) -> str:
+    """Say that a pose outside the bound explains the clouds better than the answer by more than chance, if one does."""
+    if bound is None or found.outside is None:
+        return ""
+    other = found.outside.fixed_T_moving
+    behind = float(evidence.gaps(np.stack([other, pose]))[1])
+    if behind < method.judge.least_gap:
+        return ""
+    return f"a pose {bound.describe(other)}, explains the clouds better by {behind:.1f} standard errors"
+
+
+def _within_bound(
+    verdict: str, reason: str, bound: Bound | None, pose: np.ndarray, beyond: str
+) -> tuple[str, str]:
+    """The verdict on an answer that was looked for near a known pose alone."""
+    if bound is None:
+        return verdict, reason
+    if beyond:
+        verdict, reason = (AMBIGUOUS, beyond) if verdict == ACCEPTED else (verdict, f"{reason}; {beyond}")
+    edge = bound.at_edge(pose)
+    return verdict, f"{reason}; {edge}" if edge else reason
 
 
 @dataclass(frozen=True)
@@ -136,7 +176,7 @@ def measured_candidate(
 ) -> Candidate:
     """A candidate with its residuals both ways."""
     measured = fit(
-        moving_mm, target, one.fixed_T_moving, keep=method.keep, inlier_spacings=method.inlier_spacings
+        moving_mm, target, one.fixed_T_moving, keep=method.kept, inlier_spacings=method.inlier_spacings
     )
     both = both_ways(moving, target, one.fixed_T_moving, measured.rmse_mm, method.inlier_spacings)
     return replace(
@@ -165,7 +205,7 @@ def _others(
         probes(frame, PROBED_SLIDE * method.judge.tolerated_mm) @ pose,
         max_iterations=PROBED_ITERATIONS,
         tolerance=EARLY_TOLERANCE,
-        keep=method.keep,
+        keep=method.kept,
     ).fixed_T_moving
     gaps = evidence.gaps(np.concatenate([pose[None], settled]))[1:]
     return [*zip(motions, found.gap.tolist(), strict=True), *zip(settled @ back, gaps.tolist(), strict=True)]

@@ -6,12 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64, Int64
+from numpy.typing import ArrayLike
 
 from registration.errors import InputError
 
 # A cloud whose second principal spread is below this share of its first is a line (or a point) for every purpose
 # here: no rotation about it can be told from its points. Single-precision files resolve about 1e-7.
 LINE_SHARE = 1e-6
+# A cloud whose bounding box is smaller than this was not measured in millimetres.
+METRES_BELOW_MM = 2.0
 
 
 @dataclass(frozen=True)
@@ -163,26 +166,78 @@ def surface_frame(surface: Mesh | Float64[np.ndarray, "n 3"]) -> PrincipalFrame:
     return principal_frame(surface)
 
 
-def require_cloud(
-    points_mm: Float64[np.ndarray, "n 3"], name: str, least: int = 3
-) -> Float64[np.ndarray, "n 3"]:
-    """Return the cloud, or raise InputError naming it if it is short, not finite, or lies on a point or a line."""
-    if len(points_mm) < least:
-        raise InputError(f"{name}: expected at least {least} points, received {len(points_mm)}")
-    if not np.isfinite(points_mm).all():
-        broken = int((~np.isfinite(points_mm)).any(axis=1).sum())
+def require_points(points_mm: ArrayLike, name: str, least: int = 1) -> Float64[np.ndarray, "n 3"]:
+    """Points as float64, from an array or anything that NumPy makes one of, such as a list of triples.
+
+    Raises InputError naming them for numbers that are none, another shape than (n, 3), fewer than ``least`` points, and
+    coordinates that are not finite.
+    """
+    try:
+        found = np.asarray(points_mm)
+        if found.dtype.kind not in "iuf":
+            found = np.array([[_number(value) for value in row] for row in found.tolist()], dtype=np.float64)
+        found = found.astype(np.float64)
+    except (TypeError, ValueError) as refusal:
+        raise InputError(
+            f"{name}: expected points as an array of numbers of shape (n, 3), received {type(points_mm).__name__} "
+            "that is none"
+        ) from refusal
+    if found.ndim != 2 or found.shape[1] != 3:
+        if found.size == 0:
+            raise InputError(f"{name}: expected at least {least} points, received 0")
+        hint = ""
+        if found.shape == (3,):
+            hint = "; one point is points[None]"
+        elif found.ndim == 2 and found.shape[0] == 3:
+            hint = "; transpose it, points.T"
+        elif found.ndim == 2 and found.shape[1] == 2:
+            hint = "; points in a plane need a third coordinate"
+        raise InputError(f"{name}: expected points of shape (n, 3), received shape {found.shape}{hint}")
+    if len(found) < least:
+        raise InputError(f"{name}: expected at least {least} points, received {len(found)}")
+    if not np.isfinite(found).all():
+        broken = int((~np.isfinite(found)).any(axis=1).sum())
         raise InputError(
             f"{name}: expected finite coordinates, received {broken} points with NaN or infinity"
         )
-    extent_mm = np.ptp(points_mm, axis=0)
+    return found
+
+
+def require_cloud(points_mm: ArrayLike, name: str, least: int = 3) -> Float64[np.ndarray, "n 3"]:
+    """Return the cloud as float64, or raise InputError naming it.
+
+    It is refused if ``require_points`` refuses it, and if it lies on a point or a line.
+    """
+    cloud_mm = require_points(points_mm, name, least)
+    extent_mm = np.ptp(cloud_mm, axis=0)
     if not extent_mm.any():
         raise InputError(
-            f"{name}: expected points that span a surface, received {len(points_mm)} equal points"
+            f"{name}: expected points that span a surface, received {len(cloud_mm)} equal points"
         )
-    spread_mm = principal_frame(points_mm).spread_mm
+    spread_mm = principal_frame(cloud_mm).spread_mm
     if spread_mm[1] <= LINE_SHARE * spread_mm[0]:
         raise InputError(f"{name}: expected points that span a surface, received points on one line")
-    return points_mm
+    return cloud_mm
+
+
+def require_millimetres(cloud_mm: Float64[np.ndarray, "n 3"], name: str) -> Float64[np.ndarray, "n 3"]:
+    """Return the cloud, or raise InputError if it is so small that it must be in metres.
+
+    A piece of a vessel 2 m long would be 2 mm across as such; nothing that is registered here is as small as that.
+    """
+    across_mm = diagonal_mm(cloud_mm)
+    if across_mm < METRES_BELOW_MM:
+        raise InputError(
+            f"{name}: expected coordinates in millimetres, received a cloud {across_mm:.3g} across, which looks like "
+            f"metres; multiply it by 1000"
+        )
+    return cloud_mm
+
+
+def _number(value: object) -> float:
+    if isinstance(value, (str, bytes, bool, complex)) or value is None:
+        raise TypeError
+    return float(value)  # type: ignore[arg-type]
 
 
 def diagonal_mm(points_mm: Float64[np.ndarray, "n 3"]) -> float:

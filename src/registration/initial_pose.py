@@ -21,7 +21,7 @@ SOURCES = ("file", "landmarks")
 class InitialPose:
     """A rigid ``fixed_T_moving`` in mm, its ``source`` (file or landmarks), and a bound on the search around it.
 
-    Without a ``search_cone`` the method searches as far as it does by default.
+    Without a ``search_cone`` the method's own bound holds.
     """
 
     fixed_T_moving: Float64[np.ndarray, "4 4"]
@@ -42,7 +42,7 @@ def initial_pose(
 ) -> InitialPose | None:
     """The pose in ``path``, else the one that lays ``pairs`` of landmarks on each other, else None.
 
-    A bound that is given without the other takes SearchCone's own value for it. Raises InputError for a file that
+    A bound that is given without the other leaves that to the method's own. Raises InputError for a file that
     cannot be read, a pose that is not rigid, and a bound with no pose to search around.
     """
     cone = _cone(search_cone_deg, search_radius_mm)
@@ -59,12 +59,8 @@ def initial_pose(
 def _cone(search_cone_deg: float | None, search_radius_mm: float | None) -> SearchCone | None:
     if search_cone_deg is None and search_radius_mm is None:
         return None
-    usual = SearchCone()
     try:
-        return SearchCone(
-            usual.angle_deg if search_cone_deg is None else search_cone_deg,
-            usual.radius_mm if search_radius_mm is None else search_radius_mm,
-        )
+        return SearchCone(search_cone_deg, search_radius_mm)
     except InputError as refusal:
         # The cone's own fields are named after what the user calls them.
         message = (

@@ -42,13 +42,14 @@ class Found:
     """Where a search ended: ``candidates`` best first, steps of all starts together, and whether the best settled.
 
     ``gap`` (c,) says by how many standard errors the first c of them, the refined ones, explain the clouds worse than
-    the best.
+    the best. ``outside`` is the best pose beyond the bound of the search, which is no candidate, if there is one.
     """
 
     candidates: tuple[Candidate, ...]
     gap: Float64[np.ndarray, "c"]
     iterations: int
     settled: bool
+    outside: Candidate | None = None
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,8 @@ class CoarseToFine:
 
     ``first`` and ``coarse`` look closest points up in a table of ``cells`` voxels, by point-to-plane steps where there
     are normals; ``middle`` and ``fine`` find them exactly. The share ``first_share`` of the starts survives the first
-    stage. ``keep``, ``rejections`` and ``kernel`` are those of ``registration.icp``; with a kernel nothing is trimmed.
+    stage. ``keep``, ``rejections`` and ``kernel`` are those of ``registration.icp``; ``kept`` is the share of the last
+    two stages.
     """
 
     first: Stage
@@ -67,6 +69,7 @@ class CoarseToFine:
     first_share: float
     cells: int
     keep: float
+    kept: float
     basin_share: float
     estimation: Estimation
     kernel: RobustKernel | None
@@ -81,28 +84,31 @@ class CoarseToFine:
     ) -> Found:
         """Search from all ``starts``; the points of ``evidence`` are in random order, a stage takes the first ones.
 
-        Candidates outside ``within`` are dropped, so there may be none.
+        No candidate lies outside ``within``, so there may be none; the best pose there is followed all the same, for it
+        may explain the clouds better than any candidate does.
         """
-        pool, steps = self._coarse(evidence, starts, within)
+        pool, steps = self._coarse(evidence, starts)
+        pool, beyond = _divided(pool, within)
         near, far = pool[: self.coarse.most], pool[self.coarse.most :]
-        middle, more, _ = self._refined(evidence, near, self.middle, moving_normals, within)
+        middle, more, _ = self._refined(evidence, near + beyond[:1], self.middle, moving_normals)
+        middle, beyond = _divided(middle, within)
         hopeful = [
             one for one, gap in zip(middle, _gaps(evidence, middle), strict=True) if gap < HOPELESS_GAP
         ]
         chosen = hopeful[: self.middle.most]
-        fine, last, settled = self._refined(evidence, chosen, self.fine, moving_normals, within)
+        fine, last, settled = self._refined(evidence, chosen + beyond[:1], self.fine, moving_normals)
+        fine, beyond = _divided(fine, within)
         names = {id(one) for one in chosen}
         left = [one for one in middle if id(one) not in names]
         return Found(
             candidates=tuple(fine + left + far),
             gap=_gaps(evidence, fine + left),
             iterations=steps + more + last,
-            settled=settled,
+            settled=bool(fine) and settled[fine[0].fixed_T_moving.tobytes()],
+            outside=next(iter(beyond), None),
         )
 
-    def _coarse(
-        self, evidence: Evidence, starts: np.ndarray, within: Bound | None
-    ) -> tuple[list[Candidate], int]:
+    def _coarse(self, evidence: Evidence, starts: np.ndarray) -> tuple[list[Candidate], int]:
         """Both early stages: candidates of different basins, the ones dropped after the first stage last."""
         target = evidence.target
         table = VoxelTarget(target.points_mm, self.cells, exact=target)
@@ -127,7 +133,7 @@ class CoarseToFine:
             )
             for group in groups
         ]
-        return _inside(found, within), int(first.iterations.sum() + coarse.iterations.sum())
+        return found, int(first.iterations.sum() + coarse.iterations.sum())
 
     def _refined(
         self,
@@ -135,11 +141,10 @@ class CoarseToFine:
         chosen: list[Candidate],
         stage: Stage,
         moving_normals: np.ndarray | None,
-        within: Bound | None,
-    ) -> tuple[list[Candidate], int, bool]:
-        """Exact closest points from the chosen poses on: best first, steps, and whether the best of them settled."""
+    ) -> tuple[list[Candidate], int, dict[bytes, bool]]:
+        """Exact closest points from the chosen poses on: best first, steps, and which of the poses settled."""
         if not chosen:
-            return [], 0, False
+            return [], 0, {}
         poses = np.stack([one.fixed_T_moving for one in chosen])
         found = self._aligned(
             evidence, evidence.target, poses, stage, self.estimation, self.kernel, moving_normals
@@ -159,7 +164,11 @@ class CoarseToFine:
             )
             for group in groups
         ]
-        return _inside(merged, within), int(found.iterations.sum()), bool(found.converged[order[0]])
+        settled = {
+            pose.tobytes(): bool(still)
+            for pose, still in zip(found.fixed_T_moving, found.converged, strict=True)
+        }
+        return merged, int(found.iterations.sum()), settled
 
     def _aligned(
         self,
@@ -176,7 +185,7 @@ class CoarseToFine:
             evidence.moving_mm[: stage.points],
             target,
             poses,
-            keep=self.keep if kernel is None else 1.0,
+            keep=self.kept if exact else self.keep,
             max_iterations=stage.iterations,
             tolerance=stage.tolerance,
             estimation=estimation,
@@ -213,8 +222,11 @@ def _candidate(
     )
 
 
-def _inside(candidates: list[Candidate], within: Bound | None) -> list[Candidate]:
-    return [one for one in candidates if within is None or within.holds(one.fixed_T_moving)]
+def _divided(candidates: list[Candidate], within: Bound | None) -> tuple[list[Candidate], list[Candidate]]:
+    """Those within a bound and those beyond it, in their order."""
+    held = [within is None or within.holds(one.fixed_T_moving) for one in candidates]
+    inside = [one for one, is_held in zip(candidates, held, strict=True) if is_held]
+    return inside, [one for one, is_held in zip(candidates, held, strict=True) if not is_held]
 
 
 def _gaps(evidence: Evidence, candidates: list[Candidate]) -> Float64[np.ndarray, "c"]:

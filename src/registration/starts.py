@@ -13,7 +13,6 @@ from registration import frames
 from registration.correspondence import TreeTarget
 from registration.geometry import PrincipalFrame, principal_frame
 from registration.icp import align
-from registration.search_cone import SearchCone
 from registration.selection import distinct
 
 # Below this share of the moving cloud's length there is no room to slide: the whole is one window.
@@ -36,6 +35,7 @@ def symmetry_starts(
     rolls: int,
     slide_share: float,
     axis_share: float,
+    compact_share: float = 1.0,
     *,
     invert: bool = True,
     slide: bool = True,
@@ -47,19 +47,39 @@ def symmetry_starts(
     steps of at most ``slide_share`` of that length (in 40 places at most): the axes of a piece are those of the same
     piece of the whole, not those of the whole. A moving cloud as long as the fixed one has one window.
 
-    A short piece with a bifurcation is as wide as it is long, and noise decides which axis comes first: every axis
-    with a spread of at least ``axis_share`` of the first is therefore taken for the principal one in turn. Without
+    A short piece with a bifurcation is as wide as it is long, and noise and the way it is cut decide which axis comes
+    first: the axes that ``principal_axes`` names are therefore taken for the principal one in turn, and windows slide
+    along those of the fixed cloud that it names, so that all are tried of shapes without a principal axis. Without
     ``invert`` or ``slide`` there is one way round, or one window.
     """
-    moving = principal_frame(moving_mm)
+    moving, fixed = principal_frame(moving_mm), principal_frame(fixed_mm)
     local = _turns(rolls, invert)
+    # Of a fixed cloud as long as it is wide any axis may be the vessel's; one that is clearly longer has one.
+    ways = principal_axes(fixed.spread_mm, 1.0, compact_share)
     starts = []
-    for first in np.flatnonzero(moving.spread_mm >= axis_share * moving.spread_mm[0]):
-        axes = np.roll(moving.axes, -int(first), axis=1)
+    for first in principal_axes(moving.spread_mm, axis_share, compact_share):
+        axes = np.roll(moving.axes, -first, axis=1)
         length_mm = float(np.ptp((moving_mm - moving.centre_mm) @ axes[:, 0]))
-        for window in _windows(fixed_mm, length_mm, slide_share) if slide else [principal_frame(fixed_mm)]:
-            starts.append(_laid(moving.centre_mm, axes, window, local))
+        windows = [
+            window for way in ways for window in _windows(fixed_mm, fixed, way, length_mm, slide_share)
+        ]
+        # Without room to slide, the whole is one window whichever way.
+        windows = list({id(window): window for window in windows}.values()) if slide else [fixed]
+        starts += [_laid(moving.centre_mm, axes, window, local) for window in windows]
     return np.concatenate(starts)
+
+
+def principal_axes(
+    spread_mm: Float64[np.ndarray, "3"], axis_share: float, compact_share: float
+) -> tuple[int, ...]:
+    """Which of a shape's axes, longest spread first, may be a vessel's.
+
+    Those with at least ``axis_share`` of the first one's spread, and all three where the second one has at least
+    ``compact_share`` of it: then none is principal. With a ``compact_share`` of 1 that rule is off.
+    """
+    if compact_share < 1 and spread_mm[1] >= compact_share * spread_mm[0]:
+        return 0, 1, 2
+    return tuple(int(axis) for axis in np.flatnonzero(spread_mm >= axis_share * spread_mm[0]))
 
 
 def centerline_starts(
@@ -95,20 +115,23 @@ def centerline_starts(
 
 
 def cone_starts(
-    moving_mm: Float64[np.ndarray, "m 3"], initial: Float64[np.ndarray, "4 4"], cone: SearchCone
+    moving_mm: Float64[np.ndarray, "m 3"],
+    initial: Float64[np.ndarray, "4 4"],
+    angle_deg: float,
+    radius_mm: float,
 ) -> Float64[np.ndarray, "s 4 4"]:
     """A known pose, and the same pose turned about each principal axis of the moving cloud and slid along the first.
 
-    The known pose comes first. Turns are by half and by all of the cone's angle, both ways; slides by half and by all
-    of its radius, at most half the cloud's length.
+    The known pose comes first. Turns are by half and by all of ``angle_deg``, both ways; slides by half and by all of
+    ``radius_mm``, at most half the cloud's length.
     """
     moving = principal_frame(moving_mm)
-    angles = np.deg2rad(cone.angle_deg) * np.array([-1.0, -0.5, 0.5, 1.0])
+    angles = np.deg2rad(angle_deg) * np.array([-1.0, -0.5, 0.5, 1.0])
     rotations = Rotation.from_rotvec(
         np.concatenate([np.zeros((1, 3)), (angles[:, None, None] * moving.axes.T[None]).reshape(-1, 3)])
     )
     turned = frames.from_rotation(rotations, moving.centre_mm - rotations.apply(moving.centre_mm))
-    farthest_mm = min(cone.radius_mm, 0.5 * float(np.ptp((moving_mm - moving.centre_mm) @ moving.axes[:, 0])))
+    farthest_mm = min(radius_mm, 0.5 * float(np.ptp((moving_mm - moving.centre_mm) @ moving.axes[:, 0])))
     slid = np.tile(np.eye(4), (5, 1, 1))
     slid[:, :3, 3] = farthest_mm * np.array([0.0, -1.0, -0.5, 0.5, 1.0])[:, None] * moving.axes[:, 0]
     return (initial @ slid[:, None] @ turned[None]).reshape(-1, 4, 4)
@@ -175,10 +198,14 @@ def _laid(centre_mm: np.ndarray, axes: np.ndarray, window: PrincipalFrame, local
 
 
 def _windows(
-    fixed_mm: Float64[np.ndarray, "n 3"], length_mm: float, slide_share: float
+    fixed_mm: Float64[np.ndarray, "n 3"],
+    whole: PrincipalFrame,
+    way: int,
+    length_mm: float,
+    slide_share: float,
 ) -> list[PrincipalFrame]:
-    whole = principal_frame(fixed_mm)
-    along_mm = (fixed_mm - whole.centre_mm) @ whole.axes[:, 0]
+    """Pieces of the fixed cloud ``length_mm`` long, at steps of a share of it along one of its axes."""
+    along_mm = (fixed_mm - whole.centre_mm) @ whole.axes[:, way]
     first_mm, last_mm = float(along_mm.min()), float(along_mm.max())
     room_mm = last_mm - first_mm - length_mm
     if room_mm <= NO_ROOM_SHARE * length_mm:

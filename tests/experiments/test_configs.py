@@ -1,13 +1,17 @@
-"""Every configuration file composes, and what it names can be built."""
+"""Every configuration file composes, what it names can be built, and it shows every setting that there is."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from experiments import cells, registry
 from experiments.cli import compose_points
+from experiments.errors import InputError
 
 CONF = Path(__file__).resolve().parents[2] / "conf"
 STUDIES = sorted(path.stem for path in (CONF / "study").glob("*.yaml"))
@@ -42,3 +46,145 @@ def test_an_option_composes_and_builds_in_a_study_that_takes_it(group: str, opti
 def test_a_configuration_file_stays_short() -> None:
     long = [str(path) for path in CONF.rglob("*.yaml") if len(path.read_text().splitlines()) > 45]
     assert not long
+
+
+# What an option sets on purpose to another value than the class has; all else is the class's own default.
+MEANT = {
+    ("acquisition", "auto"): {"ros2.pose_topic"},
+    ("acquisition", "ros2"): {"pose_topic"},
+    ("acquisition", "plus_stylus"): {"ee", "uncalibrated"},
+    ("augmentation", "none"): {
+        *("flip", "affine", "elastic", "brightness", "contrast", "gamma", "speckle", "depth_gain"),
+    },
+    ("augmentation", "strong"): {
+        *("affine", "rotation_deg", "scale", "shift", "shear", "elastic", "brightness", "contrast", "gamma"),
+        *("speckle", "depth_gain"),
+    },
+    ("dataset", "carotid"): {"cache", "stand_in.subjects", "stand_in.strength", "stand_in.workers"},
+    ("dataset", "musv_artery"): {"cache", "stand_in.recordings", "stand_in.workers"},
+    ("dataset", "musv_vein"): {"cache", "stand_in.recordings", "stand_in.workers"},
+    ("dataset", "nnunet"): {"cache"},
+    ("dataset", "phantom"): {"workers"},
+    ("dataset", "san_raffaele"): {"cache", "stand_in.frames", "stand_in.workers"},
+    ("dataset", "usgra"): {
+        *("cache", "stand_in.subjects", "stand_in.recordings", "stand_in.frames", "stand_in.workers"),
+    },
+    ("filters", "default"): {"statistical.deviations"},
+    ("loss", "focal_tversky"): {"gamma"},
+    ("model", "attention_unet"): {"width", "normalisation"},
+    ("model", "basic_unet"): {"width"},
+    ("model", "unet"): {"width", "normalisation"},
+    ("model", "unet3plus"): {"width", "normalisation"},
+    ("perturbation", "binned"): {"angle_bin_deg"},
+    ("perturbation", "missing"): {"missing_share"},
+    ("phantom", "artificial"): {"subset"},
+    ("phantom", "random"): {"subset"},
+    ("phantom", "vein"): {"subset"},
+    ("preprocessing", "clean"): {"normalisation", "sector", "overlays"},
+    ("rigid", "fpfh_fgr"): {"fpfh_fgr.refine.refine_by", "fpfh_fgr.refine.keep"},
+    ("rigid", "fpfh_ransac"): {"fpfh_ransac.refine.refine_by", "fpfh_ransac.refine.keep"},
+    ("rigid", "kiss_matcher"): {"kiss_matcher.refine.refine_by", "kiss_matcher.refine.keep"},
+    ("rigid", "multistart_no_centerline"): {"multistart_no_centerline.use_centerline"},
+    ("rigid", "multistart_no_inversion"): {"multistart_no_inversion.invert"},
+    ("rigid", "multistart_no_offset"): {"multistart_no_offset.wall_offset"},
+    ("rigid", "multistart_no_pruning"): {
+        f"multistart_no_pruning.{name}" for name in ("first_share", "survivors", "finalists")
+    },
+    ("rigid", "multistart_no_slide"): {"multistart_no_slide.slide"},
+    ("rigid", "multistart_one_start"): {
+        f"multistart_one_start.{name}" for name in ("rolls", "axis_share", "compact_share", "invert", "slide")
+    },
+    ("rigid", "single_icp_centred"): {"single_icp_centred.align_centroids"},
+    ("rigid", "single_icp_plane"): {"single_icp_plane.refine_by"},
+    ("split", "nested"): {"outer_folds", "selection_share"},
+    ("split", "three_way"): {"folds", "selection_share", "test_share"},
+    ("trainer", "gpu"): {"warmup_epochs", "accelerator", "precision"},
+    ("trainer", "smoke"): {"smoke"},
+}
+
+
+def parts(node: Any, where: str = "") -> Iterator[tuple[str, type, Mapping[str, Any]]]:
+    """Every part of a composed option that names a class: where it stands, the class, and its settings."""
+    if not isinstance(node, Mapping):
+        return
+    if "_target_" in node:
+        yield where, registry.load(node["_target_"]), node
+    for name, inner in node.items():
+        yield from parts(inner, f"{where}.{name}".lstrip("."))
+
+
+def composed(group: str, option: str) -> Any:
+    takers = [study for study in STUDIES if f"/{group}:" in (CONF / "study" / f"{study}.yaml").read_text()]
+    ((config, _),) = compose_points([f"study={takers[0]}", f"{group}={option}", *mandatory(takers[0])])
+    return config[group]
+
+
+@pytest.mark.parametrize("group, option", OPTIONS)
+def test_an_option_shows_every_setting_of_its_classes(group: str, option: str) -> None:
+    for where, kind, settings in parts(composed(group, option)):
+        assert is_dataclass(kind), kind
+        known = {one.name for one in fields(kind) if one.init}
+        assert set(settings) - {"_target_"} == known, f"{group}={option} {where}"
+
+
+@pytest.mark.parametrize("group, option", OPTIONS)
+def test_an_option_differs_from_its_class_where_it_means_to(group: str, option: str) -> None:
+    differing = set()
+    for where, kind, settings in parts(composed(group, option)):
+        built = registry.build(settings, where)
+        for one in fields(kind):
+            default = one.default if one.default_factory is MISSING else one.default_factory()
+            value = getattr(built, one.name)
+            # A folder of the project is named from its top in a class and in full in a configuration.
+            same_place = isinstance(value, str) and isinstance(default, str) and value.endswith(f"/{default}")
+            if default is not MISSING and not is_dataclass(default) and value != default and not same_place:
+                differing.add(f"{where}.{one.name}".lstrip("."))
+    assert differing == MEANT.get((group, option), set())
+
+
+def test_a_study_shows_every_setting_of_the_parts_it_names_itself() -> None:
+    for study in STUDIES:
+        ((config, _),) = compose_points([f"study={study}", *mandatory(study)])
+        for where, kind, settings in parts(config):
+            known = {one.name for one in fields(kind) if one.init}
+            assert set(settings) - {"_target_"} == known, f"{study}: {where}"
+
+
+ABLATIONS = sorted(path.stem for path in (CONF / "rigid").glob("multistart_*.yaml"))
+
+
+@pytest.mark.parametrize("ablation", ABLATIONS)
+@pytest.mark.parametrize("order", ["{0},multistart", "multistart,{0}"])
+def test_an_ablation_follows_what_is_set_for_multistart(ablation: str, order: str) -> None:
+    words = ["study=robustness", f"rigid=[{order.format(ablation)}]", "rigid.multistart.fine_points=4321"]
+    words += ["rigid.multistart.judge.tolerated_mm=1.5", "rigid.multistart.kernel=null"]
+    ((plain, _),) = compose_points(["study=robustness", f"rigid=[multistart,{ablation}]"])
+    ((config, _),) = compose_points(words)
+    meant = {name.split(".")[-1] for name in MEANT["rigid", ablation]}
+    for rigid in (plain["rigid"], config["rigid"]):
+        own, whole = rigid[ablation], rigid["multistart"]
+        assert {name for name in whole if own[name] != whole[name]} == meant
+    assert config["rigid"][ablation]["fine_points"] == 4321
+    assert config["rigid"][ablation]["judge"]["tolerated_mm"] == 1.5
+    assert config["rigid"][ablation]["kernel"] is None
+
+
+def test_rolls_reach_the_ablations_and_an_ablation_has_settings_of_its_own() -> None:
+    words = ["study=robustness", "rigid=[multistart,multistart_no_slide]", "rigid.multistart.rolls=24"]
+    ((config, _),) = compose_points(words)
+    assert {name: one["rolls"] for name, one in config["rigid"].items()} == {
+        "multistart": 24,
+        "multistart_no_slide": 24,
+    }
+    ((config, _),) = compose_points([*words, "rigid.multistart_no_slide.rolls=6"])
+    assert config["rigid"]["multistart"]["rolls"] == 24
+    assert config["rigid"]["multistart_no_slide"]["rolls"] == 6
+
+
+def test_an_ablation_alone_is_as_the_file_of_multistart() -> None:
+    ((config, _),) = compose_points(["study=robustness", "rigid=multistart_no_slide"])
+    ((whole, _),) = compose_points(["study=robustness", "rigid=multistart"])
+    assert list(config["rigid"]) == ["multistart_no_slide"]
+    assert config["rigid"]["multistart_no_slide"] == whole["rigid"]["multistart"] | {"slide": False}
+    with pytest.raises(InputError, match="rigid.multistart.rolls"):
+        compose_points(["study=robustness", "rigid=multistart_no_slide", "rigid.multistart.rolls=24"])

@@ -124,8 +124,8 @@ def describe(cases: pd.DataFrame) -> tuple[str, ...]:
     for name, group in _phantoms(cases):
         found, interval = metrics(group), median_of_pairs(group, "hd95_mm")
         said.append(
-            f"{name}: two sweeps are {found['msd_mm_mean']:.2f} mm apart on average, with a median HD95 of "
-            f"{interval.estimate:.2f} mm (95 % interval over sweeps {interval.low:.2f} to {interval.high:.2f}; "
+            f"{name}: {_count(group, PAIR, 'pair')} of sweeps {_lie(group)} {found['msd_mm_mean']:.2f} mm apart on "
+            f"average, with a median HD95 of {interval.estimate:.2f} mm ({_bounds(interval)}"
             f"{found['hd95_tissue_mm_median']:.2f} mm once the known deformation is taken out). A sweep is "
             f"{found['truth_msd_covered_mm_mean']:.3f} mm from the truth (median HD95 "
             f"{found['truth_hd95_covered_mm_median']:.2f} mm); {found['common_mm']:.3f} mm are common to all sweeps, "
@@ -150,6 +150,22 @@ def describe(cases: pd.DataFrame) -> tuple[str, ...]:
         + ("; these sweeps are simulated, so the two are not comparable." if _simulated(cases) else ".")
     )
     return tuple(said)
+
+
+def _count(cases: pd.DataFrame, kind: str, what: str) -> str:
+    count = int((cases["kind"] == kind).sum())
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
+
+
+def _lie(cases: pd.DataFrame) -> str:
+    return "lies" if (cases["kind"] == PAIR).sum() == 1 else "lie"
+
+
+def _bounds(interval: Interval) -> str:
+    """The interval in words; two sweeps have none."""
+    if np.isnan(interval.low):
+        return "too few sweeps for an interval; "
+    return f"95 % interval over {interval.units} sweeps {interval.low:.2f} to {interval.high:.2f}; "
 
 
 def figures(cases: pd.DataFrame) -> dict[str, Figure]:

@@ -21,7 +21,7 @@ from experiments.group_splits import GroupSplits
 from experiments.outcome import CellResult, Outcome, Progress
 from experiments.studies import segmentation
 from experiments.studies.fold_run import FoldRun, fold_cells, training_metrics
-from experiments.studies.segmentation_cases import place_of
+from experiments.studies.segmentation_cases import place_of, smoke_note
 from experiments.studies.segmentation_report import (
     describe_transfer,
     pool,
@@ -126,7 +126,7 @@ def run(
                 trained.history, trained.best_epoch, f"{one.model_name} on {source['train_dataset']}"
             )
         },
-        findings=tuple(note for dataset in sets.values() for note in notes_of(dataset)),
+        findings=smoke_note(cases) + tuple(note for dataset in sets.values() for note in notes_of(dataset)),
         tags={"model": one.model_name, "train_dataset": str(source["train_dataset"])},
         inputs=tuple(input_data(dataset, frames[domain]) for domain, dataset in sets.items()),
     )
@@ -148,5 +148,5 @@ def summarise(cells: list[CellResult]) -> Outcome:
         cases=cases,
         tables={"transfer": transfer},
         figures={"transfer": transfer_map(transfer)},
-        findings=describe_transfer(cases),
+        findings=(*describe_transfer(cases), *smoke_note(cases)),
     )

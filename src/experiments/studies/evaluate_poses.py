@@ -17,7 +17,7 @@ from registration import frames
 from registration.benchmark.cases import BenchmarkCase, CaseTruth
 from registration.benchmark.scoring import PoseScore, score_pose
 from registration.benchmark.second_pose import SecondPose, second_pose
-from registration.results import ACCEPTED, FAILED, VERDICTS
+from registration.results import ACCEPTED, FAILED, NOT_JUDGED, VERDICTS
 
 NOT_DEFINED = float("nan")
 
@@ -26,13 +26,14 @@ NOT_DEFINED = float("nan")
 class Answer:
     """What a method says of one case: a pose, and what it thinks of it.
 
-    ``fixed_T_moving`` is None where there is no answer; ``error`` then says why. A method that does not judge itself
-    accepts. ``tre_low_mm`` and ``tre_high_mm`` are the 90 % interval that it predicts for its error; NaN, as are
-    ``ambiguity_gap`` and ``runtime_s``, where it says nothing. ``candidates`` are the other poses that it looked at.
+    ``fixed_T_moving`` is None where there is no answer; ``error`` then says why. The verdict of a method that does not
+    judge itself is ``not judged``. ``tre_low_mm`` and ``tre_high_mm`` are the 90 % interval that it predicts for its
+    error; NaN, as are ``ambiguity_gap`` and ``runtime_s``, where it says nothing. ``candidates`` are the other poses
+    that it looked at.
     """
 
     fixed_T_moving: np.ndarray | None
-    verdict: str = ACCEPTED
+    verdict: str = NOT_JUDGED
     ambiguity_gap: float = NOT_DEFINED
     tre_low_mm: float = NOT_DEFINED
     tre_high_mm: float = NOT_DEFINED
@@ -43,7 +44,7 @@ class Answer:
     @property
     def judged(self) -> bool:
         """Whether the method judges its answers at all."""
-        return not (math.isnan(self.ambiguity_gap) and math.isnan(self.tre_high_mm))
+        return self.verdict != NOT_JUDGED
 
 
 def read_answer(path: Path) -> Answer:
@@ -52,7 +53,7 @@ def read_answer(path: Path) -> Answer:
     Only ``fixed_T_moving`` must be there; null stands for no answer. Raises InputError that names the file.
     """
     told = _object(path) if path.suffix.lower() == ".json" else {}
-    verdict = told.get("verdict", ACCEPTED)
+    verdict = told.get("verdict", NOT_JUDGED)
     if verdict not in VERDICTS:
         raise InputError(
             f"prediction: {path}: expected a verdict of {', '.join(VERDICTS)}, received {verdict!r}"
@@ -88,7 +89,7 @@ def answer_row(answer: Answer, truth: CaseTruth, case: BenchmarkCase | None) -> 
     score = PoseScore() if pose is None else score_pose(pose, truth, case)
     tre_mm = score.tre_symmetric_mm
     predicted = math.isfinite(answer.tre_low_mm) and math.isfinite(answer.tre_high_mm)
-    doubted = answer.verdict != ACCEPTED
+    doubted = answer.verdict not in (ACCEPTED, NOT_JUDGED)
     wrongly_sure = answer.judged and not score.success_tre_symmetric
     second = _second(answer, truth, case) if doubted or wrongly_sure else None
     return {

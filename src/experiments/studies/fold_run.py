@@ -14,6 +14,7 @@ from experiments.group_splits import GroupSplits
 from experiments.outcome import Progress
 from experiments.paths import project_root
 from experiments.splits import Split
+from experiments.studies.segmentation_cases import SMOKE
 from models.labelled_frames import LabelledFrames
 
 if TYPE_CHECKING:
@@ -59,8 +60,9 @@ class FoldRun:
 
     @property
     def model_name(self) -> str:
-        """What tables call the network."""
-        return str(getattr(self.model, "label", self.model.name))
+        """What tables call the network; one that was trained for a look alone is called so on every line."""
+        name = str(getattr(self.model, "label", self.model.name))
+        return f"{SMOKE}{name}" if self.trainer.smoke else name
 
     def train(self, frames: LabelledFrames, split: Split, workspace: Path, progress: Progress) -> TrainedFold:
         """Train on the fold's ``train`` and ``validation`` cases; leaves ``model.pt`` in ``workspace``.

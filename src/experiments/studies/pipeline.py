@@ -35,6 +35,7 @@ from registration.mask_outliers import MaskOutliers
 from registration.metrics import pose_error, surface_residuals
 from registration.phantom.scan import simulate_sweep
 from registration.phantom.settings import PhantomSettings
+from registration.results import verdict_sentence
 from registration.smoothing import TaubinSmoothing
 from registration.surface import SurfaceMethod
 from registration.synchronisation import synchronise
@@ -256,7 +257,7 @@ def _outcome(
             "Seconds by stage": pd.DataFrame([seconds]),
         },
         figures=figures(truth, masks, found.cloud_mm, found.result.fixed_T_moving),
-        findings=(finding, f"Verdict: {found.result.verdict}, {found.result.reason}.", *_gaps(found)),
+        findings=(finding, verdict_sentence(found.result), *_gaps(found)),
         tags={"rigid": name, "simulated": "true", "verdict": found.result.verdict},
     )
 

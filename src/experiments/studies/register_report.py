@@ -17,7 +17,7 @@ from registration import frames
 from registration.geometry import Mesh
 from registration.geometry_io import write_surface
 from registration.metrics import Surface, rms
-from registration.results import FAILED
+from registration.results import FAILED, predicted_sentence, verdict_sentence
 from registration.transform_files import write_transform
 
 # Landmarks whose error is this many times what they and the surfaces reach at best speak for another pose.
@@ -86,13 +86,11 @@ def _findings(found: Registered) -> tuple[str, ...]:
     sentences = [
         f"{found.name} left {residuals.rmse_mm:.3f} mm RMSE ({residuals.rmse_trimmed_mm:.3f} mm trimmed) after "
         f"{result.runtime_s:.2f} s; a low residual alone does not prove the pose of a straight or symmetric vessel.",
-        f"Verdict: {result.verdict}, {result.reason}.",
+        verdict_sentence(result),
     ]
     low_mm, high_mm = found.predicted_tre_mm
-    if math.isfinite(high_mm):
-        sentences.append(
-            f"Predicted target registration error around this pose: {low_mm:.2f} to {high_mm:.2f} mm (90 %)."
-        )
+    if predicted := predicted_sentence(low_mm, high_mm):
+        sentences.append(predicted)
     if abs(result.wall_offset_mm) >= NOTED_OFFSET_MM:
         side = "outside" if result.wall_offset_mm > 0 else "inside"
         sentences.append(
@@ -110,7 +108,8 @@ def _findings(found: Registered) -> tuple[str, ...]:
 
 
 def _of_landmarks(found: Registered, errors_mm: np.ndarray) -> str:
-    sentence = f"{len(errors_mm)} landmarks lie {rms(errors_mm):.2f} mm apart (RMS), {errors_mm.max():.2f} mm at most"
+    several = "1 landmark lies" if len(errors_mm) == 1 else f"{len(errors_mm)} landmarks lie"
+    sentence = f"{several} {rms(errors_mm):.2f} mm apart (RMS), {errors_mm.max():.2f} mm at most"
     pairs = found.pair.landmarks
     best_mm = 0.0 if pairs is None else rms(pairs.errors_mm(pairs.fixed_T_moving))
     # Landmarks that fit each other well elsewhere, while the surfaces fit well here, contradict the surfaces.

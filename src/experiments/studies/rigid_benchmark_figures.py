@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 RIGHT = "success_tre_symmetric"
 SMALLEST_SHOWN_MM, LARGEST_SHOWN_MM = 5e-2, 2e2
 ORDERS = (("tre_high_mm", 1.0, "-"), ("ambiguity_gap", -1.0, "--"))
-COLORS = dict(zip(VERDICTS, ("tab:blue", "tab:orange", "tab:red"), strict=True))
+COLORS = dict(zip(VERDICTS, ("tab:blue", "tab:orange", "tab:red", "tab:gray"), strict=True))
 
 
 def benchmark_figures(cases: pd.DataFrame) -> dict[str, Figure]:

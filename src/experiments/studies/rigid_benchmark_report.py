@@ -10,7 +10,7 @@ import numpy as np
 
 from experiments.statistics import Bootstrap, Interval, holm, mcnemar, summary, wilson_interval
 from experiments.studies.risk_coverage import risk_coverage
-from registration.results import ACCEPTED
+from registration.results import ACCEPTED, NOT_JUDGED
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,15 +35,17 @@ def benchmark_metrics(cases: pd.DataFrame) -> dict[str, float]:
     """The rates of one method with their Wilson 95 % bounds, summaries of its errors, and its areas of risk.
 
     ``success_tre`` is over all cases, ``success_accepted`` over those that it accepted, ``acceptance`` the share of
-    these. ``interval_coverage`` is the share of predicted 90 % intervals that hold the error, up to symmetry.
+    these; a method that does not judge has neither. ``interval_coverage`` is the share of predicted 90 % intervals that
+    hold the error, up to symmetry.
     """
-    accepted = cases[cases["verdict"] == ACCEPTED]
+    judging = judges(cases)
+    accepted = cases[cases["verdict"] == ACCEPTED] if judging else cases.iloc[:0]
     found = {"cases": float(len(cases)), "cases_unanswered": float((cases["error"] != "").sum())}
     for name, values in (
         ("success_tre", cases["success_tre"]),
         ("success_tre_symmetric", cases[RIGHT]),
         ("success", cases.loc[cases["rmse_mm"].notna(), "success"]),
-        ("acceptance", cases["verdict"] == ACCEPTED),
+        ("acceptance", cases["verdict"] == ACCEPTED if judging else accepted[RIGHT]),
         ("success_accepted", accepted[RIGHT]),
         ("interval_coverage", cases["covered_by_interval"].dropna()),
         ("interval_coverage_accepted", accepted["covered_by_interval"].dropna()),
@@ -59,14 +61,26 @@ def benchmark_metrics(cases: pd.DataFrame) -> dict[str, float]:
         if cases[name].notna().any():
             curve = risk_coverage(~cases[RIGHT].to_numpy(bool), sign * cases[name].to_numpy(float))
             found[f"risk_area_{name}"] = curve.area
-    found["accepted_failures"] = float((~accepted[RIGHT].astype(bool)).sum())
-    found["over_cautious"] = float(len(over_cautious(cases)))
+    if judging:
+        found["accepted_failures"] = float((~accepted[RIGHT].astype(bool)).sum())
+        found["over_cautious"] = float(len(over_cautious(cases)))
     return found
 
 
+def judges(cases: pd.DataFrame) -> bool:
+    """Whether the method says of its own answers which are right; one that gave no answer at all does not."""
+    own = cases.loc[cases["error"] == "", "verdict"]
+    return bool(len(own) and (own != NOT_JUDGED).all())
+
+
 def over_cautious(cases: pd.DataFrame) -> pd.DataFrame:
-    """Answers that were right and not accepted, although no second pose explains their case."""
-    return cases[(cases["verdict"] != ACCEPTED) & cases[RIGHT] & (cases["ambiguous_rightly"] == 0)]
+    """Answers that were right and doubted, although no second pose explains their case."""
+    return cases[doubted(cases) & cases[RIGHT] & (cases["ambiguous_rightly"] == 0)]
+
+
+def doubted(cases: pd.DataFrame) -> pd.Series:
+    """Which answers their own method did not accept."""
+    return ~cases["verdict"].isin([ACCEPTED, NOT_JUDGED])
 
 
 def success_interval(cases: pd.DataFrame) -> Interval:
@@ -87,13 +101,11 @@ def benchmark_tables(cases: pd.DataFrame) -> dict[str, pd.DataFrame]:
     if len(cases["kind"].drop_duplicates()) > 1:
         tables["by kind"] = pd.DataFrame(kinds)
     wrong = cases[(cases["verdict"] == ACCEPTED) & ~cases[RIGHT].astype(bool)]
-    judged = wrong[wrong["tre_high_mm"].notna() | wrong["ambiguity_gap"].notna()]
-    if len(judged):
-        tables["accepted wrongly"] = judged[["method", *LISTED, "second_pose_gap", "second_tre_mm"]]
-    doubted = cases[cases["verdict"] != ACCEPTED]
-    if len(doubted):
+    if len(wrong):
+        tables["accepted wrongly"] = wrong[["method", *LISTED, "second_pose_gap", "second_tre_mm"]]
+    if len(unsure := cases[doubted(cases)]):
         columns = ["method", *LISTED, "second_pose_gap", "second_tre_mm", "ambiguous_rightly"]
-        tables["not accepted"] = doubted[columns]
+        tables["not accepted"] = unsure[columns]
     if (beside := beside_each_other(cases)) is not None:
         tables["methods beside each other"] = beside
     return {f"{name}{_note(cases)}": table for name, table in tables.items()}

@@ -9,7 +9,9 @@ from experiments.studies.rigid_benchmark_report import (
     RIGHT,
     benchmark_metrics,
     beside_each_other,
+    doubted,
     each_method,
+    judges,
     over_cautious,
     success_interval,
 )
@@ -45,11 +47,12 @@ def _describe(name: str, cases: pd.DataFrame) -> Iterator[str]:
     if interval.units > 1:  # one anatomy has no interval
         bounds = f", 95 % interval over {interval.units} anatomies {interval.low:.1%} to {interval.high:.1%}"
     yield (
-        f"{name}: {int(cases[RIGHT].sum())} of {len(cases)} cases within {SUCCESS_TRE_MM:g} mm TRE{symmetric} "
+        f"{name}: {int(cases[RIGHT].sum())} of {len(cases)} {'case' if len(cases) == 1 else 'cases'} within "
+        f"{SUCCESS_TRE_MM:g} mm TRE{symmetric} "
         f"({interval.estimate:.1%}{bounds})."
     )
-    if (cases["verdict"] == ACCEPTED).all() and cases["tre_high_mm"].isna().all():
-        yield f"{name} does not judge its answers: all are accepted."
+    if not judges(cases):
+        yield f"{name}: its answers are not judged."
     else:
         yield from _of_verdicts(name, cases, found)
     if "interval_coverage_rate" in found:
@@ -77,14 +80,14 @@ def _of_verdicts(name: str, cases: pd.DataFrame, found: dict[str, float]) -> Ite
     symmetric = accepted[accepted["symmetric"]]
     if len(symmetric):
         yield f"{name} is sure of {len(symmetric)} shapes that have more than one right pose{_named(symmetric)}."
-    doubted = cases[cases["verdict"] != ACCEPTED]
-    if not len(doubted):
+    unsure = cases[doubted(cases)]
+    if not len(unsure):
         return
-    judged, failed = doubted["ambiguous_rightly"].notna(), int((doubted["verdict"] == FAILED).sum())
-    rightly = int((doubted["ambiguous_rightly"] == 1).sum())
+    judged, failed = unsure["ambiguous_rightly"].notna(), int((unsure["verdict"] == FAILED).sum())
+    rightly = int((unsure["ambiguous_rightly"] == 1).sum())
     yield (
-        f"{name} doubts {len(doubted)} answers ({failed} of them declared failed), {int(doubted[RIGHT].sum())} of "
-        "which are right"
+        f"{name} doubts {len(unsure)} of {len(cases)} answers (declared failed: {failed}; right all the same: "
+        f"{int(unsure[RIGHT].sum())})"
         + (
             f"; in {rightly} of {int(judged.sum())} a second pose explains the clouds within their noise, and "
             f"right answers that were doubted without one: {len(over_cautious(cases))}{_named(over_cautious(cases))}."

@@ -10,12 +10,15 @@ import numpy as np
 from experiments.statistics import Proportion, wilson_interval
 from experiments.studies.robustness_design import CROSSED
 from registration.metrics import SUCCESS_RMSE_MM, SUCCESS_TRE_MM
+from registration.results import NOT_JUDGED
 
 if TYPE_CHECKING:
     import pandas as pd
 
 # What a method must reach in every bin of angles up to its capture range.
 CAPTURE_RATE = 0.95
+# From fewer trials a bin says nothing of such a rate: all of nine right have a Wilson interval from 70 %.
+CAPTURE_TRIALS = 10
 # The same problem for every method.
 PROBLEM = ("anatomy", "factor", "level", "rotation", "overlap", "place", "trial")
 
@@ -23,14 +26,16 @@ PROBLEM = ("anatomy", "factor", "level", "rotation", "overlap", "place", "trial"
 def rate_metrics(cases: pd.DataFrame) -> dict[str, float]:
     """Success rates with their Wilson bounds, acceptance, success among accepted, and coverage of the intervals.
 
-    A rate over no trial is NaN: success among accepted where none was, coverage where no error was predicted.
+    A rate over no trial is NaN: success among accepted where none was, coverage where no error was predicted, and
+    acceptance of methods that do not judge.
     """
     found: dict[str, float] = {}
     taken, predicted = cases[cases["accepted"]], cases[cases["tre_high_mm"].notna()]
+    judging = judges(cases)
     for name, each in {
         "success_rate": share(cases["success"]),
         "success_tre_rate": share(cases["success_tre"]),
-        "accepted_rate": share(cases["accepted"]),
+        "accepted_rate": share(cases["accepted"]) if judging else None,
         "success_tre_accepted_rate": share(taken["success_tre"]),
         "tre_interval_coverage": share(inside(predicted[predicted["accepted"]])),
     }.items():
@@ -41,10 +46,16 @@ def rate_metrics(cases: pd.DataFrame) -> dict[str, float]:
         }
     return found | {
         "trials": float(len(cases)),
-        "trials_accepted": float(len(taken)),
+        "trials_accepted": float(len(taken)) if judging else float("nan"),
         "trials_failed": float((cases["error"] != "").sum()),
         "trials_low_rmse_wrong": float(lies(cases).sum()),
     }
+
+
+def judges(cases: pd.DataFrame) -> bool:
+    """Whether the method says of its own answers which are right; one that gave no answer at all does not."""
+    own = cases.loc[cases["error"] == "", "verdict"]
+    return bool(len(own) and (own != NOT_JUDGED).all())
 
 
 def share(values: Any) -> Proportion | None:
@@ -97,10 +108,10 @@ def by_bin(cases: pd.DataFrame) -> pd.DataFrame:
 def capture_range_deg(cases: pd.DataFrame) -> float:
     """The largest angle up to which every bin has a success rate of at least 95 %; 0 if the first has not.
 
-    NaN without binned trials. A bin without trials ends the range.
+    NaN without binned trials, and where a bin has fewer than 10. A bin without trials ends the range.
     """
     bins = by_bin(cases)
-    if not len(bins):
+    if not len(bins) or bins["trials"].min() < CAPTURE_TRIALS:
         return float("nan")
     reached_deg = 0.0
     columns = ("angle_from_deg", "angle_to_deg", "successes", "trials")

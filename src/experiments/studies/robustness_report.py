@@ -6,7 +6,15 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from experiments.studies.robustness_design import CROSSED
-from experiments.studies.robustness_metrics import groups, lies, rate_metrics, share
+from experiments.studies.robustness_metrics import (
+    CAPTURE_RATE,
+    CAPTURE_TRIALS,
+    groups,
+    inside,
+    judges,
+    lies,
+    share,
+)
 from experiments.studies.robustness_tables import PIECE, capture_ranges
 from registration.metrics import SUCCESS_RMSE_MM, SUCCESS_TRE_MM
 
@@ -32,16 +40,28 @@ def _success(key: tuple[Any, ...], cases: pd.DataFrame) -> Iterator[str]:
     right, small = share(cases["success_tre"]), share(cases["success"])
     assert right is not None and small is not None
     yield (
-        f"{where}: {right.successes} of {right.trials} trials within {SUCCESS_TRE_MM:g} mm of the truth "
+        f"{where}: {right.successes} of {_trials(right.trials)} within {SUCCESS_TRE_MM:g} mm of the truth "
         f"({right.rate:.0%}, Wilson 95 % interval {right.low:.0%} to {right.high:.0%}), {small.rate:.0%} with RMSE up "
         f"to {SUCCESS_RMSE_MM:g} mm, median {cases['runtime_s'].median():.2f} s a trial."
     )
     unanswered = cases.loc[cases["error"] != "", "error"]
     if len(unanswered):
         yield (
-            f"{where} gave no answer in {len(unanswered)} of {len(cases)} trials, which count as failed "
+            f"{where} gave no answer in {len(unanswered)} of {_trials(len(cases))}, which count as failed "
             f"(first: {unanswered.iloc[0]})."
         )
+
+
+def _trials(count: int) -> str:
+    return f"{count} trial" if count == 1 else f"{count} trials"
+
+
+def _of(values: Any) -> str:
+    """How many of how many, with the rate and its interval."""
+    rate = share(values)
+    assert rate is not None
+    bounds = f"Wilson 95 % interval {rate.low:.1%} to {rate.high:.1%}"
+    return f"{rate.successes} of {rate.trials} ({rate.rate:.1%}, {bounds})"
 
 
 def _levels(key: tuple[Any, ...], cases: pd.DataFrame) -> str:
@@ -54,15 +74,24 @@ def _levels(key: tuple[Any, ...], cases: pd.DataFrame) -> str:
 
 
 def _judged(cases: pd.DataFrame) -> Iterator[str]:
-    """Acceptance and coverage of methods that predict their error."""
+    """Acceptance and coverage of methods that judge their answers; which ones do not."""
     for (method,), group in groups(cases, ("method",)):
-        if not group["tre_high_mm"].notna().any():
+        if not judges(group):
+            yield f"{method}: its answers are not judged."
             continue
-        rates = rate_metrics(group)
+        taken = group[group["accepted"]]
+        said = f"{method} accepted {len(taken)} of its {len(group)} answers"
+        if not len(taken):
+            yield f"{said}."
+            continue
+        held = taken[taken["tre_high_mm"].notna()]
         yield (
-            f"{method} accepted {rates['accepted_rate']:.1%} of its answers, of which "
-            f"{rates['success_tre_accepted_rate']:.1%} lie within {SUCCESS_TRE_MM:g} mm; its predicted 90 % intervals "
-            f"hold the true error in {rates['tre_interval_coverage']:.1%} of them."
+            f"{said}, of which {_of(taken['success_tre'])} lie within {SUCCESS_TRE_MM:g} mm"
+            + (
+                f"; its predicted 90 % intervals hold the true error in {_of(inside(held))} of them."
+                if len(held)
+                else "."
+            )
         )
 
 
@@ -70,11 +99,23 @@ def _captured(turned: pd.DataFrame) -> Iterator[str]:
     if not len(turned):
         return
     ranges = capture_ranges(turned[turned["rotation"] == "any"])
-    for (method,), group in groups(ranges, ("method",)) if len(ranges) else ():
+    if not len(ranges):
+        return
+    fewest = int(ranges["trials_a_bin"].min())
+    known = ranges.dropna(subset="capture_range_deg")
+    if len(known) < len(ranges):
         yield (
-            f"{method} captures rotations up to {group['capture_range_deg'].min():g} degrees on its worst piece and "
-            f"{group['capture_range_deg'].max():g} on its best (at least 95 % success in every bin of angles up to "
-            f"there; {group['trials_a_bin'].min()} trials a bin at least)."
+            f"No capture range: a bin of angles has {fewest} {'trial' if fewest == 1 else 'trials'}, at least "
+            f"{CAPTURE_TRIALS} are needed for a rate of {CAPTURE_RATE:.0%}."
+        )
+    for (method,), group in groups(known, ("method",)) if len(known) else ():
+        ends = sorted(group["capture_range_deg"].unique())
+        where = f"up to {ends[0]:g} degrees"
+        if len(ends) > 1:
+            where += f" on its worst piece and {ends[-1]:g} on its best"
+        yield (
+            f"{method} captures rotations {where} (at least {CAPTURE_RATE:.0%} success in every bin of angles up to "
+            f"there, in these trials; {group['trials_a_bin'].min()} trials a bin at least)."
         )
 
 
@@ -82,7 +123,7 @@ def _caveats(cases: pd.DataFrame) -> Iterator[str]:
     hidden = lies(cases)
     if hidden.any():
         yield (
-            f"RMSE hides {hidden.sum()} of {len(cases)} trials: up to {SUCCESS_RMSE_MM:g} mm of residual, more than "
+            f"RMSE hides {hidden.sum()} of {_trials(len(cases))}: up to {SUCCESS_RMSE_MM:g} mm of residual, more than "
             f"{SUCCESS_TRE_MM:g} mm from the truth."
         )
     anatomies = len(cases["anatomy"].unique())

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Any
 from experiments.statistics import summary
 from experiments.studies.robustness_comparison import by_anatomy, comparison
 from experiments.studies.robustness_design import CROSSED
-from experiments.studies.robustness_metrics import by_bin, capture_range_deg, crossed, groups, rate_metrics
+from experiments.studies.robustness_metrics import (
+    by_bin,
+    capture_range_deg,
+    crossed,
+    groups,
+    judges,
+    rate_metrics,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,9 +33,9 @@ def tables(cases: pd.DataFrame) -> dict[str, pd.DataFrame]:
         found["robustness"] = pd.DataFrame(
             [_errors(group, PIECE, key) for key, group in groups(turned, PIECE)]
         )
-        found["verdicts"] = pd.DataFrame(
-            [_verdicts(group, PIECE, key) for key, group in groups(turned, PIECE)]
-        )
+        judged = [(key, group) for key, group in groups(turned, PIECE) if judges(group)]
+        if judged:
+            found["verdicts"] = pd.DataFrame([_verdicts(group, PIECE, key) for key, group in judged])
         predicted = turned.groupby("method")["tre_high_mm"].transform("count") > 0
         if predicted.any():
             found["tre_intervals"] = pd.DataFrame(

@@ -19,6 +19,7 @@ from experiments.datasets.report import write_report
 from experiments.group_splits import GroupSplits
 from experiments.outcome import CellResult, Outcome, Progress
 from experiments.studies.fold_run import FoldRun, fold_cells, training_metrics
+from experiments.studies.segmentation_cases import smoke_note
 from experiments.studies.segmentation_report import (
     compare_models,
     comparison_metrics,
@@ -102,7 +103,7 @@ def run(
             "training_curves": training_curves(trained.history, trained.best_epoch, found[0]),
             **overlays(test, predictions, cases),
         },
-        findings=(*found, *notes),
+        findings=(*found, *smoke_note(cases), *notes),
         tags={
             "model": one.model_name,
             "dataset": name,
@@ -122,5 +123,5 @@ def summarise(cells: list[CellResult]) -> Outcome:
         cases=cases,
         tables=tables(cases, compared),
         figures={"spread": spread(cases)},
-        findings=(*describe(cases), *describe_comparison(compared)),
+        findings=(*describe(cases), *describe_comparison(compared), *smoke_note(cases)),
     )

@@ -18,6 +18,8 @@ DISTANCES = ("hd95_mm", "hd95_px")
 CASE = ("model", "train_dataset", "dataset", "simulated", "group", "case_id")
 REPETITION = ("seed", "outer_fold", "fold")
 SIMULATED = " (simulated)"
+# What the name of a network begins with that trainer=smoke trained. It stands in every row, sentence and figure.
+SMOKE = "smoke-trained "
 
 
 def pool(cells: Sequence[CellResult], factors: Sequence[str] = ()) -> pd.DataFrame:
@@ -90,6 +92,21 @@ def distance(cases: pd.DataFrame) -> str:
 def scores(cases: pd.DataFrame) -> list[str]:
     """The columns that hold scores."""
     return [name for name in CaseScore.__dataclass_fields__ if name in cases]
+
+
+def is_smoke(cases: pd.DataFrame) -> pd.Series:
+    """Which rows are of networks whose training shows that all works and not how well."""
+    return cases["model"].astype(str).str.startswith(SMOKE)
+
+
+def smoke_note(cases: pd.DataFrame) -> tuple[str, ...]:
+    """What such networks are good for, in a sentence; nothing where there are none."""
+    if not is_smoke(cases).any():
+        return ()
+    return (
+        "trainer=smoke shows that all works and not how well a network segments: the smoke-trained networks are "
+        "compared with nothing.",
+    )
 
 
 def seeds(cases: pd.DataFrame) -> list[object]:

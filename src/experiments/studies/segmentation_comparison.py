@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.statistics import PairedComparison, PairedResult, by_unit, holm
-from experiments.studies.segmentation_cases import dataset_label, distance, once_each
+from experiments.studies.segmentation_cases import dataset_label, distance, is_smoke, once_each
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -48,10 +48,12 @@ def compare_models(cases: pd.DataFrame) -> pd.DataFrame:
     says that the DSC differs by less than 0.01: ``equivalence_p_holm`` is of the two one-sided tests, adjusted alike,
     and the 90 % interval of the mean difference must lie within as well (see ``PairedComparison``). HD95 has no agreed
     margin. A model is ``better`` where the adjusted test and the interval of the mean agree on it, ``better in rank
-    only`` where that interval holds 0. Where no case was scored by all, a row has 0 units and no numbers.
+    only`` where that interval holds 0. Where no case was scored by all, a row has 0 units and no numbers. Networks
+    that trainer=smoke trained are compared with nothing.
     """
     import pandas as pd
 
+    cases = cases[~is_smoke(cases)]
     found: list[dict[str, Any]] = []
     for shared in _shared_cases(cases):
         rows = list(_pairs(shared))

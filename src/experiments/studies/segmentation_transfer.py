@@ -8,7 +8,7 @@ import numpy as np
 
 from experiments.errors import InputError
 from experiments.statistics import Bootstrap, PairedComparison, PairedResult, by_unit, holm
-from experiments.studies.segmentation_cases import dataset_label, once_each
+from experiments.studies.segmentation_cases import dataset_label, is_smoke, once_each
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,10 +54,10 @@ def describe_transfer(cases: pd.DataFrame) -> tuple[str, ...]:
     """What training on another data set costs: for each model and test set, against training on the same one.
 
     The same cases are scored by both networks, so that groups are compared in pairs (see ``PairedComparison``); the
-    p-values are adjusted for all sentences together.
+    p-values are adjusted for all sentences together. Nothing is said of networks that trainer=smoke trained.
     """
     simulated, compared = _simulated(cases), []
-    for key, part in cases.groupby(["model", "dataset", "simulated"], sort=False):
+    for key, part in cases[~is_smoke(cases)].groupby(["model", "dataset", "simulated"], sort=False):
         model, tested, marked = key
         home = part[part["train_dataset"] == tested]
         for trained, away in part[part["train_dataset"] != tested].groupby("train_dataset", sort=False):

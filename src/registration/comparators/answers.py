@@ -11,8 +11,8 @@ from jaxtyping import Float64
 
 from registration.correspondence import TreeTarget
 from registration.errors import InputError
-from registration.results import ACCEPTED, FAILED, Candidate, RigidResult, fit
-from registration.search_cone import Bound, SearchCone
+from registration.results import FAILED, NOT_JUDGED, UNJUDGED, Candidate, RigidResult, fit
+from registration.search_cone import UNBOUNDED, Bound, SearchCone, bound_around
 from registration.selection import both_ways
 
 
@@ -32,9 +32,14 @@ def one_answer(
 ) -> RigidResult:
     """The result of a method that went from ``start`` to ``fixed_T_moving``, measured on all moving points.
 
-    It has failed if it ended outside ``search_cone`` around ``initial``. ``begin_s`` is when the method began, by
-    ``time.perf_counter``.
+    It has failed if it ended outside the bound around ``initial``, which is that of ``search_cone`` or the usual one;
+    its pose is then the one on the bound. ``begin_s`` is when the method began, by ``time.perf_counter``.
     """
+    bound = bound_around(initial, search_cone, moving_mm)
+    reason = _of_bound(bound, fixed_T_moving)
+    outside = bound is not None and not bound.holds(fixed_T_moving)
+    if bound is not None:
+        fixed_T_moving = bound.held(fixed_T_moving)
     measured = fit(moving_mm, target, fixed_T_moving, keep=keep, inlier_spacings=inlier_spacings)
     both = both_ways(TreeTarget(moving_mm), target, fixed_T_moving, measured.rmse_mm, inlier_spacings)
     result = RigidResult(
@@ -49,9 +54,12 @@ def one_answer(
         rmse_bidirectional_mm=both.rmse_bidirectional_mm,
         coverage=both.coverage,
     )
-    result = replace(result, candidates=(_only_candidate(result, start),))
-    outside = _outside(moving_mm, fixed_T_moving, initial, search_cone)
-    return replace(result, verdict=FAILED, reason=outside) if outside else result
+    return replace(
+        result,
+        candidates=(_only_candidate(result, start),),
+        verdict=FAILED if outside else NOT_JUDGED,
+        reason=reason or result.reason,
+    )
 
 
 def refined(
@@ -65,28 +73,34 @@ def refined(
 ) -> RigidResult:
     """Refine the pose ``found`` by a search everywhere and a known one beside it; the lower residual wins.
 
-    One outside ``search_cone`` around ``initial`` cannot win. Raises InputError if there is nothing to refine: the
-    search found no pose and none was known.
+    One outside the bound around ``initial`` cannot win; where both are, the search has failed, in the pose on the
+    bound. Raises InputError if there is nothing to refine: the search found no pose and none was known.
     """
-    starts = [start for start in (found, initial) if start is not None]
-    if not starts:
+    results = [] if found is None else [refine(moving_mm, fixed_mm, found, search_cone=UNBOUNDED)]
+    if initial is not None:
+        results.append(refine(moving_mm, fixed_mm, initial, search_cone=search_cone))
+    if not results:
         raise InputError(
             "moving_mm: expected features that match those of fixed_mm, received none that agree on one pose"
         )
-    results = [refine(moving_mm, fixed_mm, start) for start in starts]
-    outside = [_outside(moving_mm, result.fixed_T_moving, initial, search_cone) for result in results]
+    bound = bound_around(initial, search_cone, moving_mm)
+    # The known pose's own refinement never is outside: it fails there.
     order = sorted(
-        range(len(results)), key=lambda place: (bool(outside[place]), results[place].rmse_trimmed_mm)
+        results,
+        key=lambda one: (
+            bound is not None and not bound.holds(one.fixed_T_moving),
+            one.verdict == FAILED,
+            one.rmse_trimmed_mm,
+        ),
     )
-    best, reason = results[order[0]], outside[order[0]]
+    best = order[0]
     return replace(
         best,
         iterations=sum(result.iterations for result in results),
-        candidates=tuple(
-            replace(results[place].candidates[0], basin=basin) for basin, place in enumerate(order)
-        ),
-        verdict=FAILED if reason else ACCEPTED,
-        reason=reason or best.reason,
+        candidates=tuple(replace(one.candidates[0], basin=basin) for basin, one in enumerate(order)),
+        reason=best.reason
+        if best.verdict == FAILED
+        else _of_bound(bound, best.fixed_T_moving) or best.reason,
         runtime_s=time.perf_counter() - begin_s,
     )
 
@@ -106,20 +120,11 @@ def _only_candidate(result: RigidResult, start: np.ndarray) -> Candidate:
     )
 
 
-def _outside(
-    moving_mm: np.ndarray,
-    fixed_T_moving: np.ndarray,
-    initial: np.ndarray | None,
-    search_cone: SearchCone | None,
-) -> str:
-    """Say how far outside the cone around ``initial`` the answer lies; nothing if it lies within, or there is none."""
-    if initial is None or search_cone is None:
+def _of_bound(bound: Bound | None, fixed_T_moving: np.ndarray) -> str:
+    """Say that a method that does not judge ended outside the bound or at it; nothing elsewhere, or without one."""
+    if bound is None:
         return ""
-    bound = Bound(initial, search_cone, moving_mm.mean(axis=0))
-    if bound.holds(fixed_T_moving):
-        return ""
-    turn_deg, away_mm = bound.away(fixed_T_moving)
-    return (
-        f"the answer lies {turn_deg:.1f} degrees and {away_mm:.1f} mm from the initial pose, outside the search cone "
-        f"of {search_cone.angle_deg:g} degrees and {search_cone.radius_mm:g} mm"
-    )
+    if not bound.holds(fixed_T_moving):
+        return f"the method ended {bound.describe(fixed_T_moving)}; the pose handed back lies on its border"
+    edge = bound.at_edge(fixed_T_moving)
+    return f"{UNJUDGED}, and {edge}" if edge else ""

@@ -7,15 +7,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from numpy.typing import ArrayLike
 
 from registration import frames
 from registration.checks import require_count, require_positive
 from registration.comparators.answers import refined
 from registration.comparators.features import FpfhFeatures, quiet_open3d
 from registration.comparators.single_start import SingleStartICP
-from registration.geometry import require_cloud
 from registration.results import RigidResult
+from registration.rigid_input import rigid_clouds
 from registration.search_cone import SearchCone, known_pose
 
 
@@ -46,20 +46,22 @@ class FpfhRansac:
 
     def __call__(
         self,
-        moving_mm: Float64[np.ndarray, "m 3"],
-        fixed_mm: Float64[np.ndarray, "n 3"],
-        initial: Float64[np.ndarray, "4 4"] | None = None,
+        moving_mm: ArrayLike,
+        fixed_mm: ArrayLike,
+        initial: ArrayLike | None = None,
         *,
         search_cone: SearchCone | None = None,
-        moving_centerline_mm: Float64[np.ndarray, "p 3"] | None = None,
-        fixed_centerline_mm: Float64[np.ndarray, "q 3"] | None = None,
-        moving_frame: Int64[np.ndarray, "m"] | None = None,
+        moving_centerline_mm: ArrayLike | None = None,
+        fixed_centerline_mm: ArrayLike | None = None,
+        moving_frame: ArrayLike | None = None,
     ) -> RigidResult:
         """Register ``moving_mm`` to ``fixed_mm`` from anywhere; ``initial`` is refined beside what is found.
 
-        An answer outside ``search_cone`` around ``initial`` has failed. Centerlines and frames are not used. Raises
-        InputError for a cloud that is empty, not finite or degenerate, an ``initial`` that is not rigid, a cone
-        without one, or if no features match and there is no ``initial``.
+        Clouds are arrays or lists of shape (m, 3) and (n, 3), poses (4, 4). An answer outside the bound around
+        ``initial`` (``search_cone``, or 45 degrees and 20 mm) has failed: the pose is then the one on that bound.
+        Centerlines and frames are not used. Raises InputError for a cloud that is empty, of another shape, not finite,
+        degenerate or in metres, an ``initial`` that is not rigid, a cone without one, or if no features match and
+        there is no ``initial``.
         """
         del moving_centerline_mm, fixed_centerline_mm, moving_frame
         return _registered(self, moving_mm, fixed_mm, initial, search_cone)
@@ -112,20 +114,22 @@ class FpfhFastGlobal:
 
     def __call__(
         self,
-        moving_mm: Float64[np.ndarray, "m 3"],
-        fixed_mm: Float64[np.ndarray, "n 3"],
-        initial: Float64[np.ndarray, "4 4"] | None = None,
+        moving_mm: ArrayLike,
+        fixed_mm: ArrayLike,
+        initial: ArrayLike | None = None,
         *,
         search_cone: SearchCone | None = None,
-        moving_centerline_mm: Float64[np.ndarray, "p 3"] | None = None,
-        fixed_centerline_mm: Float64[np.ndarray, "q 3"] | None = None,
-        moving_frame: Int64[np.ndarray, "m"] | None = None,
+        moving_centerline_mm: ArrayLike | None = None,
+        fixed_centerline_mm: ArrayLike | None = None,
+        moving_frame: ArrayLike | None = None,
     ) -> RigidResult:
         """Register ``moving_mm`` to ``fixed_mm`` from anywhere; ``initial`` is refined beside what is found.
 
-        An answer outside ``search_cone`` around ``initial`` has failed. Centerlines and frames are not used. Raises
-        InputError for a cloud that is empty, not finite or degenerate, an ``initial`` that is not rigid, a cone
-        without one, or if no features match and there is no ``initial``.
+        Clouds are arrays or lists of shape (m, 3) and (n, 3), poses (4, 4). An answer outside the bound around
+        ``initial`` (``search_cone``, or 45 degrees and 20 mm) has failed: the pose is then the one on that bound.
+        Centerlines and frames are not used. Raises InputError for a cloud that is empty, of another shape, not finite,
+        degenerate or in metres, an ``initial`` that is not rigid, a cone without one, or if no features match and
+        there is no ``initial``.
         """
         del moving_centerline_mm, fixed_centerline_mm, moving_frame
         return _registered(self, moving_mm, fixed_mm, initial, search_cone)
@@ -151,20 +155,20 @@ class FpfhFastGlobal:
 
 def _registered(
     method: FpfhRansac | FpfhFastGlobal,
-    moving_mm: np.ndarray,
-    fixed_mm: np.ndarray,
-    initial: np.ndarray | None,
+    moving_mm: ArrayLike,
+    fixed_mm: ArrayLike,
+    initial: ArrayLike | None,
     search_cone: SearchCone | None,
 ) -> RigidResult:
     """Features of both clouds about their centres, the method's search, and the refinement of what it found."""
     begin_s = time.perf_counter()
-    require_cloud(moving_mm, "moving_mm")
-    require_cloud(fixed_mm, "fixed_mm")
-    initial = known_pose(initial, search_cone)
-    moving_centre_mm, fixed_centre_mm = moving_mm.mean(axis=0), fixed_mm.mean(axis=0)
-    moving = method.features(moving_mm - moving_centre_mm, "moving_mm")
-    fixed = method.features(fixed_mm - fixed_centre_mm, "fixed_mm")
-    found = method.search(moving, fixed)
+    moving, fixed = rigid_clouds(moving_mm, fixed_mm)
+    known = known_pose(initial, search_cone)
+    moving_centre_mm, fixed_centre_mm = moving.mean(axis=0), fixed.mean(axis=0)
+    found = method.search(
+        method.features(moving - moving_centre_mm, "moving_mm"),
+        method.features(fixed - fixed_centre_mm, "fixed_mm"),
+    )
     pose = None
     # Without a single inlier Open3D answers with the identity.
     if found.fitness > 0:
@@ -173,4 +177,4 @@ def _registered(
             frames.nearest_rigid(np.array(found.transformation)),
             frames.translation(-moving_centre_mm),
         )
-    return refined(pose, method.refine, moving_mm, fixed_mm, initial, search_cone, begin_s)
+    return refined(pose, method.refine, moving, fixed, known, search_cone, begin_s)

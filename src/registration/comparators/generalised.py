@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from numpy.typing import ArrayLike
 
 from registration import frames
 from registration.checks import require_count, require_positive
 from registration.comparators.answers import one_answer
 from registration.correspondence import TreeTarget
-from registration.geometry import require_cloud
 from registration.results import RigidResult
+from registration.rigid_input import rigid_clouds
 from registration.search_cone import SearchCone, known_pose
 
 
@@ -51,37 +51,38 @@ class GeneralisedICP:
 
     def __call__(
         self,
-        moving_mm: Float64[np.ndarray, "m 3"],
-        fixed_mm: Float64[np.ndarray, "n 3"],
-        initial: Float64[np.ndarray, "4 4"] | None = None,
+        moving_mm: ArrayLike,
+        fixed_mm: ArrayLike,
+        initial: ArrayLike | None = None,
         *,
         search_cone: SearchCone | None = None,
-        moving_centerline_mm: Float64[np.ndarray, "p 3"] | None = None,
-        fixed_centerline_mm: Float64[np.ndarray, "q 3"] | None = None,
-        moving_frame: Int64[np.ndarray, "m"] | None = None,
+        moving_centerline_mm: ArrayLike | None = None,
+        fixed_centerline_mm: ArrayLike | None = None,
+        moving_frame: ArrayLike | None = None,
     ) -> RigidResult:
         """Register ``moving_mm`` to ``fixed_mm`` from ``initial`` (a fixed_T_moving), or from where they lie.
 
-        An answer outside ``search_cone`` has failed. Centerlines and frames are not used. Raises InputError for a
-        cloud that is empty, not finite or degenerate, an ``initial`` that is not rigid, or a cone without one.
+        Clouds are arrays or lists of shape (m, 3) and (n, 3), poses (4, 4). An answer outside the bound around
+        ``initial`` (``search_cone``, or 45 degrees and 20 mm) has failed: the pose is then the one on that bound.
+        Centerlines and frames are not used. Raises InputError for a cloud that is empty, of another shape, not finite,
+        degenerate or in metres, an ``initial`` that is not rigid, or a cone without one.
         """
         del moving_centerline_mm, fixed_centerline_mm, moving_frame
         begin_s = time.perf_counter()
-        require_cloud(moving_mm, "moving_mm", self.neighbours)
-        require_cloud(fixed_mm, "fixed_mm", self.neighbours)
-        initial = known_pose(initial, search_cone)
-        start = np.eye(4) if initial is None else initial
-        pose, iterations, converged = self._align(moving_mm, fixed_mm, start)
+        moving, fixed = rigid_clouds(moving_mm, fixed_mm, self.neighbours)
+        known = known_pose(initial, search_cone)
+        start = np.eye(4) if known is None else known
+        pose, iterations, converged = self._align(moving, fixed, start)
         return one_answer(
-            moving_mm,
-            TreeTarget(fixed_mm),
+            moving,
+            TreeTarget(fixed),
             pose,
             start=start,
             keep=self.keep,
             inlier_spacings=self.inlier_spacings,
             iterations=iterations,
             converged=converged,
-            initial=initial,
+            initial=known,
             search_cone=search_cone,
             begin_s=begin_s,
         )

@@ -7,15 +7,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from numpy.typing import ArrayLike
 
 from registration import frames
 from registration.checks import require_count, require_positive
 from registration.comparators.answers import refined
 from registration.comparators.single_start import SingleStartICP
 from registration.errors import InputError
-from registration.geometry import require_cloud
 from registration.results import RigidResult
+from registration.rigid_input import rigid_clouds
 from registration.search_cone import SearchCone, known_pose
 
 
@@ -47,28 +47,29 @@ class KissMatcher:
 
     def __call__(
         self,
-        moving_mm: Float64[np.ndarray, "m 3"],
-        fixed_mm: Float64[np.ndarray, "n 3"],
-        initial: Float64[np.ndarray, "4 4"] | None = None,
+        moving_mm: ArrayLike,
+        fixed_mm: ArrayLike,
+        initial: ArrayLike | None = None,
         *,
         search_cone: SearchCone | None = None,
-        moving_centerline_mm: Float64[np.ndarray, "p 3"] | None = None,
-        fixed_centerline_mm: Float64[np.ndarray, "q 3"] | None = None,
-        moving_frame: Int64[np.ndarray, "m"] | None = None,
+        moving_centerline_mm: ArrayLike | None = None,
+        fixed_centerline_mm: ArrayLike | None = None,
+        moving_frame: ArrayLike | None = None,
     ) -> RigidResult:
         """Register ``moving_mm`` to ``fixed_mm`` from anywhere; ``initial`` is refined beside what is found.
 
-        An answer outside ``search_cone`` around ``initial`` has failed. Centerlines and frames are not used. Raises
-        InputError for a cloud that is empty, not finite or degenerate, an ``initial`` that is not rigid, a cone
-        without one, if nothing matches and there is no ``initial``, or if the package is not installed.
+        Clouds are arrays or lists of shape (m, 3) and (n, 3), poses (4, 4). An answer outside the bound around
+        ``initial`` (``search_cone``, or 45 degrees and 20 mm) has failed: the pose is then the one on that bound.
+        Centerlines and frames are not used. Raises InputError for a cloud that is empty, of another shape, not finite,
+        degenerate or in metres, an ``initial`` that is not rigid, a cone without one, if nothing matches and there is
+        no ``initial``, or if the package is not installed.
         """
         del moving_centerline_mm, fixed_centerline_mm, moving_frame
         begin_s = time.perf_counter()
-        require_cloud(moving_mm, "moving_mm")
-        require_cloud(fixed_mm, "fixed_mm")
-        initial = known_pose(initial, search_cone)
-        pose = self._search(moving_mm, fixed_mm)
-        return refined(pose, self.refine, moving_mm, fixed_mm, initial, search_cone, begin_s)
+        moving, fixed = rigid_clouds(moving_mm, fixed_mm)
+        known = known_pose(initial, search_cone)
+        pose = self._search(moving, fixed)
+        return refined(pose, self.refine, moving, fixed, known, search_cone, begin_s)
 
     def _search(self, moving_mm: np.ndarray, fixed_mm: np.ndarray) -> np.ndarray | None:
         """The pose found, or none."""
