@@ -16,6 +16,7 @@ from experiments.errors import InputError
 from experiments.files import write_text
 from experiments.identity import config_hash
 from experiments.paths import conf_dir, project_root
+from experiments.value_types import parameter_types, require_type
 
 # What the shell hands to a study beside its configuration.
 INJECTED = frozenset({"workspace", "progress", "store"})
@@ -104,7 +105,11 @@ def _arguments(function: Callable[..., object], config: Mapping[str, Any]) -> di
     ]
     if missing:
         raise InputError(f"study={config['study']}: expected a value for {', '.join(missing)}, received none")
-    return {name: registry.build(config[name], name) for name in wanted if name in config}
+    built = {name: registry.build(config[name], name) for name in wanted if name in config}
+    types = parameter_types(function)
+    for name, value in built.items():
+        require_type(name, value, types.get(name, Any))
+    return built
 
 
 def cells_of(points: list[tuple[Mapping[str, Any], str]]) -> list[Cell]:

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from experiments.errors import InputError
+from experiments.value_types import parameter_types, require_type
 
 ALLOWED: frozenset[str] = frozenset(
     {
@@ -85,7 +86,8 @@ def build(node: Any, where: str = "config") -> Any:
     """Replace every mapping with a ``_target_`` by the object it describes, depth first; all else stays as it is.
 
     ``where`` is the dotted place of ``node`` in the configuration, for messages. Raises InputError for a class that
-    is not in ``ALLOWED``, for settings the class does not have, for missing ones, and for values it refuses.
+    is not in ``ALLOWED``, for settings the class does not have, for missing ones, for values of another type than the
+    class says, and for those it refuses.
     """
     if isinstance(node, Mapping):
         built = {key: build(value, f"{where}.{key}") for key, value in node.items() if key != "_target_"}
@@ -124,6 +126,9 @@ def _construct(target: str, settings: dict[str, Any], where: str) -> Any:
         raise InputError(
             f"{where}: expected a value for {', '.join(missing)} of {cls.__name__}, received none"
         )
+    wanted = parameter_types(cls)
+    for name, value in settings.items():
+        require_type(f"{where}.{name}", value, wanted.get(name, Any))
     try:
         return cls(**settings)
     except (TypeError, ValueError) as refusal:
