@@ -131,12 +131,16 @@ def _show(asked: Namespace, overrides: list[str], folder: str | None) -> int:
 
 
 def _run(overrides: list[str], folder: str | None, *, multirun: bool) -> int:
-    from experiments import shell
+    from experiments import cells, shell
+    from experiments.call_checks import require_shared, require_writable
     from experiments.job import user_errors
 
     try:
         points = compose_points(overrides, folder, multirun=multirun)
+        for config, _ in points:
+            require_shared(config)
         _note_useless_seed(points)
+        require_writable(cells.out_folder(points[0][0], "0" * 64))
         beside = shell.jobs_at_once(points[0][0]) > 1
         if beside and any(word.startswith("hydra/launcher=") for word in overrides):
             raise InputError("jobs: expected 1 where a launcher starts the jobs, received more")
@@ -225,6 +229,8 @@ def _parsed_overrides(overrides: list[str]) -> list[Override]:
                 f"{word}: expected setting=value (a value with any of = , : {{ }} or a blank needs quotes: "
                 f"'{name}=\"{value}\"'), received what can't be read: {str(refusal).splitlines()[0]}"
             ) from refusal
+        if not override.is_delete() and not override.is_sweep_override():
+            cli_words.refuse_no_option(override.key_or_group, override.value())
         parsed.append(override)
     return parsed
 

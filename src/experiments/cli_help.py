@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -97,7 +98,7 @@ def _study_page(choices: Choices, folders: Sequence[Path]) -> str:
 def _own_folders(words: Sequence[str]) -> list[Path]:
     """The folder that ``--config-dir`` names, in either spelling."""
     found = [word.partition("=")[2] for word in words if word.startswith("--config-dir=")]
-    found += [after for word, after in zip(words, words[1:], strict=False) if word in ("--config-dir", "-cd")]
+    found += [after for word, after in itertools.pairwise(words) if word in ("--config-dir", "-cd")]
     return [Path(each).expanduser() for each in found]
 
 

@@ -27,9 +27,27 @@ def refuse_bare_word(word: str) -> None:
     """Raise InputError for a word without ``=``, which Hydra's message on would not help with."""
     if "=" in word or word.startswith("~"):
         return
-    studies = [path.stem for path in (conf_dir() / "study").glob("*.yaml")]
-    hint = did_you_mean(word, studies, "study=") or did_you_mean(word, (path.name for path in _groups()))
+    hint = did_you_mean(word, options_of("study"), "study=") or did_you_mean(
+        word, (path.name for path in _groups())
+    )
     raise InputError(f"{word}: expected setting=value, received a word without ={hint}")
+
+
+def refuse_no_option(group: str, value: Any) -> None:
+    """Raise InputError where a choice is given what can't be the name of an option (a number, null)."""
+    if group not in group_names() or isinstance(value, str):
+        return
+    if isinstance(value, list) and all(isinstance(each, str) for each in value):
+        return
+    known = sorted(path.stem for path in (conf_dir() / group).glob("*.yaml"))
+    raise InputError(
+        f"{group}: expected one of {', '.join(known)}, received {'null' if value is None else value}"
+    )
+
+
+def options_of(group: str) -> list[str]:
+    """The options there are in a group (a folder of the configuration)."""
+    return sorted(path.stem for path in (conf_dir() / group).glob("*.yaml"))
 
 
 def group_names() -> frozenset[str]:
@@ -58,22 +76,26 @@ def sentence(refusal: Exception, study: str | None, known: Sequence[str]) -> str
 
     ``known`` are the names of the settings there are, with which a misspelt one is compared.
     """
-    options, wrong = getattr(refusal, "options", None), getattr(refusal, "missing_cfg_file", None)
-    if wrong and options:
-        group, _, option = str(wrong).rpartition("/")
-        return (
-            f"{group}: expected one of {', '.join(sorted(options))}, received {option!r}"
-            f"{did_you_mean(option, options)}"
-        )
     lines = [line.strip() for line in str(refusal).splitlines() if line.strip()]
+    first = lines[0] if lines else type(refusal).__name__
+    # An option that there is not is a field of Hydra's exception, but words alone where it stood in a list of options.
+    in_list = re.search(r"Could not load '([^']+)'", first)
+    missing = str(getattr(refusal, "missing_cfg_file", None) or (in_list[1] if in_list else ""))
+    if "/" in missing:
+        group, _, option = missing.rpartition("/")
+        options = getattr(refusal, "options", None) or options_of(group)
+        if options:
+            return (
+                f"{group}: expected one of {', '.join(sorted(options))}, received {option!r}"
+                f"{did_you_mean(option, options)}"
+            )
     # Hydra says so of a setting, of a group that the study has no choice in, and of a misplaced package alike.
-    unknown = re.match(r"Could not override '([^']+)'", lines[0]) if lines else None
+    unknown = re.match(r"Could not override '([^']+)'", first)
     if unknown is not None:
-        name, of = unknown[1], f"of study={study}" if study else "of every study"
-        page = f"ctus study={study or '<name>'} --help"
+        name = unknown[1]
         return (
-            f"{name}: expected a setting {of} ({page} lists them), received an unknown one"
-            f"{did_you_mean(name, [each for each in known if each != name])}"
+            f"Could not override '{name}': expected a setting of the study (ctus study={study or '<name>'} --help "
+            f"lists them){did_you_mean(name, [each for each in known if each != name])}"
         )
     return "; ".join(lines)
 

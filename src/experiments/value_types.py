@@ -44,7 +44,7 @@ def require_type(where: str, value: Any, wanted: Any) -> None:
         return
     hint = ""
     if isinstance(value, (int, float)) and str in _alternatives(wanted):
-        hint = f""" (as text: {where.rpartition(".")[2]}='"{value}"')"""
+        hint = f""" (as text: {where}='"{value}"')"""
     raise InputError(f"{where}: expected {describe(wanted)}, received {_shown(value)}{hint}")
 
 
