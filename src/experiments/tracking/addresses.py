@@ -38,7 +38,7 @@ def require_address(address: str) -> None:
         raise InputError(f"{_EXPECTED}, received {address!r}")
     if scheme == "sqlite" and not rest.startswith("/"):
         raise InputError(
-            f"{_EXPECTED}, received {address!r}: a file's path follows three strokes, an absolute one four"
+            f"{_EXPECTED}, received {address!r} (an absolute path follows three slashes: sqlite:////runs.db)"
         )
     if scheme in SERVERS:
         try:
