@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.errors import InputError, did_you_mean
-from experiments.value_types import require_type
+from models.value_types import mismatch
 
 # The settings that no study takes itself, by their dotted names.
 SHARED: dict[str, Any] = {
@@ -37,8 +37,8 @@ def require_shared(config: Mapping[str, Any]) -> None:
     for name, wanted in SHARED.items():
         group, _, key = name.rpartition(".")
         values: Mapping[str, Any] = tracking if group else config
-        if key in values:
-            require_type(name, values[key], wanted)
+        if key in values and (wrong := mismatch(name, values[key], wanted)) is not None:
+            raise InputError(wrong)
     seed = config.get("seed")
     if seed is not None and seed < 0:
         raise InputError(f"seed: expected a whole number from 0, received {seed}")

@@ -16,7 +16,7 @@ from experiments.errors import InputError
 from experiments.files import write_text
 from experiments.identity import config_hash
 from experiments.paths import conf_dir, project_root
-from experiments.value_types import parameter_types, require_type
+from models.value_types import mismatch, parameter_types
 
 # What the shell hands to a study beside its configuration.
 INJECTED = frozenset({"workspace", "progress", "store"})
@@ -108,7 +108,8 @@ def _arguments(function: Callable[..., object], config: Mapping[str, Any]) -> di
     built = {name: registry.build(config[name], name) for name in wanted if name in config}
     types = parameter_types(function)
     for name, value in built.items():
-        require_type(name, value, types.get(name, Any))
+        if (wrong := mismatch(name, value, types.get(name, Any))) is not None:
+            raise InputError(wrong)
     return built
 
 

@@ -10,8 +10,9 @@ import inspect
 from collections.abc import Mapping
 from typing import Any
 
-from experiments.errors import InputError
-from experiments.value_types import parameter_types, require_type
+from experiments.errors import InputError, did_you_mean
+from models.errors import InputError as ModelsInputError
+from models.value_types import require_settings
 
 ALLOWED: frozenset[str] = frozenset(
     {
@@ -112,23 +113,11 @@ def load(target: str, where: str = "config") -> type:
 def _construct(target: str, settings: dict[str, Any], where: str) -> Any:
     cls = load(target, where)
     known = inspect.signature(cls).parameters
-    unknown = sorted(set(settings) - set(known))
-    if unknown:
-        raise InputError(
-            f"{where}: expected settings of {cls.__name__} ({', '.join(known)}), received {', '.join(unknown)}"
-        )
-    missing = [
-        name
-        for name, parameter in known.items()
-        if parameter.default is inspect.Parameter.empty and name not in settings
-    ]
-    if missing:
-        raise InputError(
-            f"{where}: expected a value for {', '.join(missing)} of {cls.__name__}, received none"
-        )
-    wanted = parameter_types(cls)
-    for name, value in settings.items():
-        require_type(f"{where}.{name}", value, wanted.get(name, Any))
+    hint = next((did_you_mean(name, known) for name in sorted(set(settings) - set(known))), "")
+    try:
+        require_settings(cls, settings, where)
+    except ModelsInputError as refusal:
+        raise InputError(f"{refusal}{hint}") from refusal
     try:
         return cls(**settings)
     except (TypeError, ValueError) as refusal:

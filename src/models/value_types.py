@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from experiments.errors import InputError
+from models.errors import InputError
 
 # What YAML and an override can hold themselves; an object of a class comes from a _target_ alone.
 PLAIN = (bool, int, float, str, list, tuple, dict)
@@ -33,19 +33,42 @@ def parameter_types(function: Callable[..., object] | type) -> dict[str, Any]:
     return found
 
 
-def require_type(where: str, value: Any, wanted: Any) -> None:
-    """Raise InputError, naming the setting ``where``, unless ``value`` is of the annotated type ``wanted``.
+def mismatch(where: str, value: Any, wanted: Any) -> str | None:
+    """What is wrong with the value of the setting ``where``, in a sentence; None if it is of the type ``wanted``.
 
     Checked are numbers, text, true and false, choices (``Literal``), None, unions, lists, mappings and this project's
     classes, at any depth; a whole number is a number, true is none, and NaN is none either. Any other annotation
     accepts every value.
     """
     if fits(value, wanted):
-        return
+        return None
     hint = ""
     if isinstance(value, (int, float)) and str in _alternatives(wanted):
         hint = f""" (as text: {where}='"{value}"')"""
-    raise InputError(f"{where}: expected {describe(wanted)}, received {_shown(value)}{hint}")
+    return f"{where}: expected {describe(wanted)}, received {_shown(value)}{hint}"
+
+
+def require_settings(target: type, settings: Mapping[str, Any], where: str) -> None:
+    """Raise InputError unless ``settings`` are those of a class: all known to it, all it needs, of its types."""
+    known = inspect.signature(target).parameters
+    unknown = sorted(set(settings) - set(known))
+    if unknown:
+        raise InputError(
+            f"{where}: expected settings of {target.__name__} ({', '.join(known)}), received {', '.join(unknown)}"
+        )
+    missing = [
+        name
+        for name, each in known.items()
+        if each.default is inspect.Parameter.empty and name not in settings
+    ]
+    if missing:
+        raise InputError(
+            f"{where}: expected a value for {', '.join(missing)} of {target.__name__}, received none"
+        )
+    types_of = parameter_types(target)
+    for name, value in settings.items():
+        if (wrong := mismatch(f"{where}.{name}", value, types_of.get(name, Any))) is not None:
+            raise InputError(wrong)
 
 
 def fits(value: Any, wanted: Any) -> bool:
