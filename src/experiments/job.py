@@ -19,6 +19,7 @@ from experiments.cells import Cell, Plan
 from experiments.errors import InputError
 from experiments.identity import flatten
 from experiments.outcome import CellResult, Outcome
+from experiments.reporting.figure_files import save_figure
 from experiments.tracking import HASH_TAG, RunWriter, Store, ending
 
 if TYPE_CHECKING:
@@ -134,8 +135,7 @@ def write_outcome(outcome: Outcome, folder: Path) -> None:
     if outcome.tables:
         files.write_text(folder / "summary.md", terminal.markdown(dict(outcome.tables)))
     for name, figure in outcome.figures.items():
-        for suffix in ("png", "svg"):
-            figure.savefig(folder / f"{name}.{suffix}", dpi=150, bbox_inches="tight")
+        save_figure(figure, folder / name)
 
 
 def log_outcome(run: RunWriter, outcome: Outcome) -> None:

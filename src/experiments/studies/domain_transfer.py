@@ -143,6 +143,6 @@ def summarise(cells: list[CellResult]) -> Outcome:
         },
         cases=cases,
         tables={"transfer": transfer},
-        figures={"transfer": transfer_map(transfer)},
+        figures={"transfer": transfer_map(transfer)} if len(transfer) else {},
         findings=describe_transfer(cases),
     )
