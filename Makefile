@@ -1,3 +1,4 @@
+# PYTHON=python3.12 makes .venv with that interpreter, afresh where it was made with another version.
 PY := .venv/bin/python
 # Two cores are the smallest machine the tests are meant for; more are used where there are more.
 WORKERS ?= $(shell nproc)

@@ -11,6 +11,7 @@ from pathlib import Path
 import pandas as pd
 
 from experiments import files
+from experiments.reporting.figure_files import save_figure
 from experiments.studies.consistency_report import TRUTH, describe, figures, tables
 from experiments.terminal import markdown
 
@@ -49,7 +50,7 @@ def main() -> int:
     )
     said = "\n".join(f"- {sentence}" for sentence in describe(cases))
     files.write_text(out / "consistency.md", head + markdown(tables(cases)) + "\n" + said + "\n")
-    figures(cases)["consistency"].savefig(out / "consistency.png", dpi=110, bbox_inches="tight")
+    save_figure(figures(cases)["consistency"], out / "consistency", ("png",), dpi=110)
     print(f"{len(truths)} sweeps: {out / 'consistency.md'}")
     return 0
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import pandas as pd
 
 from experiments import files
+from experiments.reporting.figure_files import save_figure
 from experiments.studies.rigid_benchmark_figures import benchmark_figures
 from experiments.studies.rigid_benchmark_report import benchmark_tables
 from experiments.studies.rigid_benchmark_sentences import describe_benchmark
@@ -55,7 +56,7 @@ def main() -> int:
     everything = pd.concat(cases.values(), ignore_index=True)
     files.write_text(out / "rigid_benchmark.csv", everything.to_csv(index=False, float_format="%.4f"))
     figure = benchmark_figures(cases["test"])["rigid_benchmark"]
-    figure.savefig(out / "rigid_benchmark.png", dpi=110, bbox_inches="tight")
+    save_figure(figure, out / "rigid_benchmark", ("png",), dpi=110)
     print(f"{len(everything)} answers: {out / 'rigid_benchmark.md'}")
     return 0
 

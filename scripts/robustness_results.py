@@ -13,6 +13,7 @@ import pandas as pd
 
 from experiments import files
 from experiments.outcome import Outcome
+from experiments.reporting.figure_files import save_figure
 from experiments.studies import robustness
 from experiments.terminal import markdown
 
@@ -62,7 +63,7 @@ def _write(outcome: Outcome, out: Path, name: str, head: str) -> None:
     for title, table in outcome.tables.items():
         files.write_text(out / f"{name}_{title}.csv", table.to_csv(index=False, float_format="%.6g"))
     for title, figure in outcome.figures.items():
-        figure.savefig(out / f"{name}_{title}.png", dpi=110, bbox_inches="tight")
+        save_figure(figure, out / f"{name}_{title}", ("png",), dpi=110)
 
 
 if __name__ == "__main__":

@@ -4,10 +4,19 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
+fits() { "$1" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 13))' 2>/dev/null; }
+version() { "$1" -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null || true; }
+
+# PYTHON names the interpreter; without it the one that .venv was made with stays.
 python=${PYTHON:-}
-if [ -z "$python" ]; then
-  for candidate in python3.11 python3.12 python3; do
-    if command -v "$candidate" >/dev/null && "$candidate" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 13))' 2>/dev/null; then
+if [ -n "$python" ]; then
+  if ! fits "$python"; then
+    echo "PYTHON: expected Python 3.11 or 3.12, received $python ($("$python" --version 2>&1 | head -n 1 || true))" >&2
+    exit 2
+  fi
+else
+  for candidate in .venv/bin/python python3.11 python3.12 python3; do
+    if command -v "$candidate" >/dev/null && fits "$candidate"; then
       python=$candidate
       break
     fi
@@ -25,7 +34,7 @@ need libX11.so.6 libx11-6
 if [ -z "$python" ]; then
   missing+=(python3 python3-venv)
 elif ! "$python" -c 'import ensurepip' 2>/dev/null; then
-  missing+=(python3-venv)
+  missing+=("python$(version "$python")-venv")
 fi
 if [ ${#missing[@]} -gt 0 ]; then
   as_root=()
@@ -41,13 +50,16 @@ if [ ${#missing[@]} -gt 0 ]; then
   python=${python:-python3}
 fi
 
-stamp=$( { cat pyproject.toml constraints.txt scripts/setup.sh; "$python" --version; pwd; } | sha256sum)
+stamp=$( { cat pyproject.toml constraints.txt scripts/setup.sh; version "$python"; pwd; } | sha256sum)
 if [ -x .venv/bin/ctus ] && [ "$(cat .venv/.setup-stamp 2>/dev/null)" = "$stamp" ]; then
   exit 0
 fi
 
 echo "Installing the project into .venv (a few minutes the first time)"
-[ -x .venv/bin/python ] || "$python" -m venv .venv
+# Packages built for another version of Python are of no use: such a .venv is made afresh.
+if [ "$(version .venv/bin/python)" != "$(version "$python")" ]; then
+  "$python" -m venv --clear .venv
+fi
 # The pins name torch without a build: an index of CPU builds given in PIP_EXTRA_INDEX_URL wins over the default one.
 .venv/bin/python -m pip install --quiet --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev,joblib]'
 echo "$stamp" >.venv/.setup-stamp

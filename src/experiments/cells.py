@@ -19,6 +19,7 @@ from experiments.identity import config_hash
 from experiments.job_names import choices_of, distinct_labels, folder_names
 from experiments.path_settings import named_paths
 from experiments.paths import conf_dir, project_root
+from models.value_types import mismatch, parameter_types
 
 # What the shell hands to a study beside its configuration.
 INJECTED = frozenset({"workspace", "progress", "store"})
@@ -115,7 +116,12 @@ def _arguments(function: Callable[..., object], config: Mapping[str, Any]) -> di
     ]
     if missing:
         raise InputError(f"study={config['study']}: expected a value for {', '.join(missing)}, received none")
-    return {name: registry.build(config[name], name) for name in wanted if name in config}
+    built = {name: registry.build(config[name], name) for name in wanted if name in config}
+    types = parameter_types(function)
+    for name, value in built.items():
+        if (wrong := mismatch(name, value, types.get(name, Any))) is not None:
+            raise InputError(wrong)
+    return built
 
 
 def cells_of(

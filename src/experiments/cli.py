@@ -7,19 +7,27 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
 
-from experiments.errors import InputError
+from experiments import cli_words
+from experiments.errors import InputError, did_you_mean
 from experiments.paths import conf_dir, project_root
 from experiments.text_settings import loader_with_text, quoted_override
 
 if TYPE_CHECKING:
+    from argparse import Namespace
+
+    from hydra.core.override_parser.types import Override
     from omegaconf import DictConfig
 
     from experiments.shell import Points
 
 HYDRA_VERSION_BASE = "1.3"
+# Options of Hydra's without a meaning here: a call of ctus is always composed from its own configuration.
+NOT_OURS = ("config_path", "config_name", "experimental_rerun", "run")
 # Threads of torch that wait by spinning steal the core that the others work on: beside any other process a training
 # step takes several times as long. This must be said before torch is imported.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
@@ -27,43 +35,119 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 def main(argv: list[str] | None = None) -> int:
     """Run ``ctus`` with these words (those of the process by default) and return its exit code."""
-    words = [quoted_override(word) for word in _with_presets(sys.argv[1:] if argv is None else argv)]
-    if not words or any(word in ("--help", "-h") for word in words):
-        return _print_help(words)
-    from hydra._internal.utils import get_args_parser
-
+    words = [quoted_override(word) for word in cli_words.read_presets(sys.argv[1:] if argv is None else argv)]
+    if "--version" in words:
+        return _print_version()
     try:
-        asked = get_args_parser().parse_args(words)
-    except SystemExit as ended:  # the parser has said what is wrong
-        return int(ended.code or 0)
-    if any((asked.cfg, asked.info, asked.hydra_help, asked.shell_completion)):
-        _call_hydra(words, _point)
-        return 0
-    return _run(words, list(asked.overrides), asked.config_dir, multirun=asked.multirun)
+        if not words or any(word in ("--help", "-h") for word in words):
+            return _print_help(words)
+        asked = _parsed(words)
+        overrides, folder = list(asked.overrides), _config_folder(asked.config_dir)
+        if asked.hydra_help or asked.shell_completion:
+            _call_hydra(words)
+            return 0
+        if asked.cfg or asked.info:
+            return _show(asked, overrides, folder)
+    except InputError as refusal:
+        print(refusal, file=sys.stderr)
+        return 2
+    return _run(overrides, folder, multirun=asked.multirun)
 
 
 def _print_help(words: list[str]) -> int:
     from experiments.cli_help import help_text
 
+    text = help_text(words)
     try:
-        print(help_text([word.removeprefix("study=") for word in words if word.startswith("study=")]))
-    except InputError as refusal:
-        print(refusal, file=sys.stderr)
-        return 2
+        print(text, flush=True)
+    except (
+        BrokenPipeError
+    ):  # the reader (head, less) has seen enough; the interpreter's last flush must not fail too
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return 0 if words else 2
 
 
-def _run(words: list[str], overrides: list[str], config_dir: str | None, *, multirun: bool) -> int:
-    from experiments import shell
+def _print_version() -> int:
+    from importlib import metadata
+
+    print(f"ctus {metadata.version('ctus')}")
+    return 0
+
+
+def _parsed(words: list[str]) -> Namespace:
+    """The words by Hydra's parser, options before and after the settings; InputError for an unknown option."""
+    from hydra._internal.utils import get_args_parser
+
+    parser = get_args_parser()
+    names = [
+        name for action in parser._actions for name in action.option_strings if action.dest not in NOT_OURS
+    ]
+
+    def refuse(message: str) -> NoReturn:
+        if not message.startswith("unrecognized arguments: "):
+            raise InputError(message)
+        word = message.removeprefix("unrecognized arguments: ").split()[0]
+        known = ", ".join(name for name in names if name.startswith("--"))
+        raise InputError(
+            f"{word}: expected one of {known}, received an unknown one{did_you_mean(word, names)}"
+        )
+
+    parser.error = refuse  # type: ignore[method-assign]
+    asked = parser.parse_intermixed_args(words)
+    for name in NOT_OURS:
+        if getattr(asked, name):
+            refuse(f"unrecognized arguments: --{name.replace('_', '-')}")
+    return asked
+
+
+def _config_folder(config_dir: str | None) -> str | None:
+    """The user's own folder of configurations as an absolute path, or None."""
+    if config_dir is None:
+        return None
+    folder = Path(config_dir).expanduser().absolute()
+    if not folder.is_dir():
+        raise InputError(f"--config-dir: expected a folder of configurations, received {config_dir!r}")
+    return str(folder)
+
+
+def _show(asked: Namespace, overrides: list[str], folder: str | None) -> int:
+    """Print the configuration of every point of a sweep, or what else Hydra tells of one point."""
+    from omegaconf import OmegaConf
+
+    composed = _composed(overrides, folder, multirun=asked.multirun)
+    if asked.cfg != "job":
+        first, *_ = _points(overrides) if asked.multirun else [(overrides, "")]
+        kind = ["--cfg", asked.cfg] if asked.cfg else ["--info", asked.info]
+        _call_hydra([*kind, *_of_folder(folder), *first[0]])
+        return 0
+    for config, label in composed:
+        job = _without_hydra(config)
+        with _as_input_error(overrides):
+            if asked.resolve:
+                OmegaConf.resolve(job)
+            shown = OmegaConf.select(job, asked.package) if asked.package not in (None, "_global_") else job
+        heading = f"---\n# {label}\n" if len(composed) > 1 else ""
+        print(heading + OmegaConf.to_yaml(shown), end="")
+    return 0
+
+
+def _run(overrides: list[str], folder: str | None, *, multirun: bool) -> int:
+    from experiments import cells, shell
+    from experiments.call_checks import require_shared, require_writable
     from experiments.job import user_errors
 
     try:
-        points = compose_points(overrides, config_dir, multirun=multirun)
+        points = compose_points(overrides, folder, multirun=multirun)
+        for config, _ in points:
+            require_shared(config)
+        _note_useless_seed(points)
+        require_writable(cells.out_folder(points[0][0], "0" * 64))
         beside = shell.jobs_at_once(points[0][0]) > 1
         if beside and any(word.startswith("hydra/launcher=") for word in overrides):
             raise InputError("jobs: expected 1 where a launcher starts the jobs, received more")
         launched = multirun and not beside
-        return shell.run(points, (lambda: _call_hydra(words, _point)) if launched else None)
+        words = ["--multirun", *_of_folder(folder), *overrides]
+        return shell.run(points, (lambda: _call_hydra(words)) if launched else None)
     except user_errors() as refusal:
         print(refusal, file=sys.stderr)
         return 2
@@ -72,66 +156,113 @@ def _run(words: list[str], overrides: list[str], config_dir: str | None, *, mult
         return 130
 
 
+def _note_useless_seed(points: Points) -> None:
+    for config, _ in points:
+        if config.get("seed") is not None and cli_words.draws_nothing(config["study"]):
+            print(
+                f"seed: study={config['study']} draws nothing at random, so that seed={config['seed']} changes no "
+                "result.",
+                file=sys.stderr,
+            )
+            return
+
+
 def compose_points(overrides: list[str], config_dir: str | None = None, *, multirun: bool = False) -> Points:
     """Compose every point of a sweep (one point without ``multirun``): its resolved configuration and a label.
 
-    Raises InputError for an unknown study, group option or setting, and for a value that must be given and is not.
+    Raises InputError for an unknown study, group option or setting, for a sweep over no value, and for a value that
+    must be given and is not.
     """
+    composed = _composed(overrides, config_dir, multirun=multirun)
+    with _as_input_error(overrides):
+        return [(resolve(config), label) for config, label in composed]
+
+
+def _composed(
+    overrides: list[str], config_dir: str | None, *, multirun: bool
+) -> list[tuple[DictConfig, str]]:
+    """Every point of a sweep as Hydra composes it, its own node included, and a label."""
     from hydra import compose, initialize_config_dir
-    from hydra.core.override_parser.overrides_parser import OverridesParser
-    from hydra.errors import HydraException
-    from omegaconf.errors import OmegaConfBaseException
 
     _register_resolvers()
     _keep_names_as_text()
-
-    overrides = [quoted_override(word) for word in _with_presets(overrides)]
-    _refuse_unreadable(overrides)
+    overrides = [quoted_override(word) for word in cli_words.read_presets(overrides)]
+    for word in overrides:
+        cli_words.refuse_bare_word(word)
     more = [f"hydra.searchpath=[file://{config_dir}]"] if config_dir else []
-    try:
-        with initialize_config_dir(str(conf_dir()), version_base=HYDRA_VERSION_BASE):
-            fixed = OverridesParser.create().parse_overrides(overrides)
-            if not multirun and any(override.is_sweep_override() for override in fixed):
-                raise InputError(
-                    "a setting has several values: expected -m (--multirun) before them, received none"
-                )
-            plain = [str(override.input_line) for override in fixed if not override.is_sweep_override()]
-            base = compose("config", plain + more, return_hydra_config=True)
-            preset = dict(base.hydra.sweeper.get("params") or {}) if multirun else {}
-            points = []
-            for words, label in _points([f"{key!s}={value}" for key, value in preset.items()] + overrides):
-                config = compose("config", words + more, return_hydra_config=True)
-                points.append((resolve(config), label))
-    except (HydraException, OmegaConfBaseException) as refusal:
-        raise InputError(_sentence(refusal)) from refusal
-    return points
+    with (
+        initialize_config_dir(str(conf_dir()), version_base=HYDRA_VERSION_BASE),
+        _as_input_error(overrides, more),
+    ):
+        parsed = _parsed_overrides(overrides)
+        if not multirun and any(override.is_sweep_override() for override in parsed):
+            raise InputError(
+                "a setting has several values: expected -m (--multirun) before them, received none"
+            )
+        plain = [str(override.input_line) for override in parsed if not override.is_sweep_override()]
+        base = compose("config", plain + more, return_hydra_config=True)
+        preset = dict(base.hydra.sweeper.get("params") or {}) if multirun else {}
+        return [
+            (compose("config", words + more, return_hydra_config=True), label)
+            for words, label in _points([f"{key!s}={value}" for key, value in preset.items()] + overrides)
+        ]
 
 
-def _with_presets(words: list[str]) -> list[str]:
-    """Read ``+sweep=<name>`` as the group of presets.
-
-    A group can't be called ``sweep`` itself: Hydra would take the setting ``sweep=<recording>`` of the studies that
-    read one for an option of that group.
-    """
-    return [
-        f"+preset={word.removeprefix('+sweep=')}" if word.startswith("+sweep=") else word for word in words
-    ]
-
-
-def _refuse_unreadable(overrides: list[str]) -> None:
-    """Raise InputError that names the first word that Hydra's grammar can't read."""
+def _parsed_overrides(overrides: list[str]) -> list[Override]:
+    """The overrides by Hydra's grammar; InputError that names the first one that it can't read, or that is empty."""
+    from hydra.core.global_hydra import GlobalHydra
     from hydra.core.override_parser.overrides_parser import OverridesParser
     from hydra.errors import HydraException
 
+    loader = GlobalHydra.instance().config_loader() if GlobalHydra.instance().is_initialized() else None
+    parser, parsed = OverridesParser.create(config_loader=loader), []
     for word in overrides:
+        name, _, value = word.partition("=")
         try:
-            OverridesParser.create().parse_override(word)
-        except HydraException as refusal:
-            name, _, value = word.partition("=")
+            (override,) = parser.parse_overrides([word])
+            if override.is_discrete_sweep() and next(override.sweep_string_iterator(), None) is None:
+                raise InputError(
+                    f"{name}: expected at least one value to sweep over, received none in {value}"
+                )
+        except (HydraException, ValueError) as refusal:
+            if isinstance(refusal, InputError):
+                raise
             raise InputError(
                 f"{word}: expected setting=value (a value with any of = , : {{ }} or a blank needs quotes: "
                 f"'{name}=\"{value}\"'), received what can't be read: {str(refusal).splitlines()[0]}"
             ) from refusal
+        if not override.is_delete() and not override.is_sweep_override():
+            cli_words.refuse_no_option(override.key_or_group, override.value())
+        parsed.append(override)
+    return parsed
+
+
+@contextmanager
+def _as_input_error(overrides: list[str], more: list[str] | None = None) -> Iterator[None]:
+    """Turn what Hydra and OmegaConf refuse into an InputError of one sentence."""
+    from hydra import compose
+    from hydra.errors import HydraException
+    from omegaconf import OmegaConf
+    from omegaconf.errors import OmegaConfBaseException
+
+    try:
+        yield
+    except (HydraException, OmegaConfBaseException) as refusal:
+        # The settings there are, as the choices among the words bring them, are what a misspelt one is compared with.
+        groups = cli_words.group_names()
+        chosen = [
+            word for word in overrides if word.lstrip("+").partition("=")[0].partition("@")[0] in groups
+        ]
+        study = next((word.partition("=")[2] for word in overrides if word.startswith("study=")), None)
+        known: list[str] = []
+        for words in (chosen, [word for word in chosen if word.startswith("study=")]):
+            try:
+                plain = OmegaConf.to_container(compose("config", words + (more or [])), resolve=False)
+            except Exception:  # the choices themselves may be what is wrong
+                continue
+            known = [*cli_words.setting_names(plain), "study"]  # type: ignore[arg-type]
+            break
+        raise InputError(cli_words.sentence(refusal, study, known)) from refusal
 
 
 def _register_resolvers() -> None:
@@ -160,7 +291,7 @@ def _keep_names_as_text() -> None:
 
 def resolve(config: DictConfig) -> Mapping[str, Any]:
     """The resolved configuration as plain data, with the study's name under ``study``."""
-    from omegaconf import OmegaConf, open_dict
+    from omegaconf import OmegaConf
 
     study = config.hydra.runtime.choices.get("study")
     if study is None:
@@ -169,8 +300,7 @@ def resolve(config: DictConfig) -> Mapping[str, Any]:
         raise InputError(
             f"study: expected one of {', '.join(study_names())}, received none; pass study=<name>"
         )
-    with open_dict(config):
-        config = OmegaConf.masked_copy(config, [str(key) for key in config if key != "hydra"])
+    config = _without_hydra(config)
     missing = sorted(OmegaConf.missing_keys(config))
     if missing:
         raise InputError(
@@ -181,26 +311,38 @@ def resolve(config: DictConfig) -> Mapping[str, Any]:
     return {"study": study, **{str(key): value for key, value in plain.items()}}
 
 
+def _without_hydra(config: DictConfig) -> DictConfig:
+    from omegaconf import OmegaConf, open_dict
+
+    with open_dict(config):
+        return OmegaConf.masked_copy(config, [str(key) for key in config if key != "hydra"])
+
+
 def _points(overrides: list[str]) -> list[tuple[list[str], str]]:
     """The overrides of every point of a sweep, and a label made of those that vary."""
     from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
-    from hydra.core.override_parser.overrides_parser import OverridesParser
 
-    parsed = OverridesParser.create().parse_overrides(overrides)
+    parsed = _parsed_overrides(overrides)
     varying = {override.get_key_element() for override in parsed if override.is_sweep_override()}
     (batch,) = BasicSweeper.split_arguments(parsed, None)
     return [(words, ",".join(word for word in words if word.split("=")[0] in varying)) for words in batch]
 
 
-def _call_hydra(words: list[str], task: Any) -> None:
-    """Hand the words to Hydra's own entry point, which reads them from ``sys.argv``."""
+def _of_folder(folder: str | None) -> list[str]:
+    return ["--config-dir", folder] if folder else []
+
+
+def _call_hydra(words: list[str]) -> None:
+    """Hand the words to Hydra's own entry point, which reads them from ``sys.argv``, options first."""
     import hydra
 
     _keep_names_as_text()
     before = sys.argv
     sys.argv = [before[0] if before else "ctus", *words]
     try:
-        hydra.main(version_base=HYDRA_VERSION_BASE, config_path=str(conf_dir()), config_name="config")(task)()
+        hydra.main(version_base=HYDRA_VERSION_BASE, config_path=str(conf_dir()), config_name="config")(
+            _point
+        )()
     finally:
         sys.argv = before
 
@@ -216,21 +358,6 @@ def _point(config: DictConfig) -> None:
     with open_dict(config):
         config["hydra"] = {"runtime": {"choices": HydraConfig.get().runtime.choices}}
     shell.run_point(resolve(config))
-
-
-def _sentence(refusal: Exception) -> str:
-    """Hydra's message as one sentence that says what was expected and found."""
-    options, wrong = getattr(refusal, "options", None), getattr(refusal, "missing_cfg_file", None)
-    if wrong and options:
-        group, _, option = str(wrong).rpartition("/")
-        return f"{group}: expected one of {', '.join(sorted(options))}, received {option!r}"
-    lines = [line.strip() for line in str(refusal).splitlines() if line.strip()]
-    cause = refusal.__cause__
-    if cause is not None and "is not in struct" in str(cause):
-        return (
-            f"{lines[0].rstrip('.')}: expected a setting of the study (ctus study=<name> --help lists them)"
-        )
-    return "; ".join(lines)
 
 
 if __name__ == "__main__":

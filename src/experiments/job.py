@@ -20,6 +20,7 @@ from experiments.cells import Cell, Plan
 from experiments.errors import InputError
 from experiments.identity import flatten
 from experiments.outcome import CellResult, Outcome
+from experiments.reporting.figure_files import save_figure
 from experiments.tracking import HASH_TAG, RunWriter, Store, ending
 
 # In place of a run's hash where its inputs changed under it: it is never taken for the result of any of them.
@@ -134,8 +135,7 @@ def write_outcome(outcome: Outcome, folder: Path) -> None:
     if outcome.tables:
         files.write_text(folder / "summary.md", terminal.markdown(dict(outcome.tables)))
     for name, figure in outcome.figures.items():
-        for suffix in ("png", "svg"):
-            figure.savefig(folder / f"{name}.{suffix}", dpi=150, bbox_inches="tight")
+        save_figure(figure, folder / name)
 
 
 def log_results(run: RunWriter, outcome: Outcome, folder: Path, names: Sequence[str]) -> None:

@@ -10,7 +10,9 @@ import inspect
 from collections.abc import Mapping
 from typing import Any
 
-from experiments.errors import InputError
+from experiments.errors import InputError, did_you_mean
+from models.errors import InputError as ModelsInputError
+from models.value_types import require_settings
 
 ALLOWED: frozenset[str] = frozenset(
     {
@@ -87,7 +89,8 @@ def build(node: Any, where: str = "config") -> Any:
     """Replace every mapping with a ``_target_`` by the object it describes, depth first; all else stays as it is.
 
     ``where`` is the dotted place of ``node`` in the configuration, for messages. Raises InputError for a class that
-    is not in ``ALLOWED``, for settings the class does not have, for missing ones, and for values it refuses.
+    is not in ``ALLOWED``, for settings the class does not have, for missing ones, for values of another type than the
+    class says, and for those it refuses.
     """
     if isinstance(node, Mapping):
         built = {key: build(value, f"{where}.{key}") for key, value in node.items() if key != "_target_"}
@@ -112,20 +115,11 @@ def load(target: str, where: str = "config") -> type:
 def _construct(target: str, settings: dict[str, Any], where: str) -> Any:
     cls = load(target, where)
     known = inspect.signature(cls).parameters
-    unknown = sorted(set(settings) - set(known))
-    if unknown:
-        raise InputError(
-            f"{where}: expected settings of {cls.__name__} ({', '.join(known)}), received {', '.join(unknown)}"
-        )
-    missing = [
-        name
-        for name, parameter in known.items()
-        if parameter.default is inspect.Parameter.empty and name not in settings
-    ]
-    if missing:
-        raise InputError(
-            f"{where}: expected a value for {', '.join(missing)} of {cls.__name__}, received none"
-        )
+    hint = next((did_you_mean(name, known) for name in sorted(set(settings) - set(known))), "")
+    try:
+        require_settings(cls, settings, where)
+    except ModelsInputError as refusal:
+        raise InputError(f"{refusal}{hint}") from refusal
     try:
         return cls(**settings)
     except (TypeError, ValueError) as refusal:

@@ -20,6 +20,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 from rich.table import Table
+from rich.text import Text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -51,7 +52,8 @@ class TerminalProgress:
 
     def note(self, text: str) -> None:
         """Print one line."""
-        self.console.print(f"{self.prefix}{text}", markup=False, highlight=False, soft_wrap=True)
+        # As it is: square brackets are no markup, and ":x:" is no picture.
+        self.console.print(f"{self.prefix}{text}", markup=False, emoji=False, highlight=False, soft_wrap=True)
 
     def _bar(self, items: Iterable[Item], description: str, total: int | None) -> Iterator[Item]:
         # One display holds the bars of all levels: a second display at once would overwrite the first.
@@ -89,7 +91,7 @@ def plain_console() -> Console:
 
 def _columns() -> tuple[ProgressColumn, ...]:
     return (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
@@ -104,19 +106,20 @@ def print_tables(tables: dict[str, pd.DataFrame], console: Console | None = None
     # A table wider than the terminal had better wrap than lose digits.
     console.width = max(console.width, WIDEST_TABLE)
     for title, frame in tables.items():
-        table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD)
+        # As Text: in a plain string rich takes what stands in square brackets for markup and leaves it out.
+        table = Table(title=Text(title, "table.title"), title_justify="left", box=box.SIMPLE_HEAD)
         rows = [[cell_text(value) for value in row] for row in frame.itertuples(index=False)]
         for index, column in enumerate(frame.columns):
             numeric = frame[column].dtype.kind in "if"
             width = max([len(row[index]) for row in rows] + [9])
             table.add_column(
-                _broken(str(column), width),
+                Text(_broken(str(column), width)),
                 justify="right" if numeric else "left",
                 no_wrap=True,
                 overflow="ellipsis",
             )
         for row in rows:
-            table.add_row(*row)
+            table.add_row(*map(Text, row))
         console.print(table)
 
 
@@ -142,9 +145,15 @@ def markdown(tables: dict[str, pd.DataFrame]) -> str:
     parts = []
     for title, frame in tables.items():
         rows = [[cell_text(value) for value in row] for row in frame.itertuples(index=False)]
-        lines = [list(map(str, frame.columns)), ["---"] * len(frame.columns), *rows]
+        lines = [[_field(str(name)) for name in frame.columns], ["---"] * len(frame.columns)]
+        lines += [[_field(value) for value in row] for row in rows]
         parts.append(f"### {title}\n\n" + "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n")
     return "\n".join(parts)
+
+
+def _field(text: str) -> str:
+    """Text as a field of a Markdown table, which a stroke or a line's end would break."""
+    return " ".join(text.replace("|", "\\|").splitlines()) if text else text
 
 
 def print_closing(findings: Iterable[str], folder: Path, dashboard: str | None) -> None:

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-import yaml
 
 from experiments.errors import InputError
 from experiments.files import digest
 from experiments.identity import flatten
 from experiments.run_record import RunRecord
+from models.settings_file import parse_settings
 
 EXPERIMENT = "segmentation"
 _NAMES = ("case_id", "group", "model", "dataset")
@@ -39,7 +39,7 @@ def read_training(folder: Path) -> RunRecord:
     cases = _cases(folder / "cases.csv")
     ended_ms = int((folder / "metrics.json").stat().st_mtime * 1000)
     metrics = _read_json(folder / "metrics.json")
-    settings = flatten(yaml.safe_load(text))
+    settings = flatten(parse_settings(text))
     fold = cases["fold"].iloc[0]
     return RunRecord(
         run_id=weights[:32],

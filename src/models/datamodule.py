@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import cast
 
+import numpy as np
 import torch
 from lightning.pytorch import LightningDataModule
 from torch import Generator, Tensor
@@ -93,6 +94,6 @@ def prepared(frames: LabelledFrames, preprocessing: Preprocessing) -> TensorData
     images = torch.empty((len(frames), 1, size, size))
     masks = torch.empty((len(frames), 1, size, size), dtype=torch.bool)
     for index, (image, mask) in enumerate(zip(frames.images, frames.masks, strict=True)):
-        images[index] = preprocessing(torch.tensor(image)[None])[0]
-        masks[index] = preprocessing.mask(torch.tensor(mask)[None])[0] > 0
+        images[index] = preprocessing(torch.tensor(np.array(image, order="C"))[None])[0]
+        masks[index] = preprocessing.mask(torch.tensor(np.array(mask, order="C"))[None])[0] > 0
     return TensorDataset(images, masks)

@@ -16,6 +16,7 @@ from torch.nn import functional
 
 from models.errors import InputError
 from models.shapes import Float
+from models.value_types import require_settings
 
 # Below this an overlap counts as perfect: the power of a focal loss has no finite slope at 0.
 PERFECT = 1e-7
@@ -151,9 +152,10 @@ def loss_of(name: str, settings: Mapping[str, Any]) -> Loss:
     if name not in LOSSES:
         raise InputError(f"loss: expected one of {', '.join(sorted(LOSSES))}, received {name!r}")
     try:
-        loss: Loss = LOSSES[name](**settings)
-    except TypeError as refusal:
+        require_settings(LOSSES[name], settings, name)
+    except InputError as refusal:
         raise InputError(f"loss: expected settings of {name}, received others ({refusal})") from refusal
+    loss: Loss = LOSSES[name](**settings)
     return loss
 
 

@@ -13,6 +13,7 @@ from models.errors import InputError
 from models.monai_network import MonaiNetwork
 from models.unet import UNet
 from models.unet3plus import UNet3Plus
+from models.value_types import require_settings
 
 
 @runtime_checkable
@@ -50,7 +51,8 @@ def recipe_of(name: str, settings: Mapping[str, Any]) -> NetworkRecipe:
     if name not in RECIPES:
         raise InputError(f"network: expected one of {', '.join(sorted(RECIPES))}, received {name!r}")
     try:
-        recipe: NetworkRecipe = RECIPES[name](**settings)
-    except TypeError as refusal:
+        require_settings(RECIPES[name], settings, name)
+    except InputError as refusal:
         raise InputError(f"network: expected settings of {name}, received others ({refusal})") from refusal
+    recipe: NetworkRecipe = RECIPES[name](**settings)
     return recipe

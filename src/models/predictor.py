@@ -136,7 +136,10 @@ class Predictor:
         """The network's input: the stage that a training data set goes through, image by image."""
         grey = frames if frames.ndim == 3 else np.stack([echo_grey(frame) for frame in frames])
         # Cleaned before they go to the device: it works on arrays.
-        images = torch.tensor(self.preprocessing.clean(grey), device=self.device)
+        # Turned or flipped frames are views with negative strides, which torch does not take; of a batch of one, numpy
+        # calls even such a view contiguous.
+        clean = np.array(self.preprocessing.clean(grey), order="C")
+        images = torch.tensor(clean, device=self.device)
         squares = self.preprocessing.normalise(self.preprocessing.resize(images))
         return squares.contiguous(memory_format=torch.channels_last)
 
@@ -147,6 +150,8 @@ class Predictor:
 
 
 def _checked(frames: np.ndarray) -> np.ndarray:
+    if not isinstance(frames, np.ndarray):
+        raise InputError(f"frames: expected a numpy array, received a {type(frames).__name__}")
     # Three or four columns are the channels of one colour frame that was not put in a stack.
     is_grey = frames.ndim == 3 and frames.shape[2] not in CHANNELS
     is_colour = frames.ndim == 4 and frames.shape[3] in CHANNELS

@@ -16,12 +16,12 @@ import csv
 import dataclasses
 import json
 import sys
+import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
-import yaml
 
 from models.augmentation import Augmentation
 from models.errors import InputError
@@ -33,12 +33,15 @@ from models.networks import recipe_of
 from models.predictor import Predictor
 from models.preprocessing import Preprocessing
 from models.scoring import columns_for, summarise
+from models.settings_file import read_settings
 from models.trainer_settings import TrainerSettings
 from models.training import TrainedFold, train_fold
+from models.value_types import mismatch, require_settings
 from models.whole import written_beside
 
 SIDES = ("train", "validation", "test")
 OUTSIDE = ("selection", "held_out")
+Part = TypeVar("Part")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,7 +55,7 @@ class TrainingPlan:
     @staticmethod
     def read(path: Path, resume: bool = False) -> TrainingPlan:
         """Read the file; paths in it are relative to it. InputError names the setting that is not as expected."""
-        config = _mapping(path)
+        config = read_settings(path)
         folder = path.parent
         try:
             model, loss = dict(config["model"]), dict(config.get("loss", {}))
@@ -62,12 +65,14 @@ class TrainingPlan:
                 model=recipe_of(str(model.pop("name")), model),
                 train=sides["train"],
                 validation=sides["validation"],
-                preprocessing=Preprocessing(**config["preprocessing"]),
-                trainer=TrainerSettings(**{**config["trainer"], **({"resume": True} if resume else {})}),
-                augmentation=Augmentation(**config.get("augmentation", {})),
+                preprocessing=_part(Preprocessing, "preprocessing", config["preprocessing"]),
+                trainer=_part(
+                    TrainerSettings, "trainer", {**config["trainer"], **({"resume": True} if resume else {})}
+                ),
+                augmentation=_part(Augmentation, "augmentation", config.get("augmentation", {})),
                 loss=loss_of(str(loss.pop("name", DiceCrossEntropy.name)), loss),
-                fold=int(split["fold"]),
-                seed=int(config["seed"]),
+                fold=_whole("fold", split["fold"]),
+                seed=_whole("seed", config["seed"]),
             )
             return TrainingPlan(training, sides["test"], str(config["dataset"]))
         except KeyError as missing:
@@ -91,12 +96,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     try:
         plan = TrainingPlan.read(given.config, given.resume)
+        _require_folder(given.out)
         _run(plan, given.out)
         _write_text(given.out / "config.yaml", given.config.read_text(encoding="utf-8"))
     except InputError as refusal:
         print(refusal, file=sys.stderr)
         return 2
     return 0
+
+
+def _require_folder(out: Path) -> None:
+    """Make the folder for the results; InputError, before hours of training, if nothing can be written there."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=out):
+            pass
+    except OSError as error:
+        raise InputError(
+            f"--out: expected a folder that can be written, received {out}: {error.strerror}"
+        ) from error
 
 
 def _run(plan: TrainingPlan, out: Path) -> None:
@@ -141,6 +159,21 @@ def _scored(plan: TrainingPlan, trained: TrainedFold) -> list[dict[str, Any]]:
     return score_cases(plan.test, dict(predict(predictor, plan.test)), about)
 
 
+def _part(kind: type[Part], name: str, settings: Mapping[str, Any]) -> Part:
+    """One of the parts of a training; TypeError for settings that it has not, or of other types."""
+    try:
+        require_settings(kind, settings, name)
+    except InputError as refusal:
+        raise TypeError(str(refusal)) from refusal
+    return kind(**settings)
+
+
+def _whole(name: str, value: object) -> int:
+    if (wrong := mismatch(name, value, int)) is not None or not isinstance(value, int):
+        raise TypeError(wrong)
+    return value
+
+
 def _sides(frames: LabelledFrames, split: Mapping[str, Any]) -> dict[str, LabelledFrames]:
     place = {case: index for index, case in enumerate(frames.case_ids)}
     missing = next((case for side in SIDES for case in split[side] if case not in place), None)
@@ -170,16 +203,6 @@ def _require_apart(split: Mapping[str, Any], group_of: Mapping[str, str]) -> Non
                 raise InputError(
                     f"split: expected group {group!r} on one side, received it in {side_of_group[group]} and in {side}"
                 )
-
-
-def _mapping(path: Path) -> dict[str, Any]:
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InputError(f"{path}: expected a YAML file with a training's settings, found none") from error
-    if not isinstance(content, dict):
-        raise InputError(f"{path}: expected a YAML mapping, received {type(content).__name__}")
-    return content
 
 
 def _write_table(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:

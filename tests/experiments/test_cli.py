@@ -61,6 +61,45 @@ def test_no_words_show_the_help_and_exit_with_2(capsys) -> None:
         (["study=import_runs", "seed"], "seed: expected setting=value"),
         (["study=import_runs", "archive=a=b"], """archive=a=b: expected setting=value"""),
         (["study=register"], "expected a value for"),
+        (
+            ["register", "moving=x"],
+            "received a word without =; did you mean study=register?",
+        ),
+        (["study=regster"], "did you mean register?"),
+        (["studi=register"], "did you mean study?"),
+        (["study=register", "movin=x"], "did you mean moving?"),
+        (["study=segmentation", "trainer.max_epoch=3"], "did you mean trainer.max_epochs?"),
+        (["study=segmentation", "batch_sise=3"], "did you mean trainer.batch_size?"),
+        (["study=segmentation", "model=unnet"], "received 'unnet'; did you mean unet?"),
+        (["study=segmentation", "+model.widht=8"], "received widht; did you mean width?"),
+        (
+            ["study=register", "moving=a", "fixed=b", "rigid=[multistart,gcip]"],
+            "received 'gcip'; did you mean gicp?",
+        ),
+        (
+            ["study=simulate", "phantom=null"],
+            "expected one of artery, artificial, random, vein, received null",
+        ),
+        (["-m", "study=import_runs", "seed=range(3,0)"], "seed: expected at least one value to sweep over"),
+        (["-m", "study=import_runs", "seed=range(0,3,0)"], "received what can't be read: range() arg 3"),
+        (
+            ["-m", "study=segmentation", "model=glob(zzz*)"],
+            "model: expected at least one value to sweep over",
+        ),
+        (
+            ["study=segmentation", "trainer.batch_size=1.5"],
+            "trainer.batch_size: expected a whole number, received 1.5",
+        ),
+        (
+            ["study=segmentation", "trainer.max_epochs=null"],
+            "max_epochs: expected a whole number, received null",
+        ),
+        (["study=register", "moving=a", "fixed=b", "keep=high"], "keep: expected a number, received 'high'"),
+        (["study=import_runs", "--config-dir", "/no/such/folder"], "--config-dir: expected a folder"),
+        (["--multirn", "study=import_runs"], "did you mean --multirun?"),
+        (["--config-name", "x", "study=import_runs"], "--config-name: expected one of"),
+        (["study=import_runs", "--cfg", "jb"], "invalid choice: 'jb'"),
+        (["study=import_runs", "nonsense=1", "--cfg", "job"], "Could not override 'nonsense'"),
     ],
 )
 def test_a_mistake_is_one_sentence_and_exits_with_2(words: list[str], sentence: str, capsys) -> None:
@@ -105,3 +144,55 @@ def test_a_users_own_config_folder_adds_options(tmp_path: Path) -> None:
 def test_an_unknown_interpolation_is_refused() -> None:
     with pytest.raises(InputError, match="nowhere"):
         compose_points(["study=export_runs", "archive=${nowhere}"])
+
+
+def test_the_version_is_that_of_the_package(capsys) -> None:
+    from importlib import metadata
+
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"ctus {metadata.version('ctus')}\n"
+
+
+def test_every_point_of_a_sweep_is_shown(capsys) -> None:
+    import yaml
+
+    assert main(["study=import_runs", "--cfg", "job", "-m", "seed=range(1,3)"]) == 0
+    shown = list(yaml.safe_load_all(capsys.readouterr().out))
+    assert [point["seed"] for point in shown] == [1, 2]
+    assert main(["study=import_runs", "seed=5", "--cfg", "job"]) == 0
+    (one,) = yaml.safe_load_all(capsys.readouterr().out)
+    assert one["seed"] == 5 and "hydra" not in one
+
+
+def test_a_sweep_over_the_options_of_a_pattern() -> None:
+    points = compose_points(["study=segmentation", "model=glob(unet*)"], multirun=True)
+    assert [label for _, label in points] == ["model=unet", "model=unet3plus"]
+
+
+@pytest.mark.parametrize("place", [0, 1, 2])
+@pytest.mark.parametrize("spelling", ["two words", "one word"])
+def test_a_users_own_config_folder_before_between_and_after_other_words(
+    place: int,
+    spelling: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    (tmp_path / "own" / "tracking").mkdir(parents=True)
+    (tmp_path / "own" / "tracking" / "lab.yaml").write_text("uri: http://tracker.example\n")
+    monkeypatch.chdir(tmp_path)  # a relative folder is taken from the current one
+    option = ["--config-dir", "own"] if spelling == "two words" else ["--config-dir=own"]
+    words = ["study=export_runs", "+tracking=lab"]
+    assert main([*words[:place], *option, *words[place:], "--cfg", "job"]) == 0
+    assert "uri: http://tracker.example" in capsys.readouterr().out
+
+
+def test_a_reader_that_stops_reading_the_help_is_no_error(repository: Path) -> None:
+    program = "import sys; from experiments.cli import main; sys.exit(main(['study=segmentation', '--help']))"
+    ended = subprocess.run(
+        ["bash", "-c", f'set -o pipefail; "{sys.executable}" -c "{program}" | true'],
+        capture_output=True,
+        text=True,
+        env={"PYTHONPATH": str(repository / "src")},
+    )
+    assert "Traceback" not in ended.stderr and "BrokenPipe" not in ended.stderr

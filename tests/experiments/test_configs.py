@@ -4,28 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, fields, is_dataclass
-from pathlib import Path
 from typing import Any
 
 import pytest
+from configurations import CONF, OPTIONS, STUDIES, mandatory
 
 from experiments import cells, registry
 from experiments.cli import compose_points
 from experiments.errors import InputError
-
-CONF = Path(__file__).resolve().parents[2] / "conf"
-STUDIES = sorted(path.stem for path in (CONF / "study").glob("*.yaml"))
-OPTIONS = sorted(
-    (path.parent.name, path.stem)
-    for path in CONF.glob("*/*.yaml")
-    if path.parent.name not in ("study", "preset")
-)
-
-
-def mandatory(study: str) -> list[str]:
-    """A value for every setting of a study that the user must give."""
-    lines = (CONF / "study" / f"{study}.yaml").read_text().splitlines()
-    return [f"{line.split(':')[0]}=given" for line in lines if line.split("#")[0].rstrip().endswith(": ???")]
 
 
 @pytest.mark.parametrize("study", STUDIES)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 
 import pandas as pd
+import pytest
 from rich.console import Console
 
 from experiments.terminal import TerminalProgress, cell_text, markdown, print_tables
@@ -45,3 +46,26 @@ def test_markdown_and_the_printed_table_hold_the_same_cells() -> None:
     print_tables({"Folds": TABLE}, Console(file=stream, width=100))
     assert "0.912" in stream.getvalue()
     assert "Folds" in stream.getvalue()
+
+
+ODD = "a [red]b[/red] [x] :x: $c$"
+
+
+def test_names_stand_as_they_are() -> None:
+    stream = io.StringIO()
+    frame = pd.DataFrame({"model [of]": [ODD, "p|q"], "dsc": [1.0, 2.0]})
+    print_tables({"Folds [/bold] [all]": frame}, Console(file=stream, width=120))
+    printed = stream.getvalue()
+    assert ODD in printed and "model [of]" in printed and "Folds [/bold] [all]" in printed
+    assert "| p\\|q | 2.000 |" in markdown({"Folds": frame})
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_names_in_a_bar_and_a_note_stand_as_they_are(terminal: bool) -> None:
+    stream = io.StringIO()
+    progress = TerminalProgress(Console(file=stream, force_terminal=terminal, width=120, color_system=None))
+    assert list(progress.track([1], f"{ODD} [/b]")) == [1]
+    progress.note(f"reading {ODD} [/b]")
+    assert f"reading {ODD} [/b]" in stream.getvalue()
+    if terminal:
+        assert f"{ODD} [/b]" in stream.getvalue().split("reading")[0]

@@ -164,3 +164,39 @@ def test_refuses_frames_without_pixels_and_settings() -> None:
         Predictor(BrightIsVessel(), Preprocessing(32), batch_size=0)
     with pytest.raises(InputError, match="threshold: expected 0 to 1, received 2"):
         Predictor(BrightIsVessel(), Preprocessing(32), threshold=2.0)
+
+
+def test_flipped_and_turned_frames_are_taken_like_their_copies() -> None:
+    frames = np.random.default_rng(3).integers(0, 256, (3, 40, 40), dtype=np.uint8)
+    views = (
+        frames[:, ::-1],
+        frames[..., ::-1],
+        frames[::-1],
+        np.rot90(frames, 1, (1, 2)),
+        frames[:, ::2, ::-1],
+    )
+    for view in views:
+        np.testing.assert_array_equal(BRIGHT.probability(view), BRIGHT.probability(view.copy()))
+        np.testing.assert_array_equal(BRIGHT(view), BRIGHT(view.copy()))
+    colour = np.stack([frames] * 3, axis=-1)[:, ::-1]
+    np.testing.assert_array_equal(BRIGHT(colour), BRIGHT(colour.copy()))
+
+
+def test_flipped_frames_train_like_their_copies() -> None:
+    image = np.random.default_rng(3).integers(0, 256, (40, 40), dtype=np.uint8)
+    found = [
+        prepared(
+            LabelledFrames(
+                images=(shown,),
+                masks=(shown > 128,),
+                case_ids=("a",),
+                groups=("g",),
+                spacing_mm=(None,),
+                simulated=True,
+            ),
+            Preprocessing(32, "unit"),
+        ).tensors
+        for shown in (image[::-1, ::-1], image[::-1, ::-1].copy())
+    ]
+    for first, second in zip(*found, strict=True):
+        assert torch.equal(first, second)

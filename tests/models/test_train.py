@@ -222,3 +222,13 @@ def test_refuses_a_file_that_is_no_mapping(tmp_path, capsys) -> None:
     assert "expected a YAML mapping, received list" in capsys.readouterr().err
     assert main([str(tmp_path / "none.yaml"), "--out", str(tmp_path)]) == 2
     assert "none.yaml: expected a YAML file" in capsys.readouterr().err
+
+
+def test_the_bare_machine_has_the_whole_standard_library() -> None:
+    # sysconfig reads a module named after the platform, which Python does not list among its own.
+    program = (
+        f"import sys; sys.path.insert(0, {str(MACHINE.parent)!r})\n"
+        "import training_machine; training_machine.restrict()\n"
+        "import sysconfig; sys.exit(0 if sysconfig.get_config_var('EXE') is not None else 1)"
+    )
+    assert subprocess.run([sys.executable, "-c", program]).returncode == 0

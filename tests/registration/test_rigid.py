@@ -387,9 +387,7 @@ def test_clouds_and_poses_that_are_none_are_refused() -> None:
         InputError, match="moving_frame: expected one frame for each of 1200 points, received 3"
     ):
         METHOD(cloud, cloud, moving_frame=np.zeros(3, dtype=np.int64))
-    with pytest.raises(
-        InputError, match="fixed_centerline_mm: expected at least 2 points, received 1"
-    ):
+    with pytest.raises(InputError, match="fixed_centerline_mm: expected at least 2 points, received 1"):
         METHOD(cloud, cloud, moving_centerline_mm=cloud[:9], fixed_centerline_mm=cloud[:1])
 
 

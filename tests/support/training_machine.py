@@ -13,6 +13,8 @@ import sys
 from importlib import metadata
 
 WANTED = ("torch", "lightning", "scikit-image")
+# Part of the standard library, but named after the platform: ``sys.stdlib_module_names`` does not list it.
+BUILD_SETTINGS = "_sysconfigdata"
 
 
 def canonical(name: str) -> str:
@@ -53,7 +55,7 @@ class Only:
         return getattr(self.finder, name)
 
     def find_spec(self, name: str, path: object = None, target: object = None) -> object:
-        if name.split(".")[0] not in self.modules:
+        if name.split(".")[0] not in self.modules and not name.startswith(BUILD_SETTINGS):
             return None
         return self.finder.find_spec(name, path, target)
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -64,12 +66,22 @@ def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
 def check(*, first: DataSet, second: DataSet, model: NetworkRecipe, preprocessing: Preprocessing) -> None:
     """Raise InputError if a data set is not there, the two can't be told apart, or the image size does not fit."""
     segmentation.check(model=model, preprocessing=preprocessing)
-    for dataset in (first, second):
-        require_root(dataset)
+    for place, dataset in (("first", first), ("second", second)):
+        with _at(place):
+            require_root(dataset)
     if name_of(first) == name_of(second):
         raise InputError(
             f"second: expected a data set of another name than first, received {name_of(second)!r} twice"
         )
+
+
+@contextmanager
+def _at(place: str) -> Iterator[None]:
+    """Name a data set's settings by their place here: there is no ``dataset.root`` to pass, but a ``first.root``."""
+    try:
+        yield
+    except InputError as refusal:
+        raise InputError(re.sub(r"\bdataset\.(?=\w+=)", f"{place}.", str(refusal))) from refusal
 
 
 def run(
@@ -97,7 +109,10 @@ def run(
 
     sets = {"first": first, "second": second}
     progress.note(f"reading {name_of(first)} and {name_of(second)}")
-    frames = {domain: dataset() for domain, dataset in sets.items()}
+    frames = {}
+    for domain, dataset in sets.items():
+        with _at(domain):
+            frames[domain] = dataset()
     folds = {
         domain: split(frames[domain], **outside_groups(dataset)).fold(fold)
         for domain, dataset in sets.items()
@@ -147,6 +162,6 @@ def summarise(cells: list[CellResult]) -> Outcome:
         metrics=metrics,
         cases=cases,
         tables={"transfer": transfer},
-        figures={"transfer": transfer_map(transfer)},
+        figures={"transfer": transfer_map(transfer)} if len(transfer) else {},
         findings=(*describe_transfer(cases), *smoke_note(cases)),
     )

@@ -25,6 +25,7 @@ from experiments.studies.evaluate_transforms import (
     TransformPairs,
     are_transforms,
     pair_transforms,
+    target_notes,
     transform_rows,
 )
 from experiments.studies.rigid_benchmark_cases import differences
@@ -148,7 +149,7 @@ def _transforms(
     missing = [case for case in pairs.references if case not in pairs.predictions]
     about = {"targets": targets, "missing": missing, "not_scored": list(pairs.unused)}
     _write(workspace, TRANSFORMS, (given, truth), about, metrics, cases)
-    notes = _frozen(pairs)
+    notes = [*target_notes(pairs, targets), *_frozen(pairs)]
     if missing:
         notes.append(
             f"{len(missing)} of {len(cases)} cases have no file and count as failed (first: {missing[0]})."

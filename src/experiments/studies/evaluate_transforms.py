@@ -15,18 +15,24 @@ from experiments.errors import InputError
 from experiments.outcome import Progress
 from experiments.studies.evaluate_poses import Answer, answer_row, read_answer
 from experiments.studies.registration_inputs import naming, read_pose
+from experiments.studies.simulated_truth import read_targets
+from registration import frames
 from registration.benchmark.case_files import CASE_FILE, TRUTH, read_case
 from registration.benchmark.cases import CaseTruth
-from registration.benchmark.truth_files import read_truth
+from registration.benchmark.truth_files import read_json, read_truth
 from registration.centerline_io import read_centerline_table
 from registration.geometry_io import read_centerline
+from registration.metrics import SurfaceDistance, pose_error
 from registration.results import FAILED
 from registration.transform_files import ITK_SUFFIXES
 
 SUFFIXES = (".json", *ITK_SUFFIXES)
 MOST_TARGETS = 500
+TRUTH_FILE, ANSWER_FILE = "truth.json", "registration.json"
 MISSING = "no file for this case"
 # Files of JSON that lie beside answers and hold none.
+# Targets as far from the vessel as this, and as many times nearer to it in the other frame, lie in the other.
+APART_MM, ELSEWHERE = 10.0, 0.2
 NO_ANSWERS = ("evaluation", "metrics", "job", "identity", "case")
 
 
@@ -49,7 +55,7 @@ def are_transforms(reference: Path) -> bool:
     """Whether a reference is a truth, a folder of them, or a subset of the benchmark, and not masks."""
     if reference.is_file():
         return reference.suffix.lower() in SUFFIXES
-    if (reference / TRUTH).is_dir():
+    if (reference / TRUTH).is_dir() or (reference / TRUTH_FILE).is_file():
         return True
     images = any(path.suffix.lower() in IMAGE_SUFFIXES for path in reference.iterdir())
     return not images and bool(_transform_files(reference))
@@ -62,6 +68,7 @@ def pair_transforms(prediction: Path, reference: Path, targets: str | None) -> T
     two answers of one name.
     """
     targets_mm = None if targets is None else _targets(Path(targets))
+    reference, prediction = _one_file(reference, TRUTH_FILE), _one_file(prediction, ANSWER_FILE)
     if reference.is_file() != prediction.is_file():
         kinds = {True: "a file", False: "a folder"}
         raise InputError(
@@ -91,26 +98,51 @@ def pair_transforms(prediction: Path, reference: Path, targets: str | None) -> T
 
 def read_reference(path: Path, targets_mm: np.ndarray | None) -> CaseTruth:
     """The truth of a benchmark's case, or a pose with the targets given apart."""
-    if targets_mm is None:
-        if path.suffix.lower() != ".json":
+    own = read_targets(path)
+    if targets_mm is None and own is None:
+        if path.suffix.lower() != ".json" or not _is_benchmark(path):
             raise InputError(
-                f"targets: expected a centerline (.csv, .vtp) to measure {path} at, received none"
+                f"targets: expected a centerline (.csv, .vtp) to measure {path} at, in mm in the frame of its fixed "
+                "side, received none"
             )
         with naming("reference"):
             return read_truth(path)
+    if targets_mm is None:
+        assert own is not None
+        targets_mm = own[0]
+    pose = read_pose(path, "reference")
+    if own is not None:
+        _refuse_other_frame(targets_mm, own[0], pose, own[1])
     return CaseTruth(
         name=path.stem,
         anatomy=path.stem,
         kind="",
         place="",
-        fixed_T_moving=read_pose(path, "reference"),
+        fixed_T_moving=pose,
         targets_mm=targets_mm,
         covered=np.ones(len(targets_mm), dtype=bool),
         outlier=np.zeros(0, dtype=bool),
         angle_deg=float("nan"),
         translation_mm=float("nan"),
-        simulated=False,
+        simulated=own is not None,
     )
+
+
+def _is_benchmark(path: Path) -> bool:
+    """Whether a file is, or was meant as, the truth of a benchmark's case: those name their case."""
+    with naming("reference"):
+        return "case" in read_json(path)
+
+
+def _refuse_other_frame(given_mm: np.ndarray, own_mm: np.ndarray, pose: np.ndarray, frame: str) -> None:
+    """Raise InputError for targets given apart that lie on the vessel only after the true pose: in the moving frame."""
+    there = SurfaceDistance(own_mm)
+    as_given, as_moving = (float(np.median(there(each))) for each in (given_mm, frames.apply(pose, given_mm)))
+    if as_moving < ELSEWHERE * as_given and as_given > APART_MM:
+        raise InputError(
+            f"targets: expected points in the frame of the fixed side ({frame}), received points of the moving frame "
+            f"({as_given:.0f} mm away from the vessel, {as_moving:.1f} mm once the true pose has moved them)"
+        )
 
 
 def transform_rows(pairs: TransformPairs, progress: Progress) -> Iterator[dict[str, Any]]:
@@ -125,6 +157,41 @@ def transform_rows(pairs: TransformPairs, progress: Progress) -> Iterator[dict[s
         given = pairs.predictions.get(name)
         answer = Answer(None, FAILED, error=MISSING) if given is None else read_answer(given)
         yield answer_row(answer, truth, case)
+
+
+def target_notes(pairs: TransformPairs, targets: str | None) -> list[str]:
+    """Where the errors are measured, in sentences; and whether a single transform looks like an inverse."""
+    name, path = next(iter(pairs.references.items()))
+    truth = read_reference(path, pairs.targets_mm)
+    if targets is not None:
+        where = f"at {len(truth.targets_mm)} points of {Path(targets).name}, taken to lie"
+    else:
+        where = (
+            f"at {len(truth.targets_mm)} targets"
+            if len(pairs.references) == 1
+            else "at each case's targets, which lie"
+        )
+    own = read_targets(path)
+    frame = f"{own[1]}: " if own is not None else ""
+    notes = [f"Errors are measured {where} in the frame of the fixed side ({frame}mm in LPS)."]
+    given = pairs.predictions.get(name)
+    pose = None if given is None or len(pairs.references) > 1 else read_answer(given).fixed_T_moving
+    if pose is not None:
+        error_mm, inverse_mm = (
+            pose_error(each, truth.fixed_T_moving, truth.targets_mm).tre_mm
+            for each in (pose, frames.invert_rigid(pose))
+        )
+        if error_mm > APART_MM and inverse_mm < ELSEWHERE * error_mm:
+            notes.append(
+                f"The inverse of the transform is {inverse_mm:.1f} mm off, itself {error_mm:.1f} mm: were moving and "
+                "fixed swapped?"
+            )
+    return notes
+
+
+def _one_file(path: Path, name: str) -> Path:
+    """The one file that matters in a folder which a study left: the answer or the truth of a single registration."""
+    return path / name if (path / name).is_file() else path
 
 
 def _targets(path: Path) -> np.ndarray:

@@ -24,7 +24,7 @@ from experiments.studies.reconstruction import (
 )
 from experiments.studies.reconstruction_faults import mask_record, numbers, sentences, surface_record
 from experiments.studies.registration_inputs import one_method
-from experiments.studies.robustness_problem import MOST_TARGETS
+from experiments.studies.simulated_truth import targets_of, truth_record
 from registration import frames
 from registration.centerline import CenterlineExtractor
 from registration.centerline_io import write_centerline
@@ -129,7 +129,7 @@ def run(
     residuals = surface_residuals(
         cloud_mm, truth.model, result.fixed_T_moving, inlier_mm=inlier_mm, keep=keep, seed=seed
     )
-    error = pose_error(result.fixed_T_moving, truth.ct_T_world, _targets(truth))
+    error = pose_error(result.fixed_T_moving, truth.ct_T_world, targets_of(truth))
     left_out = LeftOut(
         mask_record(gathered, posed.kept), None if built is None else surface_record(built, posed.kept)
     )
@@ -144,13 +144,6 @@ def run(
 def _drawn(truth: SimulatedSweep, count: int, seed: int) -> np.ndarray:
     """Points of the fixed model, uniformly by area, (count, 3), in mm in the ct frame."""
     return truth.model.sample(count, np.random.default_rng([seed, 1]))
-
-
-def _targets(truth: SimulatedSweep) -> np.ndarray:
-    """Where the error is measured, (t, 3) in mm in the ct frame: the centerline, or the surface where there is none."""
-    if truth.centerline is not None:
-        return truth.centerline.even_points(MOST_TARGETS)
-    return truth.anatomy.sample(MOST_TARGETS, np.random.default_rng(0))
 
 
 def _reconstructed(
@@ -188,7 +181,7 @@ def _write(workspace: Path, truth: SimulatedSweep, found: Registered, name: str)
     write_surface(workspace / "moved.ply", frames.apply(found.result.fixed_T_moving, found.cloud_mm))
     write_surface(workspace / "model.ply", truth.model)
     # The cloud lies in the world and the model in the ct frame, so the truth is ct_T_world.
-    files.write_text(workspace / "truth.json", json.dumps({"fixed_T_moving": truth.ct_T_world.tolist()}))
+    files.write_text(workspace / "truth.json", json.dumps(truth_record(truth)))
     result = found.result
     answer = {
         "rigid": name,

@@ -111,7 +111,8 @@ def _boxes(
         axes.set_ylim(-0.03, 1.03)
     else:
         axes.set_yscale("symlog", linthresh=1.0)
-        axes.set_ylim(0, 1.5 * axes.dataLim.y1)
+        # Where no case has a vessel there is no distance, and nothing to scale the axis by.
+        axes.set_ylim(0, 1.5 * axes.dataLim.y1 if np.isfinite(axes.dataLim.y1) else 1.0)
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 

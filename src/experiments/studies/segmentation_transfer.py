@@ -15,6 +15,20 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+# Of the table, which has them also where no case tested on has a vessel.
+COLUMNS = (
+    "model",
+    "trained_on",
+    "tested_on",
+    "groups",
+    "cases",
+    "dsc_mean",
+    "dsc_ci_low",
+    "dsc_ci_high",
+    "missed_rate",
+)
+
+
 def transfer_table(cases: pd.DataFrame) -> pd.DataFrame:
     """Mean DSC with its bootstrap 95 % interval over groups, by model, train and test data set.
 
@@ -47,7 +61,7 @@ def transfer_table(cases: pd.DataFrame) -> pd.DataFrame:
                 "missed_rate": float(each["missed"].mean()),
             }
         )
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
 def describe_transfer(cases: pd.DataFrame) -> tuple[str, ...]:

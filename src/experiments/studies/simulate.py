@@ -10,6 +10,7 @@ import numpy as np
 from experiments import files
 from experiments.errors import InputError
 from experiments.outcome import Outcome, Progress
+from experiments.studies.simulated_truth import truth_record
 from registration.geometry_io import write_surface
 from registration.phantom.scan import simulate_sweep
 from registration.phantom.settings import PhantomSettings
@@ -28,9 +29,10 @@ def check(*, sweep_index: int) -> None:
 def run(*, phantom: PhantomSettings, sweep_index: int, workspace: Path, progress: Progress) -> Outcome:
     """Leave ``sweep/`` (plain folder), ``masks/*.png``, ``model.ply`` (ct), ``truth.json`` and ``truth.npz``.
 
-    ``truth.json`` has ``ct_T_world`` (also under the name of a registration's answer, ``fixed_T_moving``) and the
-    phantom's settings by their digest; ``truth.npz`` has the true ``world_A_pixel`` (n, 4, 4) of every frame and, where
-    the anatomy has one, the centerline's points and radii (ct, mm).
+    ``truth.json`` has ``ct_T_world`` (also under the name of a registration's answer, ``fixed_T_moving``), the points
+    at which ``study=evaluate`` measures such an answer (ct, mm) and the phantom's settings by their digest;
+    ``truth.npz`` has the true ``world_A_pixel`` (n, 4, 4) of every frame and, where the anatomy has one, the
+    centerline's points and radii (ct, mm).
     """
     from PIL import Image
 
@@ -42,10 +44,9 @@ def run(*, phantom: PhantomSettings, sweep_index: int, workspace: Path, progress
     for index, mask in enumerate(progress.track(truth.masks, "Writing masks", len(truth.masks))):
         Image.fromarray(mask.astype(np.uint8) * 255).save(workspace / "masks" / f"{index:06d}.png")
     write_surface(workspace / "model.ply", truth.model)
-    pose = truth.ct_T_world.tolist()
     record = {
-        "ct_T_world": pose,
-        "fixed_T_moving": pose,
+        "ct_T_world": truth.ct_T_world.tolist(),
+        **truth_record(truth),
         "phantom": phantom.digest(),
         "sweep_index": sweep_index,
     }

@@ -23,6 +23,7 @@ from filelock import FileLock
 from experiments.errors import InputError
 from experiments.paths import project_root
 from experiments.provenance import environment_tags, is_gone, process_tags
+from experiments.tracking.addresses import opening
 from experiments.tracking.moved import follow_move
 from experiments.tracking.names import LONGEST
 from experiments.tracking.run_writer import RunStart, RunWriter, shortened, unanswered
@@ -67,7 +68,8 @@ class Store:
     def client(self) -> MlflowClient:
         """The client, opened and initialised at the first call."""
         if "client" not in self._opened:
-            self._opened["client"] = _open(self.address, self.folder)
+            with opening(self.address):
+                self._opened["client"] = _open(self.address, self.folder)
         client: MlflowClient = self._opened["client"]
         return client
 
@@ -273,17 +275,5 @@ def _open(address: str, folder: Path) -> MlflowClient:
     # MLflow's own seven retries take minutes for each call to a server that is away.
     os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "3")
     client = MlflowClient(tracking_uri=address, registry_uri=address)
-    try:
-        client.search_experiments(max_results=1)
-    except Exception as error:
-        if unanswered(error):
-            raise InputError(
-                f"tracking.uri: expected an MLflow server that answers at {address}, received no answer"
-            ) from error
-        if "403" in str(error):
-            raise InputError(
-                f"tracking.uri: expected the server at {address} to let this machine in, received 403 (mlflow server "
-                "--allowed-hosts names the hosts it answers)"
-            ) from error
-        raise
+    client.search_experiments(max_results=1)
     return client

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import re
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 
 from registration.errors import InputError
@@ -30,7 +31,25 @@ class AutoReader:
     )
 
     def __call__(self, path: Path) -> TrackedSweep:
-        """Read the sweep. Raises InputError for a path that is none of the three."""
+        """Read the sweep. Raises InputError for a path that is none of the three, or that its reader refuses."""
+        try:
+            return self._read(path)
+        except InputError as refusal:
+            raise InputError(f"{refusal}{self._option_of(str(refusal))}") from refusal
+
+    def _option_of(self, message: str) -> str:
+        """Which option has the settings that a reader's message advises: this reader has none of them itself."""
+        if "acquisition=" in message:
+            return ""
+        for option in ("folder", "plus", "ros2"):
+            names = [each.name for each in fields(getattr(self, option))]
+            advised = [name for name in names if re.search(rf"\bset {name}\b|\b{name}=", message)]
+            if advised:
+                settings = " or ".join(f"acquisition.{name}=" for name in advised)
+                return f" (pass acquisition={option} and {settings})"
+        return ""
+
+    def _read(self, path: Path) -> TrackedSweep:
         if path.is_file() and path.suffix.lower() in SUFFIXES:
             return self.plus(path)
         if path.suffix.lower() in BAG_SUFFIXES or (path / METADATA).is_file():

@@ -9,6 +9,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from drawn_vessels import drawn_frames
+from scored_cases import scored_cases
 
 from experiments.datasets.usgra import Usgra
 from experiments.errors import InputError
@@ -145,3 +146,24 @@ def test_refuses_two_data_sets_of_one_name_and_a_missing_one(tmp_path: Path) -> 
         domain_transfer.check(first=LIGHT, second=missing, model=UNet(8), preprocessing=Preprocessing(64))
     with pytest.raises(ModelInputError, match="image size: expected sides that are multiples of 16"):
         domain_transfer.check(first=LIGHT, second=DARK, model=UNet(8), preprocessing=Preprocessing(50))
+
+
+def test_cases_without_any_vessel_keep_their_summary() -> None:
+    parts = []
+    for trained in ("a", "b"):
+        for tested in ("a", "b"):
+            cases = scored_cases({"unet": 0.0}, dataset=tested).assign(train_dataset=trained)
+            parts.append(cases.assign(dsc=float("nan"), missed=float("nan"), hd95_px=float("nan")))
+    cells = [CellResult({"train_on": "first"}, {}, part, Path()) for part in parts]
+    outcome = domain_transfer.summarise(cells)
+    assert not len(outcome.tables["transfer"]) and outcome.figures == {} and outcome.metrics == {}
+
+
+def test_a_missing_folder_is_asked_for_by_the_place_of_the_data_set() -> None:
+    with pytest.raises(InputError, match=r"pass second\.root=<folder>"):
+        domain_transfer.check(
+            first=Drawn("a"),
+            second=Usgra(root="/no/such/folder"),
+            model=UNet(width=4, depth=2),
+            preprocessing=Preprocessing(image_size_px=32),
+        )

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
 from drawn_vessels import drawn_frames
 from scored_cases import scored_cases
 
+from experiments.outcome import CellResult
+from experiments.reporting.figure_files import save_figure
+from experiments.studies.segmentation import summarise
 from experiments.studies.segmentation_figures import overlays, spread, training_curves
 
 BOTH = pd.concat(
@@ -84,3 +89,28 @@ def test_curves_of_a_history() -> None:
     losses, dsc = figure.axes
     assert list(losses.lines[0].get_ydata()) == [1.0, 0.5]
     assert np.isnan(dsc.lines[0].get_ydata()[1]) and figure.get_suptitle() == "a title"
+
+
+@pytest.mark.parametrize("emptied", ["every group", "a data set", "a fold", "all groups but one"])
+def test_groups_without_any_vessel_leave_their_places_empty(emptied: str, tmp_path: Path) -> None:
+    cases = BOTH.copy()
+    rows = {
+        "every group": cases["fold"] >= 0,
+        "a data set": cases["dataset"] == "x",
+        "a fold": cases["fold"] == 0,
+        "all groups but one": cases["group"] != "g1",
+    }[emptied]
+    scores = [name for name in cases if str(name).startswith(("dsc", "hd95", "missed"))]
+    cases.loc[rows, scores] = np.nan
+    cases.loc[rows, "false_alarm"] = 0.0
+    cells = [
+        CellResult({"fold": int(part["fold"].iloc[0])}, {}, part.reset_index(drop=True), tmp_path)
+        for _, part in cases.groupby(["model", "dataset", "fold"])
+    ]
+    outcome = summarise(cells)
+    for name, figure in outcome.figures.items():
+        save_figure(figure, tmp_path / name, ("png",))
+    assert (tmp_path / "spread.png").is_file()
+    assert len(outcome.tables["segmentation"]) == 4
+    if emptied == "every group":
+        assert all("no case with a vessel" in sentence for sentence in outcome.findings[:4])

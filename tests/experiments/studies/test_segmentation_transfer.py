@@ -93,3 +93,11 @@ def test_whether_the_training_was_simulated_must_be_known() -> None:
     assert set(transfer_table(told)["trained_on"]) == {"real", "phantom (simulated)"}
     with pytest.raises(InputError, match="cases: expected a column 'train_dataset'"):
         transfer_table(scored_cases({"unet": 0.0}))
+
+
+def test_without_any_vessel_the_table_is_empty_and_has_its_columns() -> None:
+    cases = transferred()
+    cases[["dsc", "missed"]] = np.nan
+    shown = transfer_table(cases)
+    assert not len(shown) and {"trained_on", "tested_on", "dsc_mean"} <= set(shown)
+    assert describe_transfer(cases) == ()

@@ -1,0 +1,104 @@
+"""What the words of a call mean before Hydra reads them, and what is said of a word that means nothing."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import yaml
+
+from experiments.errors import InputError, did_you_mean
+from experiments.paths import conf_dir
+
+
+def read_presets(words: Sequence[str]) -> list[str]:
+    """Read ``+sweep=<name>`` as the group of presets.
+
+    A group can't be called ``sweep`` itself: Hydra would take the setting ``sweep=<recording>`` of the studies that
+    read one for an option of that group.
+    """
+    return [
+        f"+preset={word.removeprefix('+sweep=')}" if word.startswith("+sweep=") else word for word in words
+    ]
+
+
+def refuse_bare_word(word: str) -> None:
+    """Raise InputError for a word without ``=``, which Hydra's message on would not help with."""
+    if "=" in word or word.startswith("~"):
+        return
+    hint = did_you_mean(word, options_of("study"), "study=") or did_you_mean(
+        word, (path.name for path in _groups())
+    )
+    raise InputError(f"{word}: expected setting=value, received a word without ={hint}")
+
+
+def refuse_no_option(group: str, value: Any) -> None:
+    """Raise InputError where a choice is given what can't be the name of an option (a number, null)."""
+    if group not in group_names() or isinstance(value, str):
+        return
+    if isinstance(value, list) and all(isinstance(each, str) for each in value):
+        return
+    known = sorted(path.stem for path in (conf_dir() / group).glob("*.yaml"))
+    raise InputError(
+        f"{group}: expected one of {', '.join(known)}, received {'null' if value is None else value}"
+    )
+
+
+def options_of(group: str) -> list[str]:
+    """The options there are in a group (a folder of the configuration)."""
+    return sorted(path.stem for path in (conf_dir() / group).glob("*.yaml"))
+
+
+def group_names() -> frozenset[str]:
+    """The names of the folders that hold options to choose from, the studies among them."""
+    return frozenset(path.name for path in _groups())
+
+
+def setting_names(config: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
+    """The dotted name of every setting of a composed configuration, those of mappings among them."""
+    for key, value in config.items():
+        if prefix or key != "hydra":
+            yield f"{prefix}{key}"
+        if isinstance(value, Mapping) and (prefix or key != "hydra"):
+            yield from setting_names(value, f"{prefix}{key}.")
+
+
+def draws_nothing(study: str) -> bool:
+    """Whether a study says of itself that none of its results is random: its configuration sets ``seed: null``."""
+    path = conf_dir() / "study" / f"{study}.yaml"
+    content = yaml.safe_load(path.read_text(encoding="utf-8")) if path.is_file() else None
+    return isinstance(content, Mapping) and content.get("seed", 0) is None
+
+
+def sentence(refusal: Exception, study: str | None, known: Sequence[str]) -> str:
+    """Hydra's message as one sentence that says what was expected and found.
+
+    ``known`` are the names of the settings there are, with which a misspelt one is compared.
+    """
+    lines = [line.strip() for line in str(refusal).splitlines() if line.strip()]
+    first = lines[0] if lines else type(refusal).__name__
+    # An option that there is not is a field of Hydra's exception, but words alone where it stood in a list of options.
+    in_list = re.search(r"Could not load '([^']+)'", first)
+    missing = str(getattr(refusal, "missing_cfg_file", None) or (in_list[1] if in_list else ""))
+    if "/" in missing:
+        group, _, option = missing.rpartition("/")
+        options = getattr(refusal, "options", None) or options_of(group)
+        if options:
+            return (
+                f"{group}: expected one of {', '.join(sorted(options))}, received {option!r}"
+                f"{did_you_mean(option, options)}"
+            )
+    # Hydra says so of a setting, of a group that the study has no choice in, and of a misplaced package alike.
+    unknown = re.match(r"Could not override '([^']+)'", first)
+    if unknown is not None:
+        name = unknown[1]
+        return (
+            f"Could not override '{name}': expected a setting of the study (ctus study={study or '<name>'} --help "
+            f"lists them){did_you_mean(name, [each for each in known if each != name])}"
+        )
+    return "; ".join(lines)
+
+
+def _groups() -> list[Any]:
+    return [path for path in sorted(conf_dir().iterdir()) if path.is_dir() and any(path.glob("*.yaml"))]

@@ -1,0 +1,27 @@
+"""Figures as files, with every name in them as it is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def save_figure(figure: Figure, stem: Path, suffixes: Sequence[str] = ("png", "svg"), dpi: int = 150) -> None:
+    """Write a figure to ``<stem>.<suffix>`` for each suffix.
+
+    Names of cases, models and files are plain text: two dollar signs in one would otherwise begin and end a formula,
+    which is shown as another text or ends the drawing. No figure of this project has formulas.
+    """
+    import matplotlib
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):
+        text.set_parse_math(False)
+    # Ticks that are only made while drawing take it from here.
+    with matplotlib.rc_context({"text.parse_math": False}):
+        for suffix in suffixes:
+            figure.savefig(stem.with_name(f"{stem.name}.{suffix}"), dpi=dpi, bbox_inches="tight")

@@ -1,0 +1,98 @@
+"""Tracking addresses: which are taken, and what is said where one can't be opened."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from urllib.parse import urlsplit
+
+from experiments.errors import InputError
+from experiments.tracking.run_writer import unanswered
+
+SERVERS = ("http", "https")
+DATABASES = ("sqlite", "postgresql", "mysql", "mssql")
+_EXPECTED = (
+    "tracking.uri: expected the address of an MLflow server (http://host:port, https://...) or of a database "
+    "(sqlite:///file, postgresql://..., mysql://..., mssql://...)"
+)
+# What a server says with a number instead of an answer; of the others it is enough that they are none of MLflow's.
+_SAID = {
+    "401": (
+        "to know this user",
+        " (MLFLOW_TRACKING_USERNAME and MLFLOW_TRACKING_PASSWORD, or MLFLOW_TRACKING_TOKEN, say who it is)",
+    ),
+    "403": ("to let this machine in", " (mlflow server --allowed-hosts names the hosts it answers)"),
+}
+
+
+def require_address(address: str) -> None:
+    """Raise InputError unless ``address`` is one that runs can be tracked at."""
+    scheme, separator, rest = address.partition("://")
+    if not separator:
+        # "localhost:5000", "tracker.example/mlflow"; a path of the file system is no server.
+        host = re.fullmatch(r"(localhost|[\w-]+(\.[\w-]+)+|[\w.-]+(?=:\d))(:\d+)?(/.*)?", address)
+        guess = f"; did you mean http://{address}?" if host else ""
+        raise InputError(f"{_EXPECTED}, received {address!r}{guess}")
+    if scheme.partition("+")[0] not in (*SERVERS, *DATABASES):
+        raise InputError(f"{_EXPECTED}, received {address!r}")
+    if scheme == "sqlite" and not rest.startswith("/"):
+        raise InputError(
+            f"{_EXPECTED}, received {address!r} (an absolute path follows three slashes: sqlite:////runs.db)"
+        )
+    if scheme in SERVERS:
+        try:
+            parts = urlsplit(address)
+            whole = bool(parts.hostname) and (parts.port or 1) > 0 and not re.search(r"\s", address)
+        except ValueError:  # a port that is no number
+            whole = False
+        if not whole:
+            raise InputError(f"{_EXPECTED}, received {address!r}")
+
+
+@contextmanager
+def opening(address: str) -> Iterator[None]:
+    """Say in one sentence, as an InputError, why a store can't be opened at ``address``."""
+    require_address(address)
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:  # of MLflow, of the database's driver, of the network, of the file system
+        if unanswered(error):
+            reason = f"expected an MLflow server that answers at {address}, received no answer"
+        elif address.startswith(SERVERS):
+            reason = _of_server(address, str(error))
+        else:
+            reason = _of_database(address, error)
+        raise InputError(f"tracking.uri: {reason}") from error
+
+
+def _of_server(address: str, said: str) -> str:
+    number = re.search(r"error code (\d+)", said)
+    if number is None:
+        # A page to log in at, or a web server of another kind: with status 200, but not in MLflow's words.
+        what = (
+            "a web page" if "<" in said.partition("Response body:")[2] else "an answer that is not MLflow's"
+        )
+        return f"expected an MLflow server at {address}, received {what}"
+    if number[1] in _SAID:
+        wanted, remedy = _SAID[number[1]]
+        return f"expected the server at {address} {wanted}, received {number[1]}{remedy}"
+    return f"expected an MLflow server at {address}, received {number[1]} for the list of its experiments"
+
+
+def _of_database(address: str, error: Exception) -> str:
+    # A name and a password in an address are nobody's business.
+    shown = re.sub(r"//[^/@]*@", "//***@", address)
+    said = str(error)
+    if "database schema" in said:
+        found = re.search(r"found version (\w+), but expected (\w+)", said)
+        versions = f" ({found[2]}), received {found[1]}" if found else ""
+        return (
+            f"expected the schema of the installed MLflow in {shown}{versions}; keep a copy of the database, then run: "
+            f"mlflow db upgrade {shown} (or install the newer MLflow that wrote it)"
+        )
+    if isinstance(error, ImportError):
+        return f"expected the driver of the database at {shown} to be installed, received: {said}"
+    return f"expected a database that can be opened and written at {shown}, received: {said.splitlines()[0]}"

@@ -1,0 +1,59 @@
+"""A file of settings in YAML, read by the rules of YAML 1.2, which JSON and most people's expectations follow too.
+
+PyYAML keeps those of version 1.1: there ``1e-3`` is text, ``010`` is eight, ``1_0`` ten, ``1:30`` ninety, ``no`` false.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from models.errors import InputError
+
+
+class _CoreLoader(yaml.SafeLoader):
+    """The core schema of YAML 1.2 (section 10.3.2) in PyYAML's safe loader; no tag can run any code."""
+
+    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012 - PyYAML copies it before it is changed
+
+
+_PLAIN_VALUES = (
+    ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+    ("bool", r"true|True|TRUE|false|False|FALSE", list("tTfF")),
+    ("int", r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", list("-+0123456789")),
+    (
+        "float",
+        r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)",
+        list("-+0123456789."),
+    ),
+    ("merge", r"<<", ["<"]),
+)
+for _name, _pattern, _first in _PLAIN_VALUES:
+    _CoreLoader.add_implicit_resolver(f"tag:yaml.org,2002:{_name}", re.compile(f"^(?:{_pattern})$"), _first)
+
+
+def _whole_number(loader: yaml.SafeLoader, node: yaml.ScalarNode) -> int:
+    text = loader.construct_scalar(node)
+    return int(text, 0) if text.startswith(("0o", "0x")) else int(text)
+
+
+_CoreLoader.add_constructor("tag:yaml.org,2002:int", _whole_number)
+
+
+def parse_settings(text: str) -> Any:
+    """The content of a YAML text."""
+    return yaml.load(text, Loader=_CoreLoader)
+
+
+def read_settings(path: Path) -> dict[str, Any]:
+    """The mapping in a YAML file; InputError for a file that can't be read or holds something else."""
+    try:
+        content = parse_settings(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise InputError(f"{path}: expected a YAML file with a training's settings, found none") from error
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: expected a YAML mapping, received {type(content).__name__}")
+    return content

@@ -1,0 +1,118 @@
+"""The one seed of a call reaches every random choice, and what keeps a seed of its own is listed with the reason."""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+from configurations import OPTIONS, STUDIES, mandatory, taker
+
+from experiments import cells, registry
+from experiments.cli import compose_points, main
+from experiments.cli_words import draws_nothing
+
+# Seeds that a call's own does not move.
+FROZEN = {
+    "anatomy_seed": "names one anatomy of a fixed family, as subset names one of the designed ones",
+}
+# Random numbers in the code that no seed moves: how results are measured and shown, never what they are.
+FIXED_DRAWS = {
+    "registration/medial_axis.py": "shakes points off planes, so that a triangulation is not degenerate",
+    "experiments/reporting/scene_layers.py": "which points of a large cloud a page shows",
+    "experiments/studies/reconstruct_report.py": "places on a surface where its distance to the points is taken",
+    "experiments/studies/consistency_report.py": "resamples of an interval",
+    "experiments/studies/register_record.py": "targets that the error is predicted at",
+    "experiments/studies/simulated_truth.py": "targets that the error is measured at",
+    "experiments/studies/pipeline_report.py": "which points a figure shows",
+    "experiments/studies/robustness_problem.py": "targets that the error is measured at",
+}
+
+
+def composed(words: list[str], seed: int) -> dict[str, Any]:
+    ((config, _),) = compose_points([*words, f"seed={seed}"])
+    return dict(config)
+
+
+def seeds(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:
+    """Every number that is called a seed, in mappings, lists and the fields of objects, by its place."""
+    if dataclasses.is_dataclass(value):
+        value = {each.name: getattr(value, each.name) for each in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            if str(key).endswith("seed"):
+                yield f"{place}{key}", item
+            else:
+                yield from seeds(item, f"{place}{key}.")
+    elif isinstance(value, (list, tuple)):
+        for index, item in enumerate(value):
+            yield from seeds(item, f"{place}{index}.")
+
+
+def assert_all_follow(words: list[str]) -> None:
+    """Every seed, also of an object that the configuration does not spell out, is as far from 0 as the call's."""
+    at = {
+        seed: dict(seeds({key: registry.build(value, key) for key, value in composed(words, seed).items()}))
+        for seed in (0, 7)
+    }
+    assert at[0].keys() == at[7].keys()
+    for place, first in at[0].items():
+        name = place.rpartition(".")[2]
+        # Settings that a data set replaces by its own are documented to be of no effect.
+        if name not in FROZEN and not place.endswith("settings.seed"):
+            assert at[7][place] == first + 7, place
+
+
+@pytest.mark.parametrize("study", STUDIES)
+def test_every_seed_of_a_study_follows_the_global_one_and_changes_the_job(study: str) -> None:
+    words = [f"study={study}", *mandatory(study)]
+    assert_all_follow(words)
+    first, second = (
+        [cells.arguments(cell) for cell, _ in cells.cell_configs(composed(words, seed))] for seed in (0, 7)
+    )
+    if draws_nothing(study):
+        # Nothing that the study is given says "seed", so nothing in it can draw by one.
+        assert not list(seeds(first[0])) and "seed" not in first[0]
+        assert compose_points(words)[0][0]["seed"] is None
+    else:
+        assert [dict(seeds(each)) for each in first] != [dict(seeds(each)) for each in second]
+        assert compose_points(words)[0][0]["seed"] == 0
+
+
+@pytest.mark.parametrize("group, option", OPTIONS)
+def test_every_seed_of_an_option_follows_the_global_one(group: str, option: str) -> None:
+    study = taker(group)
+    assert_all_follow([f"study={study}", f"{group}={option}", *mandatory(study)])
+
+
+def test_a_study_without_random_choices_says_that_a_seed_changes_nothing(
+    tmp_path: Path, home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["study=export_runs", f"archive={tmp_path / 'archive'}", "tracking.enabled=false"]
+    assert main(words) == 0
+    assert "seed" not in capsys.readouterr().err
+    assert main([*words, "seed=7"]) == 0
+    assert "study=export_runs draws nothing at random" in capsys.readouterr().err
+
+
+def test_random_numbers_in_the_code_take_a_seed_or_are_listed(repository: Path) -> None:
+    """A generator made from a number that stands in the code draws the same whatever the seed."""
+    found = set()
+    for path in sorted((repository / "src").rglob("*.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for node in ast.walk(tree):
+            if (
+                isinstance(node, ast.Call)
+                and isinstance(node.func, ast.Attribute)
+                and node.func.attr in ("default_rng", "manual_seed", "RandomState", "SeedSequence")
+                and all(isinstance(each, ast.Constant) or _is_constant(each) for each in node.args)
+            ):
+                found.add(path.relative_to(repository / "src").as_posix())
+    assert found == set(FIXED_DRAWS)
+
+
+def _is_constant(node: ast.expr) -> bool:
+    return isinstance(node, ast.Name) and node.id.isupper()

@@ -1,0 +1,24 @@
+"""The configurations there are, and values for what a study's user must give."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+CONF = Path(__file__).resolve().parents[2] / "conf"
+STUDIES = sorted(path.stem for path in (CONF / "study").glob("*.yaml"))
+OPTIONS = sorted(
+    (path.parent.name, path.stem)
+    for path in CONF.glob("*/*.yaml")
+    if path.parent.name not in ("study", "preset")
+)
+
+
+def mandatory(study: str) -> list[str]:
+    """A value for every setting of a study that the user must give."""
+    lines = (CONF / "study" / f"{study}.yaml").read_text().splitlines()
+    return [f"{line.split(':')[0]}=given" for line in lines if line.split("#")[0].rstrip().endswith(": ???")]
+
+
+def taker(group: str) -> str:
+    """The first study that has a choice of this group."""
+    return next(study for study in STUDIES if f"/{group}:" in (CONF / "study" / f"{study}.yaml").read_text())
