@@ -1,4 +1,4 @@
-"""How far two reconstructions of one vessel agree, over all of both and over the part that both show.
+"""Agreement of two reconstructions of one vessel, over all of both and over the part that both show.
 
 Open ends lie where a sweep happened to stop. A place whose nearest point on the other surface is on the rim of an open
 end has no counterpart there: a partial sweep's two-sided distance measures coverage, not shape.
@@ -23,11 +23,18 @@ ON_RIM = 1e-4
 
 @dataclass(frozen=True)
 class SurfaceAgreement:
-    """Distances from point to triangle between two surfaces, both ways, in mm.
+    """Distances from points of one surface to the triangles of the other, both ways.
 
-    ``msd_mm`` is the mean of both directions' mean distances, ``hd95_mm`` the larger of both directions' 95th
-    percentiles; ``msd_covered_mm`` and ``hd95_covered_mm`` are the same over the places that have a counterpart on the
-    other surface. ``covered_first`` and ``covered_second`` are the shares of each surface that do.
+    Parameters
+    ----------
+    msd_mm : float
+        Mean of both directions' mean distances in mm.
+    hd95_mm : float
+        Larger of both directions' 95th percentiles in mm.
+    msd_covered_mm, hd95_covered_mm : float
+        The same in mm over the places that have a counterpart on the other surface.
+    covered_first, covered_second : float
+        Share of each surface that has a counterpart.
     """
 
     msd_mm: float
@@ -40,10 +47,16 @@ class SurfaceAgreement:
 
 @dataclass(frozen=True)
 class Counterparts:
-    """The nearest place on a surface to each of n points.
+    """Nearest place on a surface to each of n points.
 
-    ``points_mm`` (n, 3) and how far it is, ``apart_mm`` (n,); ``covered`` (n,) is False where it lies on the rim of an
-    open end, so that the point has no counterpart.
+    Parameters
+    ----------
+    points_mm : ndarray, shape (n, 3)
+        Nearest place in mm.
+    apart_mm : ndarray, shape (n,)
+        Distance to it in mm.
+    covered : ndarray of bool, shape (n,)
+        False where it lies on the rim of an open end, so that the point has no counterpart.
     """
 
     points_mm: Float64[np.ndarray, "n 3"]
@@ -52,9 +65,26 @@ class Counterparts:
 
 
 def surface_agreement(first: Mesh, second: Mesh, *, samples: int = 10_000, seed: int = 0) -> SurfaceAgreement:
-    """Compare two surfaces in one frame at ``samples`` places of each, drawn uniformly by area from ``seed``.
+    """Compare two surfaces in one coordinate frame.
 
-    Raises InputError for surfaces without area or without any common part.
+    Parameters
+    ----------
+    first, second : Mesh
+        Surfaces in mm.
+    samples : int, optional
+        Number of points of each, drawn uniformly by area.
+    seed : int, optional
+        Seed of the draw.
+
+    Returns
+    -------
+    SurfaceAgreement
+        Distances and covered shares.
+
+    Raises
+    ------
+    InputError
+        If a surface has no area, or the two have no common part.
     """
     require_count("samples", samples, 1)
     draws = np.random.default_rng(seed).spawn(2)
@@ -74,7 +104,20 @@ def surface_agreement(first: Mesh, second: Mesh, *, samples: int = 10_000, seed:
 
 
 def counterparts(points_mm: Float64[np.ndarray, "n 3"], surface: Mesh) -> Counterparts:
-    """Find the place on the triangles that is nearest to each point, by Open3D's ray-casting scene."""
+    """Find the place on the triangles that is nearest to each point, by Open3D's ray-casting scene.
+
+    Parameters
+    ----------
+    points_mm : ndarray, shape (n, 3)
+        Points in mm.
+    surface : Mesh
+        Surface in the same coordinate frame.
+
+    Returns
+    -------
+    Counterparts
+        Nearest places, distances and coverage.
+    """
     open3d = _open3d()
     # Single precision: coordinates are counted from the surface's middle.
     middle_mm = surface.vertices_mm.mean(axis=0)

@@ -1,4 +1,4 @@
-"""Correspondence: the fixed cloud prepared for the question which of its points is closest, exactly or by a table."""
+"""Correspondence: the fixed cloud prepared for closest-point queries, exactly or by a lookup table."""
 
 from __future__ import annotations
 
@@ -18,29 +18,63 @@ NORMALS_BLOCK = 50_000
 
 @runtime_checkable
 class Target(Protocol):
-    """The fixed cloud: its points, their normals where known, and which of them is closest."""
+    """Fixed cloud: its points, their normals where known, and which of them is closest."""
 
     points_mm: np.ndarray
     normals: np.ndarray | None
 
     def closest(self, points_mm: Float64[np.ndarray, "m 3"]) -> Int64[np.ndarray, "m"]:
-        """Index into ``points_mm`` of the fixed point closest to each of the given ones."""
+        """Find the closest fixed point of each point.
+
+        Parameters
+        ----------
+        points_mm : ndarray, shape (m, 3)
+            Points in mm.
+
+        Returns
+        -------
+        ndarray of int, shape (m,)
+            Indices of the fixed points.
+        """
         ...
 
 
 def search_tree(points_mm: Float64[np.ndarray, "n 3"]) -> KdTree:
-    """The k-d tree of small_gicp (Koide, JOSS 9(100), 2024): two to three times as fast here as SciPy's."""
+    """Build a k-d tree with small_gicp, two to three times as fast here as SciPy's.
+
+    Parameters
+    ----------
+    points_mm : ndarray, shape (n, 3)
+        Points in mm.
+
+    Returns
+    -------
+    small_gicp.KdTree
+        The tree.
+
+    References
+    ----------
+    K. Koide, JOSS 9(100), 2024.
+    """
     from small_gicp import KdTree
 
     return KdTree(points_mm)
 
 
 class TreeTarget:
-    """Exact closest points by a k-d tree; ``neighbours`` above 0 also estimates a normal for every fixed point.
+    """Exact closest points by a k-d tree.
 
-    Points that occur several times are kept once: they say nothing about the surface around them. The sign of a
-    normal is arbitrary. ``around`` neighbours of every point are remembered, unless the cloud is large, for whoever
-    asks for its patches later.
+    Points that occur several times are kept once: they say nothing about the surface around them. The sign of
+    a normal is arbitrary.
+
+    Parameters
+    ----------
+    points_mm : ndarray, shape (n, 3)
+        Fixed points in mm.
+    neighbours : int, optional
+        Number of neighbours from which a normal is estimated for every fixed point; 0 estimates none.
+    around : int, optional
+        Number of neighbours of every point that are remembered for later patches, unless the cloud is large.
     """
 
     def __init__(self, points_mm: Float64[np.ndarray, "n 3"], neighbours: int = 0, around: int = 0) -> None:
@@ -54,7 +88,24 @@ class TreeTarget:
     def normals_at(
         self, points_mm: Float64[np.ndarray, "m 3"], neighbours: int
     ) -> Float64[np.ndarray, "m 3"]:
-        """The direction in which the fixed points nearest to each given point spread least (Hoppe et al., 1992)."""
+        """Estimate normals: the direction in which the fixed points nearest to each point spread least.
+
+        Parameters
+        ----------
+        points_mm : ndarray, shape (m, 3)
+            Points in mm.
+        neighbours : int
+            Number of fixed points around each.
+
+        Returns
+        -------
+        ndarray, shape (m, 3)
+            Unit normals of arbitrary sign.
+
+        References
+        ----------
+        H. Hoppe et al., SIGGRAPH 1992.
+        """
         count = -(-len(points_mm) // NORMALS_BLOCK)
         blocks = np.array_split(points_mm, count) if count > 1 else [points_mm]
         return np.concatenate(
@@ -64,7 +115,22 @@ class TreeTarget:
     def patches(
         self, points_mm: Float64[np.ndarray, "m 3"], neighbours: int
     ) -> tuple[Float64[np.ndarray, "m k 3"], Float64[np.ndarray, "m k"]]:
-        """The fixed points nearest to each given point, and how far they are from it, in mm."""
+        """Find the fixed points nearest to each point.
+
+        Parameters
+        ----------
+        points_mm : ndarray, shape (m, 3)
+            Points in mm.
+        neighbours : int
+            Number of fixed points around each; fewer in a smaller cloud.
+
+        Returns
+        -------
+        patches_mm : ndarray, shape (m, k, 3)
+            Fixed points around each point, the nearest first, in mm.
+        away_mm : ndarray, shape (m, k)
+            Their distances in mm.
+        """
         if (
             self._around is not None
             and points_mm is self.points_mm
@@ -80,52 +146,122 @@ class TreeTarget:
         return np.sqrt(squared_mm2), np.asarray(index, dtype=np.int64)
 
     def neighbours_of(self, count: int) -> Int64[np.ndarray, "n k"]:
-        """The fixed points nearest to each fixed point, itself the first."""
+        """Find the fixed points nearest to each fixed point.
+
+        Parameters
+        ----------
+        count : int
+            Number of neighbours, the point itself included.
+
+        Returns
+        -------
+        ndarray of int, shape (n, k)
+            Indices, the point itself first.
+        """
         if self._around is not None and count <= self._around[1].shape[1]:
             return self._around[1][:, :count]
         return self._nearest(self.points_mm, count)[1]
 
     def away_mm(self, neighbour: int) -> Float64[np.ndarray, "n"]:
-        """How far the ``neighbour``-th of its neighbours is from each fixed point."""
+        """Measure how far one of its neighbours is from each fixed point.
+
+        Parameters
+        ----------
+        neighbour : int
+            Rank of the neighbour; 0 is the point itself.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Distances in mm.
+        """
         if self._around is not None and neighbour < self._around[0].shape[1]:
             return self._around[0][:, neighbour]
         return self._nearest(self.points_mm, neighbour + 1)[0][:, -1]
 
     def face_like(self, normals: Float64[np.ndarray, "n 3"]) -> None:
-        """Turn the normals to the side that the given ones point to."""
+        """Flip normals to the side that given ones point to.
+
+        Parameters
+        ----------
+        normals : ndarray, shape (n, 3)
+            Normals to follow, one for each fixed point.
+        """
         if self.normals is not None:
             facing = np.einsum("nk,nk->n", self.normals, normals)
             self.normals = self.normals * np.where(facing < 0, -1.0, 1.0)[:, None]
 
     def closest(self, points_mm: Float64[np.ndarray, "m 3"]) -> Int64[np.ndarray, "m"]:
-        """Index of the closest fixed point."""
+        """Find the closest fixed point of each point.
+
+        Parameters
+        ----------
+        points_mm : ndarray, shape (m, 3)
+            Points in mm.
+
+        Returns
+        -------
+        ndarray of int, shape (m,)
+            Indices of the fixed points.
+        """
         return np.asarray(self._tree.batch_nearest_neighbor_search(points_mm)[0], dtype=np.int64)
 
     def distances_mm(self, points_mm: Float64[np.ndarray, "m 3"]) -> Float64[np.ndarray, "m"]:
-        """Distance from each given point to the closest fixed one."""
+        """Measure the distance from each point to the closest fixed one.
+
+        Parameters
+        ----------
+        points_mm : ndarray, shape (m, 3)
+            Points in mm.
+
+        Returns
+        -------
+        ndarray, shape (m,)
+            Distances in mm.
+        """
         return np.sqrt(self._tree.batch_nearest_neighbor_search(points_mm)[1])
 
     @cached_property
     def spacing_mm(self) -> float:
-        """Median distance from a fixed point to its nearest neighbour."""
+        """Median distance in mm from a fixed point to its nearest neighbour; infinite for a single point."""
         if len(self.points_mm) < 2:
             return float("inf")
         return float(np.median(self._nearest(self.points_mm, 2)[0][:, 1]))
 
 
 def principal_axes(patches_mm: Float64[np.ndarray, "m k 3"]) -> Float64[np.ndarray, "m 3 3"]:
-    """Principal axes of each patch in columns, the one of least spread first."""
+    """Compute the principal axes of each patch.
+
+    Parameters
+    ----------
+    patches_mm : ndarray, shape (m, k, 3)
+        Points of each patch in mm.
+
+    Returns
+    -------
+    ndarray, shape (m, 3, 3)
+        Unit axes in columns, the one of least spread first.
+    """
     centred_mm = patches_mm - patches_mm.mean(axis=1, keepdims=True)
     return np.linalg.eigh(np.swapaxes(centred_mm, 1, 2) @ centred_mm)[1]
 
 
 class VoxelTarget:
-    """Closest points looked up in a table over a voxel grid: wrong by up to a voxel's diagonal, and far faster.
+    """Closest points by a lookup table over a voxel grid: wrong by up to a voxel's diagonal, and far faster.
 
-    The fixed points are averaged within each voxel; the table holds for every voxel the average nearest to it (exact
-    Euclidean feature transform). Points outside the grid are answered by its border. ``cells`` is the number of
-    voxels along the longest side of the cloud, ``margin`` the share of that side added around it. An average has the
-    normal of the point of ``exact`` closest to it, if ``exact`` is given and has normals.
+    The fixed points are averaged within each voxel; the table holds for every voxel the average nearest to it
+    (exact Euclidean feature transform). Points outside the grid take the value at its border.
+
+    Parameters
+    ----------
+    points_mm : ndarray, shape (n, 3)
+        Fixed points in mm.
+    cells : int
+        Number of voxels along the longest side of the cloud.
+    margin : float, optional
+        Share of that side added around the cloud.
+    exact : TreeTarget or None, optional
+        Cloud from whose closest point an average takes its normal; None gives no normals.
     """
 
     def __init__(
@@ -159,5 +295,16 @@ class VoxelTarget:
         return (cell[:, 0] * self._shape[1] + cell[:, 1]) * self._shape[2] + cell[:, 2]
 
     def closest(self, points_mm: Float64[np.ndarray, "m 3"]) -> Int64[np.ndarray, "m"]:
-        """Index of the averaged fixed point that is nearest to the voxel each point lies in."""
+        """Find the averaged fixed point that is nearest to the voxel of each point.
+
+        Parameters
+        ----------
+        points_mm : ndarray, shape (m, 3)
+            Points in mm.
+
+        Returns
+        -------
+        ndarray of int, shape (m,)
+            Indices of the averaged points.
+        """
         return self._table[self._flat(points_mm)]

@@ -26,38 +26,96 @@ LONGEST_STEP = 0.5
 
 @runtime_checkable
 class Estimation(Protocol):
-    """What a step makes small, and the step."""
+    """Residual that a step of ICP minimises, and the step."""
 
     def residuals_mm(self, pairs: Pairs) -> Float64[np.ndarray, "s n"]:
-        """What is left between each pair, in mm."""
+        """Compute the residual of each pair.
+
+        Parameters
+        ----------
+        pairs : Pairs
+            Pairs of s poses and n points.
+
+        Returns
+        -------
+        ndarray, shape (s, n)
+            Residuals in mm.
+        """
         ...
 
     def motion(self, pairs: Pairs, weights: Float64[np.ndarray, "s n"]) -> Float64[np.ndarray, "s 4 4"]:
-        """The rigid motion (fixed_T_fixed) of the moved points that makes the weighted residuals smaller."""
+        """Compute the rigid motion that makes the weighted residuals smaller.
+
+        Parameters
+        ----------
+        pairs : Pairs
+            Pairs of s poses and n points.
+        weights : ndarray, shape (s, n)
+            Weight of each pair.
+
+        Returns
+        -------
+        ndarray, shape (s, 4, 4)
+            Motion (fixed_T_fixed) of the moved points for each pose.
+        """
         ...
 
 
 @dataclass(frozen=True)
 class PointToPoint:
-    """Brings each point onto its paired one."""
+    """Minimisation of the distance between paired points."""
 
     def residuals_mm(self, pairs: Pairs) -> Float64[np.ndarray, "s n"]:
-        """The distance of each pair."""
+        """Compute the distance of each pair.
+
+        Parameters
+        ----------
+        pairs : Pairs
+            Pairs of s poses and n points.
+
+        Returns
+        -------
+        ndarray, shape (s, n)
+            Distances in mm.
+        """
         return np.sqrt(pairs.squared_mm2)
 
     def motion(self, pairs: Pairs, weights: Float64[np.ndarray, "s n"]) -> Float64[np.ndarray, "s 4 4"]:
-        """The least-squares motion."""
+        """Compute the least-squares motion.
+
+        Parameters
+        ----------
+        pairs : Pairs
+            Pairs of s poses and n points.
+        weights : ndarray, shape (s, n)
+            Weight of each pair.
+
+        Returns
+        -------
+        ndarray, shape (s, 4, 4)
+            Motion (fixed_T_fixed) of the moved points for each pose.
+        """
         return kabsch(pairs.moved_mm, pairs.fixed_mm, weights)
 
 
 @dataclass(frozen=True)
 class PointToPlane:
-    """Brings each point onto the plane through its paired one.
+    """Minimisation of the distance from each point to the plane through its paired one.
 
-    ``damping`` (Levenberg) is a share of the mean stiffness: it keeps a step far from the answer from running along a
-    direction that the normals leave almost free. With ``offset`` one wall may lie outside the other by the same
-    distance everywhere, as the borders of two modalities do: it is estimated with the motion, and no residual. On a
-    vessel that tapers it would otherwise be taken for a slide. Normals must then all point to the same side.
+    Parameters
+    ----------
+    damping : float, optional
+        Levenberg damping as a share of the mean stiffness, from 0. It keeps a step far from the solution from
+        running along a direction that the normals leave almost free.
+    offset : bool, optional
+        Whether one wall may lie outside the other by the same distance everywhere, as the borders of two
+        modalities do: it is then estimated with the motion, and no residual. On a vessel that tapers it would
+        otherwise be taken for a slide. Normals must then all point to the same side.
+
+    Raises
+    ------
+    InputError
+        If the damping is negative.
     """
 
     damping: float = 0.0
@@ -67,20 +125,66 @@ class PointToPlane:
         require_at_least("damping", self.damping, 0.0)
 
     def residuals_mm(self, pairs: Pairs) -> Float64[np.ndarray, "s n"]:
-        """The distance along the fixed point's normal."""
+        """Compute the distance of each pair along the fixed point's normal.
+
+        Parameters
+        ----------
+        pairs : Pairs
+            Pairs of s poses and n points.
+
+        Returns
+        -------
+        ndarray, shape (s, n)
+            Signed distances in mm.
+
+        Raises
+        ------
+        InputError
+            If the fixed cloud has no normals.
+        """
         return _along(pairs, _fixed_normals(pairs), self.offset)
 
     def motion(self, pairs: Pairs, weights: Float64[np.ndarray, "s n"]) -> Float64[np.ndarray, "s 4 4"]:
-        """One Gauss-Newton step; a direction that the normals leave free is not moved along."""
+        """Compute one Gauss-Newton step; it does not move along a direction that the normals leave free.
+
+        Parameters
+        ----------
+        pairs : Pairs
+            Pairs of s poses and n points.
+        weights : ndarray, shape (s, n)
+            Weight of each pair.
+
+        Returns
+        -------
+        ndarray, shape (s, 4, 4)
+            Motion (fixed_T_fixed) of the moved points for each pose.
+
+        Raises
+        ------
+        InputError
+            If the fixed cloud has no normals.
+        """
         return _newton(pairs, _fixed_normals(pairs), weights, self.damping, self.offset)
 
 
 @dataclass(frozen=True)
 class Symmetric:
-    """Brings both points onto the plane between them, which is right to second order where both surfaces are curved.
+    """Minimisation of the distance of both points from the plane between them.
 
-    The plane's normal is the mean of both normals, whose signs are made to agree. ``damping`` and ``offset`` as for
-    PointToPlane.
+    It is right to second order where both surfaces are curved. The plane's normal is the mean of both
+    normals, whose signs are made to agree.
+
+    Parameters
+    ----------
+    damping : float, optional
+        Levenberg damping; see ``PointToPlane``.
+    offset : bool, optional
+        Whether a constant offset between the walls is estimated; see ``PointToPlane``.
+
+    Raises
+    ------
+    InputError
+        If the damping is negative.
     """
 
     damping: float = 0.0
@@ -90,11 +194,45 @@ class Symmetric:
         require_at_least("damping", self.damping, 0.0)
 
     def residuals_mm(self, pairs: Pairs) -> Float64[np.ndarray, "s n"]:
-        """The distance along the mean normal."""
+        """Compute the distance of each pair along the mean normal.
+
+        Parameters
+        ----------
+        pairs : Pairs
+            Pairs of s poses and n points.
+
+        Returns
+        -------
+        ndarray, shape (s, n)
+            Signed distances in mm.
+
+        Raises
+        ------
+        InputError
+            If either cloud has no normals.
+        """
         return _along(pairs, _mean_normals(pairs), self.offset)
 
     def motion(self, pairs: Pairs, weights: Float64[np.ndarray, "s n"]) -> Float64[np.ndarray, "s 4 4"]:
-        """One Gauss-Newton step."""
+        """Compute one Gauss-Newton step.
+
+        Parameters
+        ----------
+        pairs : Pairs
+            Pairs of s poses and n points.
+        weights : ndarray, shape (s, n)
+            Weight of each pair.
+
+        Returns
+        -------
+        ndarray, shape (s, 4, 4)
+            Motion (fixed_T_fixed) of the moved points for each pose.
+
+        Raises
+        ------
+        InputError
+            If either cloud has no normals.
+        """
         return _newton(pairs, _mean_normals(pairs), weights, self.damping, self.offset)
 
 
@@ -103,7 +241,28 @@ def kabsch(
     fixed_mm: Float64[np.ndarray, "*s n 3"],
     weights: Float64[np.ndarray, "*s n"],
 ) -> Float64[np.ndarray, "*s 4 4"]:
-    """The rigid transforms that bring paired points closest in weighted least squares, never a mirrored one."""
+    """Compute the rigid transforms, never mirrored, that fit paired points in weighted least squares.
+
+    Parameters
+    ----------
+    moving_mm : ndarray, shape (..., n, 3)
+        Moving points in mm.
+    fixed_mm : ndarray, shape (..., n, 3)
+        Their paired fixed points in mm.
+    weights : ndarray, shape (..., n)
+        Weight of each pair.
+
+    Returns
+    -------
+    ndarray, shape (..., 4, 4)
+        Rigid transforms ``fixed_T_moving``.
+
+    References
+    ----------
+    W. Kabsch, Acta Cryst. A32, 1976.
+
+    S. Umeyama, IEEE PAMI 13(4), 1991.
+    """
     share = (weights / weights.sum(axis=-1, keepdims=True))[..., None]
     moving_centre_mm = (share * moving_mm).sum(axis=-2)
     fixed_centre_mm = (share * fixed_mm).sum(axis=-2)
@@ -123,9 +282,19 @@ def kabsch(
 def motion_jacobian(
     arms: Float64[np.ndarray, "*s n 3"], normals: Float64[np.ndarray, "*s n 3"]
 ) -> Float64[np.ndarray, "*s n 6"]:
-    """How far each point moves along its normal in a small rotation (first three) or translation (last three).
+    """Compute how far each point moves along its normal in a small motion.
 
-    ``arms`` are the points about the centre of rotation, in whatever unit the rotations are to be measured.
+    Parameters
+    ----------
+    arms : ndarray, shape (..., n, 3)
+        Points about the centre of rotation, in the unit in which rotations are to be measured.
+    normals : ndarray, shape (..., n, 3)
+        Unit normals.
+
+    Returns
+    -------
+    ndarray, shape (..., n, 6)
+        Derivatives by the rotation (first three) and the translation (last three).
     """
     jacobian = np.empty((*arms.shape[:-1], 6))
     # Written out: np.cross takes several times as long.
@@ -161,7 +330,18 @@ def _newton(
 
 
 def with_offset(jacobian: Float64[np.ndarray, "*s n 6"]) -> Float64[np.ndarray, "*s n 7"]:
-    """The same for one unknown more, by which all points are displaced along their normals."""
+    """Add one unknown to a Jacobian, by which all points are displaced along their normals.
+
+    Parameters
+    ----------
+    jacobian : ndarray, shape (..., n, 6)
+        Derivatives by rotation and translation.
+
+    Returns
+    -------
+    ndarray, shape (..., n, 7)
+        Derivatives with those by the offset last.
+    """
     return np.concatenate([jacobian, np.ones_like(jacobian[..., :1])], axis=-1)
 
 

@@ -26,7 +26,19 @@ RESTING = 5.0
 
 @dataclass(frozen=True)
 class Alignments:
-    """Where ICP took each of s starts: poses, weighted residuals in mm, steps taken, and whether it settled."""
+    """Results of ICP from s starts.
+
+    Parameters
+    ----------
+    fixed_T_moving : ndarray, shape (s, 4, 4)
+        Pose that each start ended in.
+    rmse_mm : ndarray, shape (s,)
+        Weighted root mean square residual at this pose in mm.
+    iterations : ndarray of int, shape (s,)
+        Number of steps taken.
+    converged : ndarray of bool, shape (s,)
+        Whether the start converged.
+    """
 
     fixed_T_moving: Float64[np.ndarray, "s 4 4"]
     rmse_mm: Float64[np.ndarray, "s"]
@@ -49,12 +61,43 @@ def align(
 ) -> Alignments:
     """Run ICP from every start at once.
 
-    In each step every moving point is paired with its closest fixed point, the ``keep`` share with the smallest
-    distances counts as far as the ``rejections`` let it and as much as the ``kernel`` says, and the cloud moves by the
-    ``estimation``: along the normals if the target has them, else onto the paired points. A start has converged once
-    its weighted residual comes within ``tolerance`` of itself one or two steps before (trimming can end in two poses
-    that change places forever), or once a step moves the cloud by less than five tolerances of its radius. It then
-    rests while the others go on. The residual returned is that of the pose returned.
+    Parameters
+    ----------
+    moving_mm : ndarray, shape (n, 3)
+        Moving points in mm.
+    target : Target
+        Fixed cloud.
+    starts : ndarray, shape (s, 4, 4)
+        Poses (fixed_T_moving) to start from.
+    max_iterations : int
+        Largest number of steps.
+    tolerance : float
+        Relative change of the residual below which a start has converged.
+    keep : float, optional
+        Share of the pairs with the smallest distances that counts.
+    estimation : Estimation or None, optional
+        Motion in a step; None takes point to plane if the target has normals, else point to point.
+    kernel : RobustKernel or None, optional
+        Robust kernel of the residuals; None gives all pairs full weight.
+    rejections : sequence of Rejection, optional
+        Rules that reject pairs.
+    moving_normals : ndarray, shape (n, 3) or None, optional
+        Unit normals of the moving points; None for none.
+
+    Returns
+    -------
+    Alignments
+        Poses, residuals and convergence of every start.
+
+    Notes
+    -----
+    A start has converged once its weighted residual comes within ``tolerance`` of itself one or two steps
+    before (trimming can end in two poses that alternate forever), or once a step moves the cloud by less than
+    five tolerances of its radius. It then rests while the others continue.
+
+    References
+    ----------
+    P. J. Besl and N. D. McKay, IEEE PAMI 14(2), 1992.
     """
     poses = np.array(starts, dtype=np.float64)
     count = len(poses)

@@ -15,12 +15,30 @@ from registration.errors import InputError
 
 @dataclass(frozen=True)
 class LineDetector:
-    """Find one bright, nearly horizontal line in each frame.
+    """Detector of one bright, nearly horizontal line in each frame.
 
-    Along each of ``scanlines`` columns, spread over the clip rectangle, the brightest row is taken, smoothed by
-    ``smoothing_px`` and refined by a parabola. A line is fitted by Theil and Sen's median of slopes, then by least
-    squares to the points within ``inlier_px`` of it; fewer than ``min_inlier_share`` of the scanlines is no line.
-    ``clip_origin_px`` is (column, row), ``clip_size_px`` (width, height); None takes the whole frame.
+    Along each scanline the brightest row is taken, smoothed and refined by a parabola. A line is fitted by
+    the Theil-Sen median of slopes, then by least squares to its inliers.
+
+    Parameters
+    ----------
+    clip_origin_px : tuple[int, int] or list of int or None, optional
+        Column and row of the clip rectangle in px; None takes the whole frame.
+    clip_size_px : tuple[int, int] or list of int or None, optional
+        Width and height of the clip rectangle in px; None takes the whole frame.
+    scanlines : int, optional
+        Number of columns, spread over the clip rectangle, at least 3.
+    smoothing_px : float, optional
+        Standard deviation of the smoothing along each column in px.
+    inlier_px : float, optional
+        Distance in px within which a point belongs to the line.
+    min_inlier_share : float, optional
+        Share of the scanlines below which there is no line.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range or only one part of the clip rectangle is given.
     """
 
     clip_origin_px: tuple[int, int] | list[int] | None = None
@@ -39,7 +57,23 @@ class LineDetector:
             raise InputError("clip_origin_px, clip_size_px: expected both or neither, received one")
 
     def __call__(self, images: UInt8[np.ndarray, "n height width"]) -> Float64[np.ndarray, "n"]:
-        """The line's row where it crosses the middle column of the clip rectangle, in px; NaN where no line is."""
+        """Detect the line in every frame.
+
+        Parameters
+        ----------
+        images : ndarray of uint8, shape (n, height, width)
+            Grey values.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Row in px where the line crosses the middle column of the clip rectangle; NaN where there is none.
+
+        Raises
+        ------
+        InputError
+            If the clip rectangle does not lie within the frames.
+        """
         height, width = images.shape[1:]
         left, top = self.clip_origin_px or (0, 0)
         across, down = self.clip_size_px or (width, height)

@@ -1,4 +1,4 @@
-"""How far two surfaces are apart after registration, and how far a pose is from the truth.
+"""Distances between two surfaces after registration, and the error of a pose against the truth.
 
 Distances from a point to a mesh are to its triangles, so that they do not fall as the mesh gets denser; only where
 the other side has no triangles are they to its points. Nothing here turns a failure into a number: what is not
@@ -27,10 +27,20 @@ SUCCESS_RMSE_MM, SUCCESS_TRE_MM = 1.0, 2.0
 
 
 class SurfaceDistance:
-    """Unsigned distances from points to one surface, prepared once and asked often.
+    """Unsigned distances from points to one surface, prepared once for many queries.
 
-    To triangles by Open3D's ray-casting scene (single precision: coordinates are taken from the surface's centre, so
-    that the distance of a vessel far from the origin keeps its digits), to points by a k-d tree.
+    To triangles by Open3D's ray-casting scene (single precision: coordinates are taken from the surface's
+    centre, so that the distance of a vessel far from the origin keeps its digits), to points by a k-d tree.
+
+    Parameters
+    ----------
+    surface : Surface
+        Mesh, or points (n, 3) in mm.
+
+    Raises
+    ------
+    InputError
+        If the mesh has no triangles or the points are no cloud.
     """
 
     def __init__(self, surface: Surface) -> None:
@@ -51,7 +61,23 @@ class SurfaceDistance:
         )
 
     def __call__(self, points_mm: Float64[np.ndarray, "m 3"]) -> Float64[np.ndarray, "m"]:
-        """Distance of each point to the surface, in mm."""
+        """Measure the distance of each point to the surface.
+
+        Parameters
+        ----------
+        points_mm : ndarray, shape (m, 3)
+            Points in the surface's coordinate frame in mm.
+
+        Returns
+        -------
+        ndarray, shape (m,)
+            Distances in mm.
+
+        Raises
+        ------
+        InputError
+            If a coordinate is not finite.
+        """
         if not np.isfinite(points_mm).all():
             raise InputError("points_mm: expected finite coordinates, received NaN or infinity")
         if self._tree is not None:
@@ -63,12 +89,24 @@ class SurfaceDistance:
 
 @dataclass(frozen=True)
 class SurfaceResiduals:
-    """Distances between a moved and a fixed surface, in mm.
+    """Distances between a moved and a fixed surface.
 
-    ``rmse_mm``: root mean square from moved to fixed. ``rmse_trimmed_mm``: the same over the closest share.
-    ``rmse_bidirectional_mm``: root of the mean of both directions' mean squares. ``msd_mm``: mean of both directions'
-    mean distances. ``hd95_mm``: the larger of both directions' 95th percentiles. ``inlier_share``: share of the moved
-    surface within the inlier distance of the fixed one; ``coverage``: share of the fixed one within it of the moved.
+    Parameters
+    ----------
+    rmse_mm : float
+        Root mean square from moved to fixed in mm.
+    rmse_trimmed_mm : float
+        The same over the closest share.
+    rmse_bidirectional_mm : float
+        Root of the mean of both directions' mean squares in mm.
+    msd_mm : float
+        Mean of both directions' mean distances in mm.
+    hd95_mm : float
+        Larger of both directions' 95th percentiles in mm.
+    inlier_share : float
+        Share of the moved surface within the inlier distance of the fixed one.
+    coverage : float
+        Share of the fixed surface within the inlier distance of the moved one.
     """
 
     rmse_mm: float
@@ -90,10 +128,32 @@ def surface_residuals(
     samples: int = 10_000,
     seed: int = 0,
 ) -> SurfaceResiduals:
-    """Compare ``moving``, brought over by ``fixed_T_moving``, with ``fixed``, both ways.
+    """Measure the distances between a moved and a fixed surface, both ways.
 
-    A mesh is sampled uniformly by area at ``samples`` points (drawn from ``seed``); a cloud stands for itself.
-    ``keep`` is the share of smallest distances in the trimmed residual.
+    Parameters
+    ----------
+    moving, fixed : Surface
+        Surfaces in mm. A mesh is sampled uniformly by area; the points of a cloud are used as they are.
+    fixed_T_moving : ndarray, shape (4, 4)
+        Pose that brings the moving surface over.
+    inlier_mm : float
+        Inlier distance in mm.
+    keep : float
+        Share of smallest distances in the trimmed residual, above 0 to 1.
+    samples : int, optional
+        Number of points that a mesh is sampled at.
+    seed : int, optional
+        Seed of the sampling.
+
+    Returns
+    -------
+    SurfaceResiduals
+        The residuals.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, the pose is not rigid, or a surface has no triangles or points.
     """
     require_positive("inlier_mm", inlier_mm)
     require_positive("keep", keep, 1.0)
@@ -116,10 +176,16 @@ def surface_residuals(
 
 @dataclass(frozen=True)
 class PoseError:
-    """How far an estimated pose is from the true one.
+    """Errors of an estimated pose.
 
-    ``tre_mm`` is the root mean square and ``tre_max_mm`` the largest displacement of the targets,
-    ``rotation_error_deg`` the angle between both, ``translation_error_mm`` the displacement of the targets' centroid.
+    Parameters
+    ----------
+    tre_mm, tre_max_mm : float
+        Root mean square and largest displacement of the targets in mm.
+    rotation_error_deg : float
+        Angle between estimated and true pose in degrees.
+    translation_error_mm : float
+        Displacement of the targets' centroid in mm.
     """
 
     tre_mm: float
@@ -133,11 +199,36 @@ def pose_error(
     true_fixed_T_moving: Float64[np.ndarray, "4 4"],
     targets_mm: Float64[np.ndarray, "t 3"],
 ) -> PoseError:
-    """Target registration error (Fitzpatrick et al., IEEE TMI 17(5), 1998) at ``targets_mm`` in the fixed frame.
+    """Measure the target registration error of a pose.
 
-    A target lies where the truth puts it; the estimate puts the same moving point elsewhere, and the distance between
-    both places is its error. Translation depends on the origin, which is far from a vessel as a rule: it is therefore
+    Parameters
+    ----------
+    fixed_T_moving : ndarray, shape (4, 4)
+        Estimated pose.
+    true_fixed_T_moving : ndarray, shape (4, 4)
+        True pose.
+    targets_mm : ndarray, shape (t, 3)
+        Targets in the fixed frame in mm, where the truth puts them.
+
+    Returns
+    -------
+    PoseError
+        Errors of the pose.
+
+    Raises
+    ------
+    InputError
+        If a pose is not rigid or there are no finite targets.
+
+    Notes
+    -----
+    The estimate puts the same moving point elsewhere than the truth; the distance between both places is a
+    target's error. Translation depends on the origin, which is far from a vessel as a rule: it is therefore
     given at the targets' centroid.
+
+    References
+    ----------
+    J. M. Fitzpatrick et al., IEEE TMI 17(5), 1998.
     """
     if not len(targets_mm) or not np.isfinite(targets_mm).all():
         raise InputError(f"targets_mm: expected finite targets, received {len(targets_mm)} with NaN or none")
@@ -155,14 +246,48 @@ def pose_error(
 
 
 def rms(distances_mm: Float64[np.ndarray, "n"]) -> float:
-    """Root mean square, in mm."""
+    """Compute the root mean square.
+
+    Parameters
+    ----------
+    distances_mm : ndarray, shape (n,)
+        Distances in mm.
+
+    Returns
+    -------
+    float
+        Root mean square in mm.
+
+    Raises
+    ------
+    InputError
+        If there is no distance.
+    """
     if not len(distances_mm):
         raise InputError("distances_mm: expected at least one distance, received none")
     return float(np.sqrt((distances_mm**2).mean()))
 
 
 def trimmed_rms(distances_mm: Float64[np.ndarray, "n"], keep: float) -> float:
-    """Root mean square of the smallest ``keep`` share (at least one), in mm."""
+    """Compute the root mean square of the smallest distances.
+
+    Parameters
+    ----------
+    distances_mm : ndarray, shape (n,)
+        Distances in mm.
+    keep : float
+        Share of the distances that counts, above 0 to 1; at least one does.
+
+    Returns
+    -------
+    float
+        Root mean square in mm.
+
+    Raises
+    ------
+    InputError
+        If there is no distance or the share is out of range.
+    """
     require_positive("keep", keep, 1.0)
     count = max(int(np.ceil(keep * len(distances_mm) - 1e-9)), 1)
     return rms(np.sort(distances_mm)[:count])

@@ -13,7 +13,25 @@ LOSSES = (SCATTERED, CONTIGUOUS, ALTERNATING)
 
 
 def loss_of(missing: str, trial: int) -> str:
-    """How the frames of a trial get lost: with ``alternating``, scattered in even trials and contiguous in odd ones."""
+    """Return how the frames of a trial are lost.
+
+    Parameters
+    ----------
+    missing : {"scattered", "contiguous", "alternating"}
+        With ``alternating``, scattered in even trials and contiguous in odd ones.
+    trial : int
+        Number of the trial.
+
+    Returns
+    -------
+    {"scattered", "contiguous"}
+        Kind of loss.
+
+    Raises
+    ------
+    InputError
+        If the kind is unknown.
+    """
     if missing not in LOSSES:
         raise InputError(f"missing: expected one of {', '.join(LOSSES)}, received {missing!r}")
     if missing != ALTERNATING:
@@ -24,10 +42,28 @@ def loss_of(missing: str, trial: int) -> str:
 def seen(
     frame: Int64[np.ndarray, "n"], missing_share: float, loss: str, rng: np.random.Generator
 ) -> Bool[np.ndarray, "n"]:
-    """Which points (n,) lie in frames that are left when ``missing_share`` of them are lost.
+    """Select the points that lie in frames that are left.
 
-    ``scattered`` frames are drawn one by one, ``contiguous`` ones are a single run that begins anywhere. Raises
-    InputError for another loss, or a share outside 0 to below 1.
+    Parameters
+    ----------
+    frame : ndarray of int, shape (n,)
+        Frame of each point.
+    missing_share : float
+        Share of the frames that is lost, from 0 to below 1; at least one frame is left.
+    loss : {"scattered", "contiguous"}
+        Whether frames are lost one by one, or in a single run that begins anywhere.
+    rng : numpy.random.Generator
+        Random stream of the loss.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+        True for points that are left.
+
+    Raises
+    ------
+    InputError
+        If the kind is unknown or the share is out of range.
     """
     require_at_least("missing_share", missing_share, 0.0)
     if missing_share >= 1:

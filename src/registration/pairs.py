@@ -1,4 +1,4 @@
-"""Pairs of moving and fixed points, for many poses at once: what the steps of ICP hand to each other."""
+"""Pairs of moving and fixed points, for many poses at once, which the steps of ICP pass on."""
 
 from __future__ import annotations
 
@@ -15,8 +15,18 @@ from registration.correspondence import Target
 class Pairs:
     """Moved points and the fixed points closest to them, for each of s poses, in the fixed frame.
 
-    ``normals`` are those of the fixed points, ``moved_normals`` those of the moved ones, turned with them; either is
-    None where nobody estimated it. Their signs are arbitrary.
+    The signs of normals are arbitrary.
+
+    Parameters
+    ----------
+    moved_mm : ndarray, shape (s, n, 3)
+        Moved points in mm.
+    fixed_mm : ndarray, shape (s, n, 3)
+        Fixed points closest to them in mm.
+    normals : ndarray, shape (s, n, 3) or None, optional
+        Unit normals of the fixed points; None where none were estimated.
+    moved_normals : ndarray, shape (s, n, 3) or None, optional
+        Unit normals of the moved points, rotated with them; None where none were estimated.
     """
 
     moved_mm: Float64[np.ndarray, "s n 3"]
@@ -26,17 +36,17 @@ class Pairs:
 
     @cached_property
     def offset_mm(self) -> Float64[np.ndarray, "s n 3"]:
-        """From the moved point to its fixed one."""
+        """Vector from the moved point to its fixed one in mm."""
         return self.fixed_mm - self.moved_mm
 
     @cached_property
     def squared_mm2(self) -> Float64[np.ndarray, "s n"]:
-        """The squared distance of each pair."""
+        """Squared distance of each pair in mm2."""
         return np.einsum("snk,snk->sn", self.offset_mm, self.offset_mm)
 
     @cached_property
     def gap_mm(self) -> Float64[np.ndarray, "s n"]:
-        """The distance along the fixed point's normal, signed as the normal is; all of it where there is none."""
+        """Signed distance along the fixed point's normal in mm; the full distance without normals."""
         if self.normals is None:
             return np.sqrt(self.squared_mm2)
         return np.einsum("snk,snk->sn", self.offset_mm, self.normals)
@@ -48,7 +58,24 @@ def closest_pairs(
     poses: Float64[np.ndarray, "s 4 4"],
     moving_normals: Float64[np.ndarray, "n 3"] | None = None,
 ) -> Pairs:
-    """Move the points by each pose (a fixed_T_moving) and pair them with the closest points of ``target``."""
+    """Move the points by each pose and pair them with the closest fixed points.
+
+    Parameters
+    ----------
+    moving_mm : ndarray, shape (n, 3)
+        Moving points in mm.
+    target : Target
+        Fixed cloud.
+    poses : ndarray, shape (s, 4, 4)
+        Poses (fixed_T_moving).
+    moving_normals : ndarray, shape (n, 3) or None, optional
+        Unit normals of the moving points; None for none.
+
+    Returns
+    -------
+    Pairs
+        The pairs of every pose.
+    """
     turned = np.swapaxes(poses[:, :3, :3], 1, 2)
     moved_mm = moving_mm @ turned + poses[:, None, :3, 3]
     index = target.closest(moved_mm.reshape(-1, 3)).reshape(moved_mm.shape[:2])

@@ -1,4 +1,4 @@
-"""Controlled perturbations of a registration problem whose answer is known.
+"""Controlled perturbations of a registration problem whose result is known.
 
 Axis uniform on the sphere, angle uniform up to a maximum, about the cloud's centroid; direction uniform, length
 uniform up to a maximum. Moving and fixed clouds are drawn independently, each with noise of its own. The moving cloud
@@ -26,10 +26,21 @@ PLACES = ("middle", "start", "end")
 
 @dataclass(frozen=True)
 class Piece:
-    """The part of a vessel that the moving cloud covers: a ``share`` of its extent along the principal axis.
+    """Part of a vessel that the moving cloud covers, along the principal axis.
 
-    ``place`` is ``middle``, ``start`` (where the axis begins) or ``end``; the axis points where its largest component
-    is positive.
+    The axis points where its largest component is positive.
+
+    Parameters
+    ----------
+    share : float, optional
+        Share of the vessel's extent, above 0 to 1.
+    place : {"middle", "start", "end"}, optional
+        Where the part lies along the axis.
+
+    Raises
+    ------
+    InputError
+        If the share is out of range or the place is unknown.
     """
 
     share: float = 1.0
@@ -41,7 +52,20 @@ class Piece:
             raise InputError(f"place: expected one of {', '.join(PLACES)}, received {self.place!r}")
 
     def contains(self, points_mm: Float64[np.ndarray, "n 3"], surface: Surface) -> Bool[np.ndarray, "n"]:
-        """Which points lie in this piece of ``surface``."""
+        """Select the points that lie in this piece of a surface.
+
+        Parameters
+        ----------
+        points_mm : ndarray, shape (n, 3)
+            Points in mm.
+        surface : Surface
+            Surface that the piece is part of.
+
+        Returns
+        -------
+        ndarray of bool, shape (n,)
+            True for points of the piece.
+        """
         if self.share == 1.0:
             return np.ones(len(points_mm), dtype=bool)
         along = AlongVessel.of(surface)
@@ -56,8 +80,22 @@ class Piece:
 class Trial:
     """One perturbed problem: both clouds, the pose that undoes the perturbation, and how large it was.
 
-    ``outlier`` (m,) marks the moving points that belong to no surface, ``frame`` (m,) is the frame that each moving
-    point was seen in, and ``loss`` how missing frames were chosen.
+    Parameters
+    ----------
+    moving_mm : ndarray, shape (m, 3)
+        Moving points in mm.
+    fixed_mm : ndarray, shape (n, 3)
+        Fixed points in mm.
+    fixed_T_moving : ndarray, shape (4, 4)
+        True pose.
+    angle_deg, translation_mm : float
+        Size of the perturbation in degrees and in mm.
+    outlier : ndarray of bool, shape (m,)
+        Moving points that are outliers and belong to no surface.
+    frame : ndarray of int, shape (m,)
+        Frame that each moving point was seen in.
+    loss : {"scattered", "contiguous"}
+        How missing frames were chosen.
     """
 
     moving_mm: Float64[np.ndarray, "m 3"]
@@ -72,13 +110,38 @@ class Trial:
 
 @dataclass(frozen=True)
 class Perturbation:
-    """How a problem is disturbed: rotation and translation, noise, outliers, lost frames, and points on each side.
+    """Distribution of perturbed problems: pose, noise, outliers, lost frames, and number of points.
 
-    For ``rotation``, ``angle_bin_deg`` and the translation see ``PoseRange``. ``noise_mm`` is the standard deviation
-    per coordinate, on both clouds. ``outlier_share`` of the moving points is replaced by points uniform in the moving
-    cloud's bounding box grown by half its size on every side. The vessel's length holds ``sweep_frames`` frames;
-    ``missing_share`` of those that the moving cloud has are lost, ``missing`` one by one (``scattered``), in one run
-    (``contiguous``) or in turn (``alternating``), with all their points.
+    Parameters
+    ----------
+    angle_max_deg : float
+        Largest rotation in degrees, at most 180.
+    translation_max_mm : float
+        Largest translation in mm.
+    noise_mm : float
+        Standard deviation of the noise per coordinate on both clouds in mm.
+    outlier_share : float
+        Share of the moving points, below 1, that is replaced by points uniform in the moving cloud's bounding
+        box grown by half its size on every side.
+    moving_points, fixed_points : int
+        Number of points of each cloud, at least 3.
+    translation_min_mm : float, optional
+        Smallest translation in mm.
+    rotation : {"any", "roll", "flip"}, optional
+        Kind of rotation; see ``PoseRange``.
+    angle_bin_deg : float or None, optional
+        Width of the bins of angles in degrees; None for a single bin. See ``PoseRange``.
+    missing_share : float, optional
+        Share of the moving cloud's frames, below 1, that is lost with all their points.
+    missing : {"scattered", "contiguous", "alternating"}, optional
+        Whether frames are lost one by one, in one run, or in turn.
+    sweep_frames : int, optional
+        Number of frames along the vessel's length.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range or a kind is unknown.
     """
 
     angle_max_deg: float
@@ -107,7 +170,7 @@ class Perturbation:
 
     @property
     def poses(self) -> PoseRange:
-        """Which poses are drawn."""
+        """Range of poses that are drawn."""
         return PoseRange(
             self.angle_max_deg,
             self.translation_max_mm,
@@ -126,11 +189,35 @@ class Perturbation:
         seed: int,
         trial: int,
     ) -> Trial:
-        """Draw the ``trial``-th problem of ``seed``, the same whatever was drawn before and whoever solves it.
+        """Draw one problem, the same whatever was drawn before and whichever method solves it.
 
-        ``fixed_T_moving`` is the true pose before the perturbation (the identity if both are one surface). The pose,
-        both clouds and the loss of frames have random streams of their own, so that the poses of a seed do not depend
-        on overlap, noise, losses or number of points.
+        The pose, both clouds and the loss of frames have random streams of their own, so that the poses of a
+        seed do not depend on overlap, noise, losses or number of points.
+
+        Parameters
+        ----------
+        moving : Surface
+            Surface that the moving cloud is drawn from.
+        fixed : Surface
+            Surface that the fixed cloud is drawn from.
+        fixed_T_moving : ndarray, shape (4, 4)
+            True pose before the perturbation; the identity if both are one surface.
+        piece : Piece
+            Part of the vessel that the moving cloud covers.
+        seed : int
+            Seed of the problems.
+        trial : int
+            Number of the problem, from 0.
+
+        Returns
+        -------
+        Trial
+            The perturbed problem.
+
+        Raises
+        ------
+        InputError
+            If the seed or the number is negative, or the piece has no surface to sample.
         """
         require_count("seed", seed, 0)
         require_count("trial", trial, 0)
@@ -174,9 +261,28 @@ class Perturbation:
 
 
 def draw(surface: Surface, count: int, piece: Piece, rng: np.random.Generator) -> Float64[np.ndarray, "k 3"]:
-    """Points of a piece of a surface in random order.
+    """Draw points of a piece of a surface in random order.
 
-    From a mesh ``count`` points, uniform by area; from a cloud a random choice of at most ``count`` of its own.
+    Parameters
+    ----------
+    surface : Surface
+        A mesh is sampled uniformly by area; of a cloud the points themselves are chosen at random.
+    count : int
+        Number of points; a cloud may give fewer.
+    piece : Piece
+        Part of the surface.
+    rng : numpy.random.Generator
+        Random stream of the draw.
+
+    Returns
+    -------
+    ndarray, shape (k, 3)
+        Points in mm.
+
+    Raises
+    ------
+    InputError
+        If the piece of a mesh has no surface to sample.
     """
     if not isinstance(surface, Mesh):
         inside_mm = surface[piece.contains(surface, surface)]

@@ -1,4 +1,4 @@
-"""How a moving cloud is turned and shifted when a registration problem is disturbed.
+"""Rotation and translation of a moving cloud when a registration problem is perturbed.
 
 Rotations of any axis, rolls about the vessel's principal axis and flips across it; angles by bin, so that every bin
 has as many trials as any other.
@@ -21,30 +21,53 @@ ROTATIONS = (ANY, ROLL, FLIP)
 
 @dataclass(frozen=True)
 class PerturbedPose:
-    """A rotation, about the cloud's centroid, and a translation in mm."""
+    """Perturbation of a pose.
+
+    Parameters
+    ----------
+    turn : scipy.spatial.transform.Rotation
+        Rotation about the cloud's centroid.
+    shift_mm : ndarray, shape (3,)
+        Translation in mm.
+    """
 
     turn: Rotation
     shift_mm: Float64[np.ndarray, "3"]
 
     @property
     def angle_deg(self) -> float:
-        """The angle of the rotation."""
+        """Angle of the rotation in degrees."""
         return float(np.rad2deg(self.turn.magnitude()))
 
     @property
     def translation_mm(self) -> float:
-        """The length of the translation."""
+        """Length of the translation in mm."""
         return float(np.linalg.norm(self.shift_mm))
 
 
 @dataclass(frozen=True)
 class PoseRange:
-    """Which poses are drawn.
+    """Range of poses that are drawn.
 
-    ``rotation`` is ``any`` (axis uniform on the sphere), ``roll`` (about the principal axis) or ``flip`` (180 degrees
-    about an axis across it, uniform around the vessel). The angle is uniform from 0 to ``angle_max_deg``; with
-    ``angle_bin_deg`` the trials go through bins of that width in turn, and it is uniform within the bin. The direction
-    of the translation is uniform, and so is its length from ``translation_min_mm`` to ``translation_max_mm``.
+    Parameters
+    ----------
+    angle_max_deg : float
+        Largest angle in degrees, at most 180; the angle is uniform from 0.
+    translation_max_mm : float
+        Largest translation in mm; its direction is uniform.
+    translation_min_mm : float, optional
+        Smallest translation in mm; its length is uniform in between.
+    rotation : {"any", "roll", "flip"}, optional
+        Axis uniform on the sphere, rotation about the principal axis, or 180 degrees about an axis across it,
+        uniform around the vessel.
+    angle_bin_deg : float or None, optional
+        Width in degrees of bins that the trials go through in turn, the angle uniform within the bin; a whole
+        part of ``angle_max_deg``. None for a single bin.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, the kind is unknown, or the bins do not divide the range.
     """
 
     angle_max_deg: float
@@ -76,7 +99,7 @@ class PoseRange:
 
     @property
     def bins(self) -> int:
-        """Into how many bins of angles the trials fall; a flip has one angle."""
+        """Number of bins of angles that the trials fall into; a flip has one angle."""
         if self.angle_bin_deg is None or self.rotation == FLIP:
             return 1
         return round(self.angle_max_deg / self.angle_bin_deg)
@@ -84,7 +107,27 @@ class PoseRange:
     def draw(
         self, principal_axis: Float64[np.ndarray, "3"], trial: int, rng: np.random.Generator
     ) -> PerturbedPose:
-        """Draw the pose of a trial of a vessel with that axis (unit length), from its number and random stream."""
+        """Draw the pose of a trial.
+
+        Parameters
+        ----------
+        principal_axis : ndarray, shape (3,)
+            Principal axis of the vessel, of unit length.
+        trial : int
+            Number of the trial, from 0; it decides the bin.
+        rng : numpy.random.Generator
+            Random stream of the trial.
+
+        Returns
+        -------
+        PerturbedPose
+            Rotation and translation.
+
+        Raises
+        ------
+        InputError
+            If the number is negative.
+        """
         require_count("trial", trial, 0)
         axis = _direction(rng)
         width_deg = self.angle_max_deg / self.bins

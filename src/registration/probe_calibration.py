@@ -1,4 +1,4 @@
-"""What an affine probe calibration says of the image: pixel size, shear, and how far two calibrations differ."""
+"""Geometry of an affine probe calibration: pixel size, shear, and how far two calibrations differ."""
 
 from __future__ import annotations
 
@@ -13,9 +13,16 @@ from registration.errors import InputError
 
 @dataclass(frozen=True)
 class PixelGeometry:
-    """Pixel size ``column_mm`` and ``row_mm`` (the step from one column or row to the next) and ``shear_deg``.
+    """Pixel size and shear of a calibration.
 
-    ``shear_deg`` is by how much the angle between the image's axes exceeds 90 degrees.
+    Parameters
+    ----------
+    column_mm : float
+        Step from one column to the next in mm.
+    row_mm : float
+        Step from one row to the next in mm.
+    shear_deg : float
+        Degrees by which the angle between the image's axes exceeds 90.
     """
 
     column_mm: float
@@ -24,7 +31,23 @@ class PixelGeometry:
 
 
 def pixel_geometry(probe_A_pixel: Float[np.ndarray, "4 4"]) -> PixelGeometry:
-    """Pixel size and shear of a calibration."""
+    """Compute the pixel size and shear of a calibration.
+
+    Parameters
+    ----------
+    probe_A_pixel : ndarray, shape (4, 4)
+        Affine matrix from pixels to the probe frame in mm.
+
+    Returns
+    -------
+    PixelGeometry
+        Pixel size and shear.
+
+    Raises
+    ------
+    InputError
+        If a pixel has no size.
+    """
     column, row = np.asarray(probe_A_pixel, dtype=np.float64)[:3, :2].T
     column_mm, row_mm = float(np.linalg.norm(column)), float(np.linalg.norm(row))
     if not (column_mm > 0 and row_mm > 0):
@@ -36,10 +59,25 @@ def pixel_geometry(probe_A_pixel: Float[np.ndarray, "4 4"]) -> PixelGeometry:
 def complete_right_handed(
     column_mm: Float[np.ndarray, "3"], row_mm: Float[np.ndarray, "3"], origin_mm: Float[np.ndarray, "3"]
 ) -> Float64[np.ndarray, "4 4"]:
-    """The affine ``probe_A_pixel`` of an image plane: its third column is normal to the image, right-handed.
+    """Complete an image plane to an affine matrix whose third column is normal to the image, right-handed.
 
-    ``column_mm`` and ``row_mm`` are the steps of one pixel. The normal's length is their mean, as PLUS has it, so
-    that a body carried through the matrix keeps its proportions.
+    Parameters
+    ----------
+    column_mm, row_mm : ndarray, shape (3,)
+        Steps of one column and of one row in the probe frame in mm.
+    origin_mm : ndarray, shape (3,)
+        Position of the first pixel in mm.
+
+    Returns
+    -------
+    ndarray, shape (4, 4)
+        ``probe_A_pixel``. The normal's length is the mean of both steps, as in PLUS, so that a body carried
+        through the matrix keeps its proportions.
+
+    Raises
+    ------
+    InputError
+        If the steps are parallel.
     """
     normal = np.cross(column_mm, row_mm)
     length = float(np.linalg.norm(normal))
@@ -52,9 +90,19 @@ def complete_right_handed(
 
 
 def with_third_column(probe_A_pixel: Float[np.ndarray, "4 4"]) -> Float64[np.ndarray, "4 4"]:
-    """The matrix with a third column of zeros completed to a right-handed basis; any other as it is.
+    """Complete a third column of zeros to a right-handed basis.
 
     Pixels lie in a plane, so the third column moves none of them; many laboratories leave it empty.
+
+    Parameters
+    ----------
+    probe_A_pixel : ndarray, shape (4, 4)
+        Affine matrix from pixels to the probe frame in mm.
+
+    Returns
+    -------
+    ndarray, shape (4, 4)
+        The completed matrix; one with a third column is returned as it is.
     """
     if np.any(probe_A_pixel[:3, 2]):
         return np.asarray(probe_A_pixel, dtype=np.float64)
@@ -66,9 +114,26 @@ def with_third_column(probe_A_pixel: Float[np.ndarray, "4 4"]) -> Float64[np.nda
 def split_rigid(
     probe_A_pixel: Float[np.ndarray, "4 4"], shear_tolerance_deg: float
 ) -> tuple[Float64[np.ndarray, "4 4"], tuple[float, float]]:
-    """Split a calibration without shear into ``probe_T_image`` (rigid, mm) and (column, row) spacing in mm.
+    """Split a calibration without shear into a rigid transform and the pixel spacing.
 
-    Raises InputError where the image's axes are further than ``shear_tolerance_deg`` from orthogonal.
+    Parameters
+    ----------
+    probe_A_pixel : ndarray, shape (4, 4)
+        Affine matrix from pixels to the probe frame in mm.
+    shear_tolerance_deg : float
+        Largest shear in degrees.
+
+    Returns
+    -------
+    probe_T_image : ndarray, shape (4, 4)
+        Rigid transform in mm.
+    spacing_mm : tuple[float, float]
+        Column and row spacing in mm.
+
+    Raises
+    ------
+    InputError
+        If the image's axes are further from orthogonal.
     """
     geometry = pixel_geometry(probe_A_pixel)
     if abs(geometry.shear_deg) > shear_tolerance_deg:
@@ -86,9 +151,19 @@ def split_rigid(
 def corner_displacement_mm(
     a_A_pixel: Float[np.ndarray, "4 4"], b_A_pixel: Float[np.ndarray, "4 4"], height_px: int, width_px: int
 ) -> Float64[np.ndarray, "4"]:
-    """How far the image's corner pixels lie apart under two calibrations, in mm.
+    """Measure the displacement of the image's corner pixels between two calibrations.
 
-    In the order top left, top right, bottom left, bottom right.
+    Parameters
+    ----------
+    a_A_pixel, b_A_pixel : ndarray, shape (4, 4)
+        Affine matrices from pixels to one frame in mm.
+    height_px, width_px : int
+        Size of the image in px.
+
+    Returns
+    -------
+    ndarray, shape (4,)
+        Distances in mm: top left, top right, bottom left, bottom right.
     """
     right, bottom = width_px - 1, height_px - 1
     corners = np.array([[0, 0, 0], [right, 0, 0], [0, bottom, 0], [right, bottom, 0]], dtype=np.float64)

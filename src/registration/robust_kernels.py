@@ -1,6 +1,6 @@
-"""Robust kernels: how much a residual counts, the less the larger it is beside what is usual.
+"""Robust kernels: weights that fall the larger a residual is against the robust scale of all.
 
-A kernel is called with residuals in units of their usual size and gives weights for iteratively reweighted least
+A kernel is called with residuals in units of their robust scale and gives weights for iteratively reweighted least
 squares (Holland and Welsch, Commun. Stat. A6(9), 1977). Tunings are those for 95 % efficiency on normal residuals.
 """
 
@@ -20,16 +20,42 @@ MEDIAN_TO_SIGMA = 1.4826
 
 @runtime_checkable
 class RobustKernel(Protocol):
-    """A weight that falls with the size of a residual."""
+    """Weight function that falls with the size of a residual."""
 
     def __call__(self, standardised: Float64[np.ndarray, "*n"]) -> Float64[np.ndarray, "*n"]:
-        """Weights from 0 to 1 for residuals divided by their usual size."""
+        """Compute the weights.
+
+        Parameters
+        ----------
+        standardised : ndarray
+            Residuals divided by their robust scale.
+
+        Returns
+        -------
+        ndarray
+            Weights from 0 to 1, of the same shape.
+        """
         ...
 
 
 @dataclass(frozen=True)
 class Huber:
-    """Full weight up to ``tuning``, then falling as its inverse (Huber, Ann. Math. Stat. 35(1), 1964)."""
+    """Huber's kernel: full weight up to the tuning constant, then falling as its inverse.
+
+    Parameters
+    ----------
+    tuning : float, optional
+        Tuning constant in units of the robust scale.
+
+    Raises
+    ------
+    InputError
+        If the tuning is not positive.
+
+    References
+    ----------
+    P. J. Huber, Ann. Math. Stat. 35(1), 1964.
+    """
 
     tuning: float = 1.345
 
@@ -37,13 +63,39 @@ class Huber:
         require_positive("tuning", self.tuning)
 
     def __call__(self, standardised: Float64[np.ndarray, "*n"]) -> Float64[np.ndarray, "*n"]:
-        """Weights that never reach 0."""
+        """Compute weights that never reach 0.
+
+        Parameters
+        ----------
+        standardised : ndarray
+            Residuals divided by their robust scale.
+
+        Returns
+        -------
+        ndarray
+            Weights above 0 to 1, of the same shape.
+        """
         return self.tuning / np.maximum(np.abs(standardised), self.tuning)
 
 
 @dataclass(frozen=True)
 class Tukey:
-    """Tukey's biweight: smoothly down to 0 at ``tuning`` (Beaton and Tukey, Technometrics 16(2), 1974)."""
+    """Tukey's biweight: smoothly down to 0 at the tuning constant.
+
+    Parameters
+    ----------
+    tuning : float, optional
+        Tuning constant in units of the robust scale.
+
+    Raises
+    ------
+    InputError
+        If the tuning is not positive.
+
+    References
+    ----------
+    A. E. Beaton and J. W. Tukey, Technometrics 16(2), 1974.
+    """
 
     tuning: float = 4.685
 
@@ -51,13 +103,39 @@ class Tukey:
         require_positive("tuning", self.tuning)
 
     def __call__(self, standardised: Float64[np.ndarray, "*n"]) -> Float64[np.ndarray, "*n"]:
-        """Weights that are 0 beyond the tuning."""
+        """Compute weights that are 0 beyond the tuning constant.
+
+        Parameters
+        ----------
+        standardised : ndarray
+            Residuals divided by their robust scale.
+
+        Returns
+        -------
+        ndarray
+            Weights from 0 to 1, of the same shape.
+        """
         return np.maximum(1.0 - (standardised / self.tuning) ** 2, 0.0) ** 2
 
 
 @dataclass(frozen=True)
 class Welsch:
-    """Down like a bell curve of width ``tuning`` (Dennis and Welsch, Commun. Stat. B7(4), 1978)."""
+    """Welsch's kernel: down like a bell curve whose width is the tuning constant.
+
+    Parameters
+    ----------
+    tuning : float, optional
+        Tuning constant in units of the robust scale.
+
+    Raises
+    ------
+    InputError
+        If the tuning is not positive.
+
+    References
+    ----------
+    J. E. Dennis and R. E. Welsch, Commun. Stat. B7(4), 1978.
+    """
 
     tuning: float = 2.985
 
@@ -65,10 +143,34 @@ class Welsch:
         require_positive("tuning", self.tuning)
 
     def __call__(self, standardised: Float64[np.ndarray, "*n"]) -> Float64[np.ndarray, "*n"]:
-        """Weights that fall to almost 0."""
+        """Compute weights that fall to almost 0.
+
+        Parameters
+        ----------
+        standardised : ndarray
+            Residuals divided by their robust scale.
+
+        Returns
+        -------
+        ndarray
+            Weights from 0 to 1, of the same shape.
+        """
         return np.exp(-((standardised / self.tuning) ** 2))
 
 
 def usual_size(residuals_mm: Float64[np.ndarray, "s n"], floor_mm: float) -> Float64[np.ndarray, "s 1"]:
-    """The residuals' standard deviation as the median has it, for each row, at least ``floor_mm``."""
+    """Compute the robust scale of each row: the standard deviation as the median of absolute values has it.
+
+    Parameters
+    ----------
+    residuals_mm : ndarray, shape (s, n)
+        Residuals in mm, one row for each pose.
+    floor_mm : float
+        Smallest scale in mm.
+
+    Returns
+    -------
+    ndarray, shape (s, 1)
+        Scale of each row in mm.
+    """
     return np.maximum(MEDIAN_TO_SIGMA * np.median(np.abs(residuals_mm), axis=1, keepdims=True), floor_mm)

@@ -18,10 +18,18 @@ FLATTENING = 1e-6
 
 @dataclass(frozen=True)
 class Smoothed:
-    """A smooth surface beside given points: the points on it, its normals there, and how it bends.
+    """Smooth surface next to given points.
 
-    ``bend_per_mm`` is half the sum of both curvatures, positive where the surface bends towards its normal;
-    ``reach_mm`` is how far the smoothing reaches.
+    Parameters
+    ----------
+    points_mm : ndarray, shape (m, 3)
+        Points on the surface in mm.
+    normals : ndarray, shape (m, 3)
+        Unit normals there.
+    bend_per_mm : ndarray, shape (m,)
+        Half the sum of both curvatures in 1/mm, positive where the surface bends towards its normal.
+    reach_mm : float
+        Distance in mm over which the smoothing reaches.
     """
 
     points_mm: Float64[np.ndarray, "m 3"]
@@ -36,10 +44,30 @@ def smoothed_at(
     neighbours: int,
     normals: Float64[np.ndarray, "m 3"] | None = None,
 ) -> Smoothed:
-    """The smoothed surface beside each given point.
+    """Fit the smooth surface next to each point.
 
-    A quadric is fitted to the fixed points around each given one (moving least squares: Alexa et al., IEEE TVCG
-    9(1), 2003): it takes the noise out and leaves the curvature in. Heights are along ``normals``, where given.
+    A quadric is fitted to the fixed points around each given one (moving least squares): it removes the noise
+    and preserves the curvature.
+
+    Parameters
+    ----------
+    target : TreeTarget
+        Fixed cloud.
+    points_mm : ndarray, shape (m, 3)
+        Points in mm.
+    neighbours : int
+        Number of fixed points around each.
+    normals : ndarray, shape (m, 3) or None, optional
+        Directions along which heights are measured; None takes the direction of least spread.
+
+    Returns
+    -------
+    Smoothed
+        The surface at each point.
+
+    References
+    ----------
+    M. Alexa et al., IEEE TVCG 9(1), 2003.
     """
     patches_mm, away_mm = target.patches(points_mm, neighbours)
     axes = principal_axes(patches_mm) if normals is None else _upright(normals)
@@ -62,10 +90,17 @@ def smoothed_at(
 
 
 class SmoothedTarget(TreeTarget):
-    """The fixed cloud without its noise: every point of ``exact`` brought onto the smooth surface through those around.
+    """Fixed cloud without its noise: every point moved onto the smooth surface through its neighbours.
 
-    ``reach_mm`` is how far the smoothing over ``neighbours`` points reaches. Normals point to the side that a vessel's
-    wall bends away from, which is outwards.
+    Normals point to the side that a vessel's wall bends away from, which is outwards. ``reach_mm`` is the
+    distance in mm over which the smoothing reaches.
+
+    Parameters
+    ----------
+    exact : TreeTarget
+        Fixed cloud.
+    neighbours : int
+        Number of neighbours that are smoothed over.
     """
 
     def __init__(self, exact: TreeTarget, neighbours: int) -> None:
@@ -83,7 +118,24 @@ class SmoothedTarget(TreeTarget):
 def outward_targets(
     points_mm: Float64[np.ndarray, "n 3"], neighbours: int, smoothing: int
 ) -> tuple[TreeTarget, SmoothedTarget]:
-    """A cloud of a vessel's wall, as it is and smoothed over so many neighbours, the normals of both outwards."""
+    """Prepare a cloud of a vessel's wall as it is and smoothed, the normals of both outwards.
+
+    Parameters
+    ----------
+    points_mm : ndarray, shape (n, 3)
+        Fixed points in mm.
+    neighbours : int
+        Number of neighbours for the normals of the exact cloud.
+    smoothing : int
+        Number of neighbours that are smoothed over.
+
+    Returns
+    -------
+    exact : TreeTarget
+        Cloud as it is.
+    smoothed : SmoothedTarget
+        Cloud without its noise.
+    """
     exact = TreeTarget(points_mm, neighbours, smoothing)
     smoothed = SmoothedTarget(exact, smoothing)
     exact.face_like(smoothed.outward)

@@ -21,9 +21,16 @@ from registration.probe_calibration import complete_right_handed
 
 @dataclass(frozen=True)
 class NWireResult:
-    """``probe_A_pixel`` with its third column right-handed; residuals of every middle point, used or not.
+    """Probe calibration from an N-wire phantom.
 
-    ``residuals_mm`` and ``outliers`` are (k, p) for k frames and p patterns.
+    Parameters
+    ----------
+    probe_A_pixel : ndarray, shape (4, 4)
+        Affine matrix from pixels to the probe frame in mm; its third column makes it right-handed.
+    residuals_mm : ndarray, shape (k, p)
+        Residual in mm of every middle point (k frames, p patterns), used or not.
+    outliers : ndarray of bool, shape (k, p)
+        Middle points that were left out.
     """
 
     probe_A_pixel: Float64[np.ndarray, "4 4"]
@@ -33,10 +40,22 @@ class NWireResult:
 
 @dataclass(frozen=True)
 class NWireCalibration:
-    """Least-squares calibration from N-wire fiducials.
+    """Least-squares calibration from N-wire fiducials with rejection of outliers.
 
-    For each coordinate apart, equations whose residual is ``outlier_sigma`` standard deviations or more from the
-    mean are left out and the fit is repeated until none is. Fewer than ``min_frames`` frames are refused.
+    For each coordinate separately, equations whose residual deviates too much from the mean are left out and
+    the fit is repeated until none does.
+
+    Parameters
+    ----------
+    outlier_sigma : float, optional
+        Number of standard deviations from which a residual is an outlier.
+    min_frames : int, optional
+        Smallest number of frames, at least 2.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
     """
 
     outlier_sigma: float = 3.0
@@ -52,10 +71,26 @@ class NWireCalibration:
         wires_mm: Float64[np.ndarray, "_ 2 3"],
         probe_T_phantom: Float64[np.ndarray, "k 4 4"],
     ) -> NWireResult:
-        """Calibrate from the pixels (column, row) of all wires, three a pattern, in k frames.
+        """Calibrate from the pixels of all wires.
 
-        ``wires_mm`` are the wires' ends in the phantom's frame. Raises InputError for too few frames and for points
-        on a line, which leave the calibration open.
+        Parameters
+        ----------
+        points_px : ndarray, shape (k, w, 2)
+            Pixel (column, row) of each wire in each of k frames, three wires a pattern.
+        wires_mm : ndarray, shape (w, 2, 3)
+            Ends of each wire in the phantom frame in mm.
+        probe_T_phantom : ndarray, shape (k, 4, 4)
+            Pose of the phantom in each frame.
+
+        Returns
+        -------
+        NWireResult
+            The calibration, residuals and outliers.
+
+        Raises
+        ------
+        InputError
+            If there are too few frames, or points on a line, which leave the calibration undetermined.
         """
         if len(points_px) < self.min_frames:
             raise InputError(
@@ -97,7 +132,25 @@ class NWireCalibration:
 def middle_points_mm(
     points_px: Float64[np.ndarray, "k w 2"], wires_mm: Float64[np.ndarray, "_ 2 3"]
 ) -> Float64[np.ndarray, "k p 3"]:
-    """Where the middle wires cut the image, in the phantom's frame, from the ratios of distances in the image."""
+    """Compute where the middle wires cut the image, from the ratios of distances in the image.
+
+    Parameters
+    ----------
+    points_px : ndarray, shape (k, w, 2)
+        Pixel (column, row) of each wire in each of k frames, three wires a pattern.
+    wires_mm : ndarray, shape (w, 2, 3)
+        Ends of each wire in the phantom frame in mm.
+
+    Returns
+    -------
+    ndarray, shape (k, p, 3)
+        Middle point of each pattern in the phantom frame in mm.
+
+    Raises
+    ------
+    InputError
+        If the numbers of points and wires disagree, outer wires fall on one pixel, or wires are parallel.
+    """
     if len(wires_mm) == 0 or len(wires_mm) % 3 or points_px.shape[1] != len(wires_mm):
         raise InputError(
             f"points_px: expected a point for each of {len(wires_mm)} wires, three a pattern, "
@@ -120,7 +173,22 @@ def middle_points_probe_mm(
     wires_mm: Float64[np.ndarray, "_ 2 3"],
     probe_T_phantom: Float64[np.ndarray, "k 4 4"],
 ) -> Float64[np.ndarray, "k p 3"]:
-    """The middle points in the probe's frame."""
+    """Compute the middle points in the probe frame.
+
+    Parameters
+    ----------
+    points_px : ndarray, shape (k, w, 2)
+        Pixel (column, row) of each wire in each of k frames, three wires a pattern.
+    wires_mm : ndarray, shape (w, 2, 3)
+        Ends of each wire in the phantom frame in mm.
+    probe_T_phantom : ndarray, shape (k, 4, 4)
+        Pose of the phantom in each frame.
+
+    Returns
+    -------
+    ndarray, shape (k, p, 3)
+        Middle point of each pattern in the probe frame in mm.
+    """
     in_phantom = middle_points_mm(points_px, wires_mm)
     return in_phantom @ np.swapaxes(probe_T_phantom[:, :3, :3], 1, 2) + probe_T_phantom[:, None, :3, 3]
 
@@ -130,13 +198,46 @@ def middle_errors_mm(
     middle_px: Float64[np.ndarray, "k p 2"],
     target_mm: Float64[np.ndarray, "k p 3"],
 ) -> Float64[np.ndarray, "k p"]:
-    """Distances between the middle points by the calibration and by the tracker, in mm."""
+    """Measure the distances between the middle points by the calibration and by the tracker.
+
+    Parameters
+    ----------
+    probe_A_pixel : ndarray, shape (4, 4)
+        Calibration.
+    middle_px : ndarray, shape (k, p, 2)
+        Pixel (column, row) of each middle wire.
+    target_mm : ndarray, shape (k, p, 3)
+        The same points by the tracker, in the probe frame in mm.
+
+    Returns
+    -------
+    ndarray, shape (k, p)
+        Distances in mm.
+    """
     pixels = np.concatenate([middle_px, np.zeros_like(middle_px[..., :1])], axis=2)
     return np.linalg.norm(frames.apply(probe_A_pixel, pixels) - target_mm, axis=2)
 
 
 def mean_of_best_mm(errors_mm: Float64[np.ndarray, "*n"], share: float = 0.95) -> float:
-    """The mean of the smallest ``share`` of the errors, as PLUS reports calibrations."""
+    """Average the smallest share of the errors, as PLUS reports calibrations.
+
+    Parameters
+    ----------
+    errors_mm : ndarray, shape (...,)
+        Errors in mm.
+    share : float, optional
+        Share of the errors, above 0 to 1.
+
+    Returns
+    -------
+    float
+        Mean in mm.
+
+    Raises
+    ------
+    InputError
+        If there is no error or the share is out of range.
+    """
     require_positive("share", share, 1)
     ordered = np.sort(errors_mm, axis=None)
     if not len(ordered):
@@ -147,7 +248,29 @@ def mean_of_best_mm(errors_mm: Float64[np.ndarray, "*n"], share: float = 0.95) -
 def phantom_registration(
     phantom_mm: Float64[np.ndarray, "n 3"], reference_mm: Float64[np.ndarray, "n 3"]
 ) -> Float64[np.ndarray, "4 4"]:
-    """``reference_T_phantom`` from the same points in both frames (Arun et al., IEEE PAMI 9(5), 1987)."""
+    """Register a phantom from the same points in both frames.
+
+    Parameters
+    ----------
+    phantom_mm : ndarray, shape (n, 3)
+        Points in the phantom frame in mm, at least three.
+    reference_mm : ndarray, shape (n, 3)
+        The same points in the reference frame in mm.
+
+    Returns
+    -------
+    ndarray, shape (4, 4)
+        ``reference_T_phantom``.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than three points or they lie on a line.
+
+    References
+    ----------
+    K. S. Arun et al., IEEE PAMI 9(5), 1987.
+    """
     centre_a, centre_b = phantom_mm.mean(axis=0), reference_mm.mean(axis=0)
     left, spread, right = np.linalg.svd((phantom_mm - centre_a).T @ (reference_mm - centre_b))
     if len(phantom_mm) < 3 or spread[1] < 1e-9 * spread[0]:

@@ -15,10 +15,20 @@ from registration.errors import InputError
 
 @dataclass(frozen=True)
 class PivotResult:
-    """``tip_mm`` in the stylus marker's frame and ``pivot_mm`` where it rested, in the reference's.
+    """Tip of a stylus.
 
-    ``residuals_mm`` (n,) is how far each pose puts the tip from the pivot, ``outliers`` (n,) the poses left out.
-    ``weakest_mm`` is the standard error of the tip along the direction that the turning determined worst.
+    Parameters
+    ----------
+    tip_mm : ndarray, shape (3,)
+        Tip in the stylus marker's frame in mm.
+    pivot_mm : ndarray, shape (3,)
+        Point where it rested, in the reference frame in mm.
+    residuals_mm : ndarray, shape (n,)
+        Distance in mm by which each pose puts the tip off the pivot.
+    outliers : ndarray of bool, shape (n,)
+        Poses that were left out.
+    weakest_mm : float
+        Standard error of the tip in mm along the direction that the rotations determined worst.
     """
 
     tip_mm: Float64[np.ndarray, "3"]
@@ -29,17 +39,34 @@ class PivotResult:
 
     @property
     def rmse_mm(self) -> float:
-        """Root mean square of the residuals of the poses that were used."""
+        """Root mean square of the residuals in mm of the poses that were used."""
         return float(np.sqrt(np.mean(self.residuals_mm[~self.outliers] ** 2)))
 
 
 @dataclass(frozen=True)
 class PivotCalibration:
-    """Least squares for tip and pivot, ``R_i @ tip - pivot = -t_i`` over all poses.
+    """Least-squares pivot calibration with rejection of outliers.
 
-    (The algebraic two-step of Yaniv, "Which pivot calibration?", SPIE Medical Imaging 9415, 2015, in one step.)
-    Poses whose residual exceeds ``outlier_sigma`` times the root mean square are left out until none does. Turning
-    must span at least ``min_rotation_deg`` about two axes.
+    It solves ``R_i @ tip - pivot = -t_i`` over all poses: the algebraic two-step of Yaniv in one step. Poses
+    whose residual is too large are left out until none is.
+
+    Parameters
+    ----------
+    outlier_sigma : float, optional
+        Factor on the root mean square above which a residual is an outlier.
+    min_rotation_deg : float, optional
+        Smallest range of the rotation about two axes in degrees.
+    min_poses : int, optional
+        Smallest number of poses, at least 3.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
+
+    References
+    ----------
+    Z. Yaniv, "Which pivot calibration?", SPIE Medical Imaging 9415, 2015.
     """
 
     outlier_sigma: float = 3.0
@@ -52,7 +79,23 @@ class PivotCalibration:
         require_count("min_poses", self.min_poses, 3)
 
     def __call__(self, reference_T_stylus: Float64[np.ndarray, "n 4 4"]) -> PivotResult:
-        """Find the tip. Raises InputError for too few poses and for turning that leaves the tip open."""
+        """Find the tip.
+
+        Parameters
+        ----------
+        reference_T_stylus : ndarray, shape (n, 4, 4)
+            Poses of the stylus marker in the reference frame.
+
+        Returns
+        -------
+        PivotResult
+            The tip, the pivot and their residuals.
+
+        Raises
+        ------
+        InputError
+            If there are too few poses (that agree), or rotations that leave the tip undetermined.
+        """
         if len(reference_T_stylus) < self.min_poses:
             raise InputError(
                 f"reference_T_stylus: expected at least {self.min_poses} poses, received {len(reference_T_stylus)}"

@@ -1,4 +1,4 @@
-"""The constant lag between the tracker's clock and the images', from the motion that both have seen.
+"""Temporal calibration: the constant lag between the tracker's and the images' clock, from the motion seen by both.
 
 The image's motion signal is compared with the tracker's at all lags by normalised cross-correlation; the peak is
 found between samples by a parabola. The procedure follows PLUS's temporal calibration (Lasso et al., IEEE Trans.
@@ -21,13 +21,23 @@ _LEAST_CONTRAST = 1e-3
 
 @dataclass(frozen=True)
 class TemporalResult:
-    """The lag found, and how sure it is.
+    """Lag of the tracker, and how certain it is.
 
-    ``tracker_lag_s`` is positive where poses are stamped later than the frames they belong to. ``offset_s`` is its
-    negative: what to add to the poses' times (see ``synchronise``). ``correlation`` is the peak's, signed: the sign
-    says whether the image's signal runs with the principal axis of the motion or against it.
-    ``runner_up_lag_s`` and ``runner_up_correlation`` are of the next best peak of either sign (NaN where there is
-    none). ``lags_s`` and ``correlations`` are the curve. ``frames_used`` (n,) marks the frames that entered.
+    Parameters
+    ----------
+    tracker_lag_s : float
+        Lag in s, positive where poses are stamped later than the frames they belong to.
+    correlation : float
+        Correlation at the chosen peak. Its sign tells whether the image's signal runs with the principal axis
+        of the motion or against it.
+    runner_up_lag_s, runner_up_correlation : float
+        Lag in s and correlation of the next best peak of either sign; NaN where there is none.
+    lags_s : ndarray, shape (k,)
+        Lags of the search in s.
+    correlations : ndarray, shape (k,)
+        Correlation at each lag.
+    frames_used : ndarray of bool, shape (n,)
+        Frames that entered.
     """
 
     tracker_lag_s: float
@@ -40,17 +50,34 @@ class TemporalResult:
 
     @property
     def offset_s(self) -> float:
-        """What to add to the poses' times to bring them to the images' clock."""
+        """Offset in s to add to the poses' times to bring them to the images' clock."""
         return -self.tracker_lag_s
 
 
 @dataclass(frozen=True)
 class TemporalCalibration:
-    """Estimate the tracker's lag within ``max_lag_s`` either way.
+    """Estimator of the tracker's lag.
 
-    ``step_s`` is the step of the search, refined by a parabola. A periodic motion correlates nearly as well a period
-    later, or half a period later with the sign turned: among peaks within ``tie`` of the best in correlation the
-    smallest lag is taken, as PLUS does. A best correlation under ``min_correlation`` is no result.
+    A periodic motion correlates nearly as well a period later, or half a period later with the sign inverted:
+    among the peaks within ``tie`` of the best, the smallest lag is taken, as PLUS does.
+
+    Parameters
+    ----------
+    max_lag_s : float, optional
+        Largest lag that is searched in s, either way.
+    step_s : float, optional
+        Step of the search in s, at most a quarter of ``max_lag_s``; refined by a parabola.
+    tie : float, optional
+        Difference in correlation within which peaks are tied.
+    min_correlation : float, optional
+        Smallest correlation that is accepted.
+    min_frames : int, optional
+        Smallest number of frames, at least 3.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
     """
 
     max_lag_s: float = 0.5
@@ -73,10 +100,29 @@ class TemporalCalibration:
         pose_times_s: Float[np.ndarray, "m"],
         pose_signal: Float[np.ndarray, "m"],
     ) -> TemporalResult:
-        """Find the lag. Signals are of any unit; NaN in ``image_signal`` marks a frame without one.
+        """Estimate the lag.
 
-        Raises InputError for too few frames within the tracker's times, signals that do not move, a correlation
-        that is too low, and a peak at the end of the search.
+        Parameters
+        ----------
+        image_times_s : ndarray, shape (n,)
+            Time of each frame in s.
+        image_signal : ndarray, shape (n,)
+            Motion seen in each frame, in any unit; NaN marks a frame without one.
+        pose_times_s : ndarray, shape (m,)
+            Time of each pose in s, increasing.
+        pose_signal : ndarray, shape (m,)
+            Motion of the probe at each pose, in any unit.
+
+        Returns
+        -------
+        TemporalResult
+            The lag and the correlation curve.
+
+        Raises
+        ------
+        InputError
+            If too few frames lie within the tracker's times, a signal does not move, the correlation is too
+            low, or its peak is at the end of the search.
         """
         used = self._usable(image_times_s, image_signal, pose_times_s)
         steps = int(np.ceil(self.max_lag_s / self.step_s))
@@ -133,7 +179,23 @@ class TemporalCalibration:
 
 
 def principal_motion_mm(positions_mm: Float[np.ndarray, "m 3"]) -> Float64[np.ndarray, "m"]:
-    """Positions along the axis of their largest variance, about their mean, in mm; the axis's sign is arbitrary."""
+    """Project positions on the axis of their largest variance, about their mean.
+
+    Parameters
+    ----------
+    positions_mm : ndarray, shape (m, 3)
+        Positions in mm.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+        Position along the axis in mm; the axis's sign is arbitrary.
+
+    Raises
+    ------
+    InputError
+        If the positions do not move.
+    """
     centred = np.asarray(positions_mm, dtype=np.float64) - np.mean(positions_mm, axis=0)
     if len(centred) < 2 or not np.ptp(centred, axis=0).max() > 0:
         raise InputError("positions_mm: expected positions that move, received ones that do not")

@@ -14,7 +14,15 @@ from registration.errors import InputError
 
 @dataclass(frozen=True)
 class VesselError:
-    """``roll_error_deg``, 0 to 180, about the vessel's principal axis and ``slide_error_mm``, from 0, along it."""
+    """Errors of a pose along and about the vessel's principal axis.
+
+    Parameters
+    ----------
+    roll_error_deg : float
+        Rotation about the axis, 0 to 180 degrees.
+    slide_error_mm : float
+        Displacement along the axis in mm, from 0.
+    """
 
     roll_error_deg: float
     slide_error_mm: float
@@ -26,12 +34,37 @@ def vessel_error(
     axis: Float64[np.ndarray, "3"],
     targets_mm: Float64[np.ndarray, "t 3"],
 ) -> VesselError:
-    """Take the error of a pose apart, in the fixed frame; ``axis`` is the vessel's principal one.
+    """Decompose the error of a pose into roll and slide, in the fixed frame.
 
-    The roll is the twist of the rotation's decomposition into a twist about the axis and a swing of it (Dobrowolski,
-    arXiv:1506.05481, 2015). After a flip it is that of the vessel laid back the shortest way; an exact one leaves it
-    open, and it may be any. The slide is that of the targets' centroid. Raises InputError for no targets or an axis
-    of no length.
+    Parameters
+    ----------
+    fixed_T_moving : ndarray, shape (4, 4)
+        Estimated pose.
+    true_fixed_T_moving : ndarray, shape (4, 4)
+        True pose.
+    axis : ndarray, shape (3,)
+        Direction of the vessel's principal axis, of any length.
+    targets_mm : ndarray, shape (t, 3)
+        Targets in the fixed frame in mm; the slide is that of their centroid.
+
+    Returns
+    -------
+    VesselError
+        Roll and slide.
+
+    Raises
+    ------
+    InputError
+        If a pose is not rigid, the axis has no length, or there are no finite targets.
+
+    Notes
+    -----
+    The roll is the twist of the rotation's decomposition into a twist about the axis and a swing of it. After
+    a flip it is that of the vessel laid back the shortest way; an exact flip leaves it undetermined.
+
+    References
+    ----------
+    P. Dobrowolski, arXiv:1506.05481, 2015.
     """
     length = float(np.linalg.norm(axis))
     if not (np.isfinite(length) and length > 0):

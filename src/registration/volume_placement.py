@@ -18,7 +18,22 @@ from registration.errors import InputError
 
 @dataclass(frozen=True)
 class VolumeGrid:
-    """Voxel centres at ``origin_mm + index * spacing_mm``, axes along the reference's; ``size`` is (x, y, z)."""
+    """Grid of voxel centres at ``origin_mm + index * spacing_mm``, axes along the reference's.
+
+    Parameters
+    ----------
+    origin_mm : ndarray, shape (3,)
+        Centre of the first voxel in the reference frame in mm.
+    spacing_mm : float
+        Distance between voxel centres in mm.
+    size : tuple[int, int, int]
+        Number of voxels along x, y and z.
+
+    Raises
+    ------
+    InputError
+        If the spacing is not positive or an axis has no voxel.
+    """
 
     origin_mm: Float64[np.ndarray, "3"]
     spacing_mm: float
@@ -32,7 +47,17 @@ class VolumeGrid:
 
 @dataclass(frozen=True)
 class PlacedVolume:
-    """``values`` (z, y, x) of the grid, and where any pixel fell, ``filled`` (z, y, x)."""
+    """Volume that frames were pasted into.
+
+    Parameters
+    ----------
+    grid : VolumeGrid
+        Grid of the volume.
+    values : ndarray, shape (z, y, x)
+        Grey values, 0 in voxels that no pixel fell into.
+    filled : ndarray of bool, shape (z, y, x)
+        Voxels that a pixel fell into.
+    """
 
     grid: VolumeGrid
     values: Float64[np.ndarray, "z y x"]
@@ -41,11 +66,18 @@ class PlacedVolume:
 
 @dataclass(frozen=True)
 class Agreement:
-    """How a placed volume agrees with a reference on the same grid.
+    """Agreement of a placed volume with a reference on the same grid.
 
-    ``reference_covered``: share of the reference's non-zero voxels that were filled. ``correlation`` (Pearson) and
-    ``difference_mean`` (absolute, grey levels) over the voxels that both have. ``same_share``: of those, the share
-    within one grey level.
+    Parameters
+    ----------
+    reference_covered : float
+        Share of the reference's non-zero voxels that were filled.
+    correlation : float
+        Pearson correlation over the voxels that both have.
+    difference_mean : float
+        Mean absolute difference in grey levels over these voxels.
+    same_share : float
+        Share of these voxels that agree within one grey level.
     """
 
     reference_covered: float
@@ -56,11 +88,25 @@ class Agreement:
 
 @dataclass(frozen=True)
 class VolumePlacement:
-    """Paste frames into a volume.
+    """Forward pasting of frames into a volume.
 
-    ``interpolation`` is ``nearest`` or ``linear`` (a pixel is shared among its eight voxels); ``compounding`` is
-    ``latest`` (the last frame wins; with ``nearest`` only) or ``mean``. Only pixels of the clip rectangle enter,
-    ``clip_origin_px`` as (column, row), ``clip_size_px`` as (width, height); None is the whole frame.
+    Parameters
+    ----------
+    spacing_mm : float
+        Distance between voxel centres in mm.
+    interpolation : {"nearest", "linear"}, optional
+        With ``linear`` a pixel is shared among its eight voxels.
+    compounding : {"latest", "mean"}, optional
+        With ``latest`` the last frame wins; it requires ``nearest``.
+    clip_origin_px : tuple[int, int] or None, optional
+        Column and row of the clip rectangle in px, outside which no pixel enters; None takes the whole frame.
+    clip_size_px : tuple[int, int] or None, optional
+        Width and height of the clip rectangle in px; None takes the whole frame.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, the modes do not fit, or only one part of the clip rectangle is given.
     """
 
     spacing_mm: float
@@ -86,7 +132,25 @@ class VolumePlacement:
     def grid(
         self, reference_A_pixel: Float[np.ndarray, "n 4 4"], height_px: int, width_px: int
     ) -> VolumeGrid:
-        """The smallest grid from the corner of all frames' bounding box that holds them."""
+        """Compute the smallest grid that holds all frames, from the lower corner of their bounding box.
+
+        Parameters
+        ----------
+        reference_A_pixel : ndarray, shape (n, 4, 4)
+            Affine matrix of each frame from pixels to the reference frame in mm.
+        height_px, width_px : int
+            Size of the frames in px.
+
+        Returns
+        -------
+        VolumeGrid
+            The grid.
+
+        Raises
+        ------
+        InputError
+            If the clip rectangle does not lie within the frames.
+        """
         left, top, right, bottom = self._clip(height_px, width_px)
         corners = np.array([[x, y, 0.0, 1.0] for x in (left, right) for y in (top, bottom)])
         points_mm = (corners @ np.swapaxes(reference_A_pixel, 1, 2))[..., :3].reshape(-1, 3)
@@ -100,7 +164,27 @@ class VolumePlacement:
         reference_A_pixel: Float64[np.ndarray, "n 4 4"],
         grid: VolumeGrid | None = None,
     ) -> PlacedVolume:
-        """Paste all frames, in their order, into ``grid`` (by default that of the frames)."""
+        """Paste all frames, in their order.
+
+        Parameters
+        ----------
+        images : ndarray of uint8, shape (n, height, width)
+            Grey values.
+        reference_A_pixel : ndarray, shape (n, 4, 4)
+            Affine matrix of each frame from pixels to the reference frame in mm.
+        grid : VolumeGrid or None, optional
+            Grid to paste into; None takes that of the frames.
+
+        Returns
+        -------
+        PlacedVolume
+            The volume.
+
+        Raises
+        ------
+        InputError
+            If there is no frame, or the clip rectangle does not lie within the frames.
+        """
         if not len(images):
             raise InputError("images: expected at least one frame, received none")
         height, width = images.shape[1:]
@@ -166,7 +250,25 @@ class VolumePlacement:
 
 
 def compare(placed: PlacedVolume, reference: UInt8[np.ndarray, "z y x"]) -> Agreement:
-    """Compare with a reference volume on the same grid, in which 0 means that no pixel fell there."""
+    """Compare a placed volume with a reference on the same grid.
+
+    Parameters
+    ----------
+    placed : PlacedVolume
+        Volume that frames were pasted into.
+    reference : ndarray of uint8, shape (z, y, x)
+        Grey values of the reference; 0 means that no pixel fell there.
+
+    Returns
+    -------
+    Agreement
+        Agreement of both.
+
+    Raises
+    ------
+    InputError
+        If the shapes differ or fewer than two voxels are in common.
+    """
     if placed.values.shape != reference.shape:
         raise InputError(f"reference: expected shape {placed.values.shape}, received {reference.shape}")
     present = reference > 0

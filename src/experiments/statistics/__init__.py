@@ -1,4 +1,4 @@
-"""What every study states about its numbers: summaries, intervals, and comparisons over independent units.
+"""Statistics that every study reports: summaries, intervals, and comparisons over independent units.
 
 The unit is the group, sweep or anatomy, never the frame or the pair of frames: ``by_unit`` makes one value of each
 unit's cases, and every test and interval here takes such values.

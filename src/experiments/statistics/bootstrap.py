@@ -22,17 +22,43 @@ _INDICES_AT_ONCE = 2_000_000
 
 @dataclass(frozen=True)
 class Bootstrap:
-    """The interval of a mean or median by the bootstrap over units (Efron, Ann. Stat. 7, 1979).
+    """Interval of a mean or median by the bootstrap over units.
 
-    Units are drawn with replacement, each with all its cases (the cluster bootstrap: Davison and Hinkley, Bootstrap
-    Methods and their Application, 1997, section 3.8). ``statistic`` says what is estimated: the mean or the median
-    over units of each unit's mean, or the mean over all cases, in which a unit weighs as many cases as it has.
+    Units are drawn with replacement, each with all its cases (the cluster bootstrap: Davison and Hinkley).
 
-    ``method="percentile"`` takes the quantiles of the resampled statistic. They lie too close together when units are
-    few; ``"expanded"`` takes outer ones, by the factor that makes an interval around a normal mean Student's
-    (Hesterberg, The American Statistician 69, 2015, section 5.3). In 1000 samples of 5, 8 and 11 normal values its
-    95 % interval held the mean 93, 95 and 94 % of the time, the plain one's 84, 90 and 91 %. Under 5 units, or where
-    a few units differ much from all others, both are too narrow.
+    Parameters
+    ----------
+    statistic : {"mean_of_units", "median_of_units", "mean_of_cases"}, optional
+        The mean or the median over units of each unit's mean, or the mean over all cases, in which a unit
+        weighs as many cases as it has.
+    method : {"expanded", "percentile"}, optional
+        ``percentile`` takes the quantiles of the resampled statistic, ``expanded`` outer ones; see the notes.
+    level : float, optional
+        Confidence level, between 0 and 1.
+    resamples : int, optional
+        Number of resamples, at least 100.
+    seed : int, optional
+        Seed of the resampling.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range or a choice is unknown.
+
+    Notes
+    -----
+    The percentiles lie too close together when units are few. The expanded ones are further out by the factor
+    that makes an interval around a normal mean Student's (Hesterberg, section 5.3). In 1000 samples of 5, 8
+    and 11 normal values the expanded 95 % interval held the mean 93, 95 and 94 % of the time, the plain one
+    84, 90 and 91 %. Under 5 units, or where a few units differ much from all others, both are too narrow.
+
+    References
+    ----------
+    B. Efron, Ann. Stat. 7, 1979.
+
+    A. C. Davison and D. V. Hinkley, Bootstrap Methods and their Application, 1997, section 3.8.
+
+    T. C. Hesterberg, The American Statistician 69, 2015.
     """
 
     statistic: Literal["mean_of_units", "median_of_units", "mean_of_cases"] = "mean_of_units"
@@ -53,11 +79,26 @@ class Bootstrap:
             raise InputError(f"resamples: expected at least 100, received {self.resamples}")
 
     def __call__(self, values: ArrayLike, units: Sequence[Hashable] | None = None) -> Interval:
-        """The interval of the statistic of ``values``, one a case, whose units are ``units``.
+        """Compute the interval of the statistic.
 
-        Without ``units`` each value is a unit of its own. An infinite value, a failure, makes a mean infinite and
-        ranks at its end in a median. The bounds are NaN for a single unit and, of a mean, where infinities of both
-        signs meet. Raises InputError for no values, a NaN, or labels that are not one a value.
+        Parameters
+        ----------
+        values : array_like, shape (n,)
+            One value a case. An infinite value, a failure, makes a mean infinite and ranks at its end in a
+            median.
+        units : sequence of hashable or None, optional
+            Unit of each case; None makes each case a unit of its own.
+
+        Returns
+        -------
+        Interval
+            The interval. Its bounds are NaN for a single unit and, of a mean, where infinities of both signs
+            meet.
+
+        Raises
+        ------
+        InputError
+            If there is no value, a value is NaN, or there is not one unit for each value.
         """
         cases = np.asarray(values, dtype=np.float64)
         if cases.ndim != 1 or not len(cases):

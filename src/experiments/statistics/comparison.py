@@ -1,4 +1,4 @@
-"""Two methods on the same units: how far apart, how sure, and whether close enough to call them equal."""
+"""Paired comparison of two methods on the same units: difference, uncertainty, and equivalence within a margin."""
 
 from __future__ import annotations
 
@@ -15,10 +15,20 @@ from experiments.statistics.paired_tests import SignedRank, SignedRankResult, pa
 
 @dataclass(frozen=True)
 class Equivalence:
-    """Whether two methods differ by less than ``margin``, in the metric's unit.
+    """Test of whether two methods differ by less than a margin.
 
-    ``p`` is the larger of the two one-sided tests, ``least_p`` the smallest it could have been with as many units.
-    ``interval`` is that of the mean difference at 1 - 2 alpha, ``inside`` whether it lies within the margin.
+    Parameters
+    ----------
+    margin : float
+        The margin, in the metric's unit.
+    p : float
+        Larger p-value of the two one-sided tests.
+    least_p : float
+        Smallest p-value possible with as many units.
+    interval : Interval
+        Interval of the mean difference at level 1 - 2 alpha.
+    inside : bool
+        Whether that interval lies within the margin.
     """
 
     margin: float
@@ -30,7 +40,21 @@ class Equivalence:
 
 @dataclass(frozen=True)
 class PairedResult:
-    """Two methods over the same ``units``: each one's mean, their differences (first minus second), and the tests."""
+    """Comparison of two methods over the same units; differences are first minus second.
+
+    Parameters
+    ----------
+    units : int
+        Number of units.
+    first, second : Interval
+        Mean of each method.
+    mean_difference, median_difference : Interval
+        Mean and median of the differences.
+    test : SignedRankResult
+        Signed-rank test of the differences.
+    equivalence : Equivalence or None
+        Test of equivalence; None without a margin.
+    """
 
     units: int
     first: Interval
@@ -43,14 +67,37 @@ class PairedResult:
 
 @dataclass(frozen=True)
 class PairedComparison:
-    """Compares two methods by one value a unit of each.
+    """Comparison of two methods by one value a unit of each.
 
     Means and differences get bootstrap intervals over units, the difference an exact signed-rank test and the
-    rank-biserial correlation. With ``margin`` the claim that the methods differ by less than that is tested by two
-    one-sided tests (Schuirmann, J. Pharmacokinet. Biopharm. 15, 1987), as signed-rank tests of the differences
-    shifted by the margin (Wellek, Testing Statistical Hypotheses of Equivalence and Noninferiority, 2010, chapter
-    5): being exact they can't claim anything from too few units. They are blind to a few units that differ much, so
-    the bootstrap interval of the mean difference at 1 - 2 ``alpha`` must lie within the margin as well.
+    rank-biserial correlation. With a margin the claim that the methods differ by less is tested as well.
+
+    Parameters
+    ----------
+    margin : float or None, optional
+        Margin of equivalence in the metric's unit, above 0; None tests no equivalence.
+    alpha : float, optional
+        Level of the test of equivalence, between 0 and 0.5.
+    bootstrap : Bootstrap, optional
+        Bootstrap of the intervals; its statistic is replaced.
+
+    Raises
+    ------
+    InputError
+        If the margin or the level is out of range.
+
+    Notes
+    -----
+    Equivalence is tested by two one-sided tests (Schuirmann), as signed-rank tests of the differences shifted
+    by the margin (Wellek, chapter 5): being exact they can't claim anything from too few units. They are
+    blind to a few units that differ much, so the bootstrap interval of the mean difference at 1 - 2 ``alpha``
+    must lie within the margin as well.
+
+    References
+    ----------
+    D. J. Schuirmann, J. Pharmacokinet. Biopharm. 15, 1987.
+
+    S. Wellek, Testing Statistical Hypotheses of Equivalence and Noninferiority, 2010.
     """
 
     margin: float | None = None
@@ -64,7 +111,23 @@ class PairedComparison:
             raise InputError(f"alpha: expected a level between 0 and 0.5, received {self.alpha}")
 
     def __call__(self, first: ArrayLike, second: ArrayLike) -> PairedResult:
-        """Compare; a failure is infinite, on the worse side. Raises InputError for values that are not pairs or NaN."""
+        """Compare two methods.
+
+        Parameters
+        ----------
+        first, second : array_like, shape (n,)
+            One value a unit of each method; a failure is infinite, on the worse side.
+
+        Returns
+        -------
+        PairedResult
+            Means, differences and tests.
+
+        Raises
+        ------
+        InputError
+            If the values are no pairs, or one is NaN.
+        """
         difference = paired_differences(first, second)
         mean = replace(self.bootstrap, statistic="mean_of_units")
         median = replace(self.bootstrap, statistic="median_of_units")

@@ -1,4 +1,4 @@
-"""Intervals for what the studies count, and the summary of what they measure."""
+"""Intervals of proportions, and the summary of measured values."""
 
 from __future__ import annotations
 
@@ -12,7 +12,19 @@ from experiments.errors import InputError
 
 @dataclass(frozen=True)
 class Proportion:
-    """A rate with its interval: ``successes`` of ``trials``, ``rate`` between ``low`` and ``high``."""
+    """Rate with its interval.
+
+    Parameters
+    ----------
+    successes : int
+        Number of successes.
+    trials : int
+        Number of trials.
+    rate : float
+        Share of successes.
+    low, high : float
+        Bounds of the interval.
+    """
 
     successes: int
     trials: int
@@ -23,9 +35,20 @@ class Proportion:
 
 @dataclass(frozen=True)
 class Interval:
-    """An ``estimate`` between ``low`` and ``high`` at a confidence ``level``, from that many independent ``units``.
+    """Estimate with its interval.
 
     The bounds are NaN where an interval is not defined (one unit, or failures on both sides of a difference).
+
+    Parameters
+    ----------
+    estimate : float
+        The estimate.
+    low, high : float
+        Bounds of the interval.
+    level : float
+        Confidence level.
+    units : int
+        Number of independent units.
     """
 
     estimate: float
@@ -36,8 +59,33 @@ class Interval:
 
 
 def wilson_interval(successes: int, trials: int, level: float = 0.95) -> Proportion:
-    """The score interval of a proportion (Wilson, J. Am. Stat. Assoc. 22, 1927), without continuity correction.
+    """Compute the score interval of a proportion, without continuity correction.
 
+    Parameters
+    ----------
+    successes : int
+        Number of successes.
+    trials : int
+        Number of trials, at least 1.
+    level : float, optional
+        Confidence level, between 0 and 1.
+
+    Returns
+    -------
+    Proportion
+        Rate and bounds.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
+
+    References
+    ----------
+    E. B. Wilson, J. Am. Stat. Assoc. 22, 1927.
+
+    Examples
+    --------
     >>> interval = wilson_interval(60, 60)
     >>> round(interval.low, 3), interval.high
     (0.94, 1.0)
@@ -51,10 +99,28 @@ def wilson_interval(successes: int, trials: int, level: float = 0.95) -> Proport
 
 
 def wilson_of_rate(rate: float, trials: int, level: float = 0.95) -> Interval:
-    """Wilson's interval of a rate that need not be a whole count of ``trials``.
+    """Compute Wilson's interval of a rate that need not be a whole count of the trials.
 
-    Such a rate is a mean over repetitions (seeds) of the same trials, which add no trials of their own. Raises
-    InputError for a rate outside 0 to 1, no trials, or a level that is none.
+    Such a rate is a mean over repetitions (seeds) of the same trials, which add no trials of their own.
+
+    Parameters
+    ----------
+    rate : float
+        Rate from 0 to 1.
+    trials : int
+        Number of trials, at least 1.
+    level : float, optional
+        Confidence level, between 0 and 1.
+
+    Returns
+    -------
+    Interval
+        Rate and bounds.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
     """
     if trials < 1:
         raise InputError(f"trials: expected at least 1, received {trials}")
@@ -71,17 +137,43 @@ def wilson_of_rate(rate: float, trials: int, level: float = 0.95) -> Interval:
 
 
 def check_level(level: float) -> None:
-    """Raise InputError unless ``level`` is a confidence level."""
+    """Check a confidence level.
+
+    Parameters
+    ----------
+    level : float
+        Confidence level.
+
+    Raises
+    ------
+    InputError
+        If it does not lie between 0 and 1.
+    """
     if not 0 < level < 1:
         raise InputError(f"level: expected a level between 0 and 1, received {level}")
 
 
 def summary(name: str, values: Sequence[float]) -> dict[str, float]:
-    """The five numbers of a metric over its cases: ``<name>_mean``, ``_std``, ``_median``, ``_p95`` and ``_n``.
+    """Summarise a metric over its cases.
 
-    Infinite values (failures of an error measure) rank worst: the mean is then infinite and the spread undefined. A
-    NaN makes all but ``_n`` NaN: what failed never leaves a number that looks like a result. ``_std`` is that of a
-    sample (n - 1), NaN for one case.
+    Parameters
+    ----------
+    name : str
+        Name of the metric.
+    values : sequence of float
+        One value a case. Infinite values (failures of an error measure) rank worst: the mean is then infinite
+        and the standard deviation undefined.
+
+    Returns
+    -------
+    dict of str to float
+        ``<name>_mean``, ``_std`` (of a sample, n - 1; NaN for one case), ``_median``, ``_p95`` and ``_n``. A
+        NaN makes all but ``_n`` NaN, so that a failure never leaves a number that looks like a result.
+
+    Raises
+    ------
+    InputError
+        If there is no case.
     """
     import numpy as np
 

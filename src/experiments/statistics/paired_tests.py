@@ -1,4 +1,4 @@
-"""Exact tests of two methods on the same units: by rank, by success, and with several comparisons at once."""
+"""Exact tests of two methods on the same units: signed rank, McNemar, and adjustment for several comparisons."""
 
 from __future__ import annotations
 
@@ -19,11 +19,25 @@ _TIES_WITHIN = 1e-9
 
 @dataclass(frozen=True)
 class SignedRankResult:
-    """The outcome of a signed-rank test of ``units`` pairs, of which ``nonzero`` differ.
+    """Result of a signed-rank test.
 
-    ``p`` is exact unless ``exact`` is False. ``least_p`` is the smallest value it could have taken for as many
-    differences that are not zero: where it is above the level, no outcome could have been significant.
-    ``rank_biserial`` is the effect size, from -1 (second larger in every unit) to 1 (first larger).
+    Parameters
+    ----------
+    units : int
+        Number of pairs.
+    nonzero : int
+        Number of pairs that differ.
+    positive_ranks, negative_ranks : float
+        Sum of the ranks of positive and of negative differences.
+    p : float
+        P-value, exact unless ``exact`` is False.
+    least_p : float
+        Smallest p-value possible with as many non-zero differences: where it is above the level, no result
+        could have been significant.
+    rank_biserial : float
+        Effect size, from -1 (second larger in every unit) to 1 (first larger).
+    exact : bool
+        Whether the p-value is exact.
     """
 
     units: int
@@ -38,13 +52,32 @@ class SignedRankResult:
 
 @dataclass(frozen=True)
 class SignedRank:
-    """Wilcoxon's signed-rank test of paired values (Biometrics Bulletin 1, 1945), exact with ties and with zeros.
+    """Wilcoxon's signed-rank test of paired values, exact with ties and with zeros.
 
-    Tied differences share their mean rank. Zeros are ranked with the others and then dropped (Pratt, J. Am. Stat.
-    Assoc. 54, 1959), so that units without a difference count against one. ``alternative`` is about the first minus
-    the second. The effect size is the matched-pairs rank-biserial correlation, the share of ranks in favour less the
-    share against (Kerby, Comprehensive Psychology 3, 2014).
+    Tied differences share their mean rank. Zeros are ranked with the others and then dropped (Pratt), so that
+    units without a difference count against one. The effect size is the matched-pairs rank-biserial
+    correlation, the share of ranks in favour less the share against (Kerby).
 
+    Parameters
+    ----------
+    alternative : {"two_sided", "greater", "less"}, optional
+        Alternative about the first minus the second.
+
+    Raises
+    ------
+    InputError
+        If the alternative is unknown.
+
+    References
+    ----------
+    F. Wilcoxon, Biometrics Bulletin 1, 1945.
+
+    J. W. Pratt, J. Am. Stat. Assoc. 54, 1959.
+
+    D. S. Kerby, Comprehensive Psychology 3, 2014.
+
+    Examples
+    --------
     >>> SignedRank()([1, 2, 3, 4, 5], [0, 0, 0, 0, 0]).p
     0.0625
     """
@@ -58,9 +91,23 @@ class SignedRank:
             )
 
     def __call__(self, first: ArrayLike, second: ArrayLike) -> SignedRankResult:
-        """Test one value a unit of each method; an infinite value, a failure, ranks beyond all others.
+        """Test one value a unit of each method.
 
-        Two failures of one unit are a tie. Raises InputError for values that are not pairs, none, or NaN.
+        Parameters
+        ----------
+        first, second : array_like, shape (n,)
+            One value a unit. An infinite value, a failure, ranks beyond all others; two failures of one unit
+            are a tie.
+
+        Returns
+        -------
+        SignedRankResult
+            P-value and effect size.
+
+        Raises
+        ------
+        InputError
+            If the values are no pairs, there is none, or one is NaN.
         """
         difference = paired_differences(first, second)
         nonzero = difference != 0
@@ -89,9 +136,20 @@ class SignedRank:
 
 @dataclass(frozen=True)
 class McNemar:
-    """The outcome of McNemar's test: rows in which only the first, or only the second, method succeeded.
+    """Result of McNemar's test.
 
-    ``units`` counts independent units, ``p`` is exact and two-sided, ``least_p`` the smallest it could have been.
+    Parameters
+    ----------
+    units : int
+        Number of independent units.
+    rows : int
+        Number of rows.
+    first_only, second_only : int
+        Rows in which only the first, or only the second, method succeeded.
+    p : float
+        Exact two-sided p-value.
+    least_p : float
+        Smallest p-value that was possible.
     """
 
     units: int
@@ -103,12 +161,35 @@ class McNemar:
 
 
 def mcnemar(first: ArrayLike, second: ArrayLike, units: Sequence[Hashable]) -> McNemar:
-    """McNemar's exact test (Psychometrika 12, 1947) of the success of two methods on the same rows.
+    """Test the success of two methods on the same rows by McNemar's exact test.
 
-    With one row a unit it is the binomial test of the rows in which one method alone succeeded. Rows of one unit are
-    not independent: what is tested is then each unit's surplus of rows won, whose sign is a fair coin when the
-    methods are alike. Raises InputError for values other than true and false, or for lengths that differ.
+    With one row a unit it is the binomial test of the rows in which one method alone succeeded. Rows of one
+    unit are not independent: what is tested is then each unit's surplus of rows won, whose sign is a fair
+    coin when the methods are alike.
 
+    Parameters
+    ----------
+    first, second : array_like of bool, shape (n,)
+        Success of each method in each row.
+    units : sequence of hashable
+        Unit of each row.
+
+    Returns
+    -------
+    McNemar
+        Counts and p-value.
+
+    Raises
+    ------
+    InputError
+        If a value is neither true nor false, or the lengths differ.
+
+    References
+    ----------
+    Q. McNemar, Psychometrika 12, 1947.
+
+    Examples
+    --------
     >>> mcnemar([1, 1, 1, 1, 1, 0], [0, 0, 0, 0, 0, 0], units=range(6)).p
     0.0625
     """
@@ -133,11 +214,29 @@ def mcnemar(first: ArrayLike, second: ArrayLike, units: Sequence[Hashable]) -> M
 
 
 def holm(p_values: ArrayLike) -> np.ndarray:
-    """P-values adjusted for testing several at once (Holm, Scand. J. Stat. 6, 1979), in the order given.
+    """Adjust p-values for testing several hypotheses at once.
 
-    A NaN is a test that could not be made: it stays NaN and does not count. Raises InputError for a value outside 0
-    to 1.
+    Parameters
+    ----------
+    p_values : array_like, shape (n,)
+        P-values. A NaN is a test that could not be made: it stays NaN and does not count.
 
+    Returns
+    -------
+    ndarray, shape (n,)
+        Adjusted p-values in the order given.
+
+    Raises
+    ------
+    InputError
+        If a value lies outside 0 to 1.
+
+    References
+    ----------
+    S. Holm, Scand. J. Stat. 6, 1979.
+
+    Examples
+    --------
     >>> holm([0.01, 0.04, 0.03]).tolist()
     [0.03, 0.06, 0.06]
     """
@@ -153,9 +252,22 @@ def holm(p_values: ArrayLike) -> np.ndarray:
 
 
 def paired_differences(first: ArrayLike, second: ArrayLike) -> np.ndarray:
-    """First minus second, ties made exact; two failures of one unit differ by nothing.
+    """Compute first minus second, ties made exact.
 
-    Raises InputError for values that are not pairs, none, or NaN.
+    Parameters
+    ----------
+    first, second : array_like, shape (n,)
+        One value a unit of each method.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Differences; two failures (equal infinities) of one unit differ by 0.
+
+    Raises
+    ------
+    InputError
+        If the values are no pairs, there is none, or one is NaN.
     """
     one, other = (np.asarray(values, dtype=np.float64) for values in (first, second))
     if one.ndim != 1 or one.shape != other.shape or not len(one):

@@ -1,4 +1,4 @@
-"""The exact distribution of a sum of weights whose signs are fair coins: what the paired tests share."""
+"""Exact distribution of a sum of weights whose signs are fair coins, which the paired tests share."""
 
 from __future__ import annotations
 
@@ -13,7 +13,17 @@ EXACT_UP_TO = 1000
 
 @dataclass(frozen=True)
 class Tails:
-    """The chances of a positive sum as small, and as large, as the one observed; and of the largest there can be."""
+    """Tail probabilities of a sum of randomly signed weights.
+
+    Parameters
+    ----------
+    at_most, at_least : float
+        Probability of a positive sum at most, and at least, as large as the observed one.
+    least : float
+        Probability of the largest sum possible.
+    exact : bool
+        Whether the probabilities are exact.
+    """
 
     at_most: float
     at_least: float
@@ -27,17 +37,35 @@ class Tails:
 
     @property
     def least_two_sided(self) -> float:
-        """The smallest two-sided value that these weights can give."""
+        """Smallest two-sided value that these weights can give."""
         return min(1.0, 2 * self.least)
 
 
 def tails(weights: np.ndarray, positive: int) -> Tails:
-    """Both tails of the sum of those ``weights`` (whole, above 0) that a fair coin makes positive, at ``positive``.
+    """Compute both tails of the sum of those weights that a fair coin makes positive.
 
-    Every one of the 2^n patterns of signs is as likely as any other when the two sides of a pair are exchangeable
-    (Fisher, The Design of Experiments, 1935, section 21). They are counted by convolution, weight by weight, so that
-    ties and any weights are exact. Beyond 1000 weights the normal distribution of the same mean and variance, with
-    correction for continuity, stands in.
+    Parameters
+    ----------
+    weights : ndarray of int, shape (n,)
+        Weights, above 0.
+    positive : int
+        Observed sum.
+
+    Returns
+    -------
+    Tails
+        Both tails.
+
+    Notes
+    -----
+    Every one of the 2^n patterns of signs is as likely as any other when the two sides of a pair are
+    exchangeable (Fisher, section 21). They are counted by convolution, weight by weight, so that ties and any
+    weights are exact. Beyond 1000 weights the normal distribution of the same mean and variance, with
+    continuity correction, is used instead.
+
+    References
+    ----------
+    R. A. Fisher, The Design of Experiments, 1935.
     """
     weights = np.sort(np.asarray(weights, dtype=np.int64))
     least = 0.5 ** len(weights)

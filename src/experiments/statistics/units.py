@@ -1,4 +1,4 @@
-"""From the cases of a study to one value a unit: what is independent is counted, not what is many."""
+"""One value for each independent unit, from the cases of a study."""
 
 from __future__ import annotations
 
@@ -19,15 +19,42 @@ def by_unit(
     failed: float | None = None,
     statistic: Literal["mean", "median"] = "mean",
 ) -> pd.Series[float]:
-    """The mean (or median) of ``metric`` over the cases of each ``unit``, indexed by unit in sorted order.
+    """Average a metric over the cases of each unit.
 
     Frames of one sweep, or trials on one anatomy, resemble each other: counted one by one they would make any
-    difference significant (the unit of analysis: Altman and Bland, BMJ 314, 1997). ``failed`` is what a NaN counts
-    as: infinity in an error, minus infinity or 0 in a score. None says that NaN is no failure but a case for which
-    the metric is not defined; such cases, and units of nothing else, are left out. An infinite case makes its unit's
-    mean infinite, so that a unit with one failure ranks worst; with ``statistic="median"`` only a unit does in which
-    more than half of the cases failed (with an even number, half). Raises InputError for a column that is missing, a
-    case without a unit, or a unit with infinite values of both signs.
+    difference significant (the unit of analysis: Altman and Bland).
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        One row a case.
+    metric : str
+        Column of the metric.
+    unit : str, optional
+        Column of the unit.
+    failed : float or None, optional
+        Value that a NaN counts as: infinity in an error, minus infinity or 0 in a score. None says that NaN
+        is no failure but a case for which the metric is not defined; such cases, and units of nothing else,
+        are left out.
+    statistic : {"mean", "median"}, optional
+        Statistic over the cases of a unit. An infinite case makes its unit's mean infinite, so that a unit
+        with one failure ranks worst; the median is infinite only if more than half of the cases failed (with
+        an even number, half).
+
+    Returns
+    -------
+    pandas.Series of float
+        One value a unit, indexed by unit in sorted order.
+
+    Raises
+    ------
+    InputError
+        If a column is missing, a case has no unit, the statistic is unknown, or a unit has infinite values of
+        both signs.
+
+    References
+    ----------
+    D. G. Altman and J. M. Bland, BMJ 314, 1997.
     """
     for column in (metric, unit):
         if column not in cases:

@@ -23,7 +23,17 @@ MOVING_POINTS, FIXED_POINTS = 3000, 5000
 
 @dataclass(frozen=True)
 class CaseSpec:
-    """Which case: an anatomy (its name and seed) and a kind; the same spec always gives the same case."""
+    """Specification of one case: an anatomy and a kind; the same spec always gives the same case.
+
+    Parameters
+    ----------
+    anatomy : str
+        Name of the anatomy.
+    seed : int
+        Seed of the anatomy.
+    kind : str
+        Name of the kind of case.
+    """
 
     anatomy: str
     seed: int
@@ -31,12 +41,28 @@ class CaseSpec:
 
     @property
     def name(self) -> str:
-        """The name that the case's files have."""
+        """Name of the case in files and tables."""
         return f"{self.anatomy}_{self.kind}"
 
 
 def specs(subset: str) -> tuple[CaseSpec, ...]:
-    """All cases of ``development`` (anatomy seeds 0 to 23), ``test`` (1000 to 1023) or ``symmetric``."""
+    """List all cases of a subset.
+
+    Parameters
+    ----------
+    subset : str
+        ``development`` (anatomy seeds 0 to 23), ``test`` (1000 to 1023) or ``symmetric``.
+
+    Returns
+    -------
+    tuple of CaseSpec
+        The cases, in a fixed order.
+
+    Raises
+    ------
+    InputError
+        If the subset is unknown.
+    """
     if subset == SYMMETRIC:
         return tuple(
             CaseSpec(name, SYMMETRIC_SEED + number, kind)
@@ -51,7 +77,25 @@ def specs(subset: str) -> tuple[CaseSpec, ...]:
 
 
 def build_case(spec: CaseSpec) -> tuple[BenchmarkCase, CaseTruth]:
-    """Make one case and its truth in memory, in half a second to two."""
+    """Make one case and its truth in memory, in half a second to two.
+
+    Parameters
+    ----------
+    spec : CaseSpec
+        Which case.
+
+    Returns
+    -------
+    case : BenchmarkCase
+        What a method is given.
+    truth : CaseTruth
+        Pose, targets and symmetry of the case.
+
+    Raises
+    ------
+    InputError
+        If the kind is unknown.
+    """
     kind = kind_named(spec.kind)
     number = KINDS.index(kind)
     rng = np.random.default_rng([spec.seed, 60, number])

@@ -27,7 +27,19 @@ MOVING, FIXED, FIXED_POINTS = "moving.ply", "fixed.ply", "fixed_points.ply"
 
 
 def write_case(folder: Path, case: BenchmarkCase, truth: CaseTruth) -> None:
-    """Write a case into ``folder``/<case> and its truth beside; the case's folder appears once both are whole."""
+    """Write a case into ``folder``/<case> and its truth next to it.
+
+    The case's folder is written atomically, after the truth.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the subset.
+    case : BenchmarkCase
+        Case to write.
+    truth : CaseTruth
+        Its truth, written into ``folder``/truth.
+    """
     told = truth_as_json(truth) | {"digest": digest(case, truth)}
     write_whole(truth_file(folder, case.name), (json.dumps(told) + "\n").encode())
     with whole_folder(folder / case.name) as stage:
@@ -51,7 +63,23 @@ def write_case(folder: Path, case: BenchmarkCase, truth: CaseTruth) -> None:
 
 
 def read_case(folder: Path) -> BenchmarkCase:
-    """Read one case's folder; InputError names a file that is missing or is not what it must be."""
+    """Read one case.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the case.
+
+    Returns
+    -------
+    BenchmarkCase
+        The case, without its truth.
+
+    Raises
+    ------
+    InputError
+        If a file is missing or malformed; the message names it.
+    """
     about = read_json(folder / CASE_FILE)
     missing = [key for key in ("case", "anatomy", "kind") if not isinstance(about.get(key), str)]
     if missing:
@@ -68,17 +96,59 @@ def read_case(folder: Path) -> BenchmarkCase:
 
 
 def truth_file(folder: Path, case: str) -> Path:
-    """Where the truth of a case in the subset's ``folder`` lies."""
+    """Return the path of a case's truth.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the subset.
+    case : str
+        Name of the case.
+
+    Returns
+    -------
+    Path
+        Path of the JSON file, which need not exist.
+    """
     return folder / TRUTH / f"{case}.json"
 
 
 def case_names(folder: Path) -> list[str]:
-    """The cases whose truth lies in the subset's ``folder``, in order of name."""
+    """List the cases whose truth is present.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the subset.
+
+    Returns
+    -------
+    list of str
+        Names in alphabetical order.
+    """
     return sorted(path.stem for path in (folder / TRUTH).glob("*.json") if not path.name.startswith("."))
 
 
 def written_digest(folder: Path, case: str) -> str | None:
-    """The digest of a case that is there as a whole, or None."""
+    """Read the digest of a case that is completely written.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the subset.
+    case : str
+        Name of the case.
+
+    Returns
+    -------
+    str or None
+        The digest; None where the case or its truth is missing or has none.
+
+    Raises
+    ------
+    InputError
+        If the truth is not JSON.
+    """
     if not (folder / case / CASE_FILE).is_file() or not truth_file(folder, case).is_file():
         return None
     found = read_json(truth_file(folder, case)).get("digest")

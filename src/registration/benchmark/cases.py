@@ -17,10 +17,26 @@ DECIMALS = 4
 
 @dataclass(frozen=True)
 class BenchmarkCase:
-    """What a method is given: a cloud from a sweep, in a frame of its own, and the model from CT.
+    """What a method is given: a cloud from a sweep and the model from CT.
 
-    ``moving_mm`` and ``moving_normals`` (m, 3) in a frame of their own; ``moving_frame`` (m,) is the frame of the sweep
-    that each point was seen in. ``fixed`` is the model's surface and ``fixed_mm`` (n, 3) points of it, even by area.
+    Parameters
+    ----------
+    name : str
+        Name of the case.
+    anatomy : str
+        Name of the anatomy.
+    kind : str
+        Name of the kind of case.
+    moving_mm : ndarray, shape (m, 3)
+        Moving points in a coordinate frame of their own, in mm.
+    moving_normals : ndarray, shape (m, 3)
+        Unit normals of the moving points, in the same frame.
+    moving_frame : ndarray of int, shape (m,)
+        Index of the sweep's frame that each moving point was seen in.
+    fixed : Mesh
+        Surface of the model in the fixed frame, in mm.
+    fixed_mm : ndarray, shape (n, 3)
+        Points sampled from it uniformly by area, in mm.
     """
 
     name: str
@@ -35,11 +51,32 @@ class BenchmarkCase:
 
 @dataclass(frozen=True)
 class CaseTruth:
-    """What is known of a case: the pose, where its error is measured, and which other poses are as right.
+    """Truth of a case, which a method does not see.
 
-    ``targets_mm`` (t, 3) lie on the model's centerline, in the fixed frame; ``covered`` (t,) says which of them were
-    swept. ``outlier`` (m,) marks moving points that belong to no vessel. ``angle_deg`` and ``translation_mm`` say how
-    far the start is from the truth, ``place`` which part of the sweep was used. All of the benchmark is ``simulated``.
+    Parameters
+    ----------
+    name : str
+        Name of the case.
+    anatomy : str
+        Name of the anatomy.
+    kind : str
+        Name of the kind of case.
+    place : str
+        Part of the sweep that was used: ``start``, ``middle`` or ``end``.
+    fixed_T_moving : ndarray, shape (4, 4)
+        True pose.
+    targets_mm : ndarray, shape (t, 3)
+        Targets on the model's centerline, in the fixed frame in mm.
+    covered : ndarray of bool, shape (t,)
+        Which targets were swept.
+    outlier : ndarray of bool, shape (m,)
+        Which moving points are outliers that belong to no vessel.
+    angle_deg, translation_mm : float
+        Angle in degrees and length in mm by which the start is off the truth.
+    symmetry : Symmetry, optional
+        Symmetry of the vessel; empty for most.
+    simulated : bool, optional
+        Whether the data are simulated; all of the benchmark is.
     """
 
     name: str
@@ -57,7 +94,20 @@ class CaseTruth:
 
 
 def digest(case: BenchmarkCase, truth: CaseTruth) -> str:
-    """SHA-256 of all numbers of a case, lengths rounded to 0.1 micrometre, in 16 hexadecimal digits."""
+    """Compute a digest of all numbers of a case, lengths rounded to 0.1 micrometre.
+
+    Parameters
+    ----------
+    case : BenchmarkCase
+        Case.
+    truth : CaseTruth
+        Its truth.
+
+    Returns
+    -------
+    str
+        First 16 hexadecimal digits of a SHA-256.
+    """
     found = hashlib.sha256()
     for lengths_mm in (
         case.moving_mm,

@@ -1,4 +1,4 @@
-"""What a benchmark case shows of its sweep: all of it, a piece, a sweep with gaps, or one with stray points."""
+"""What a benchmark case shows of its sweep: all of it, a piece, a sweep with gaps, or one with outliers."""
 
 from __future__ import annotations
 
@@ -19,9 +19,23 @@ GAPS = 2
 class Kind:
     """One kind of case.
 
-    ``share`` of the sweep's frames is used, at one of the ``places`` (start, middle, end), which is drawn.
-    ``missing_share`` of the frames are lost, half of them in two gaps and half one by one; ``outlier_share`` of the
-    points belong to no vessel.
+    Parameters
+    ----------
+    name : str
+        Name of the kind.
+    share : float, optional
+        Share of the sweep's frames that is used, above 0 to 1.
+    places : tuple of str, optional
+        Parts of the sweep that may be used, of ``start``, ``middle`` and ``end``; one is drawn.
+    missing_share : float, optional
+        Share of these frames that is lost, half in two gaps and half one by one; at most 0.9.
+    outlier_share : float, optional
+        Share of the points that are outliers, at most 0.9.
+
+    Raises
+    ------
+    InputError
+        If a share is out of range or a place is unknown.
     """
 
     name: str
@@ -43,7 +57,22 @@ class Kind:
             )
 
     def choose(self, frames: int, rng: np.random.Generator) -> tuple[str, Int64[np.ndarray, "k"]]:
-        """The place that is drawn, and the numbers of the frames that a case of this kind uses, of so many."""
+        """Draw the part of the sweep and the frames that a case of this kind uses.
+
+        Parameters
+        ----------
+        frames : int
+            Number of frames of the sweep.
+        rng : numpy.random.Generator
+            Random stream of the choice.
+
+        Returns
+        -------
+        place : str
+            Part of the sweep.
+        kept : ndarray of int, shape (k,)
+            Indices of the frames that are used, in increasing order.
+        """
         place = str(self.places[int(rng.integers(len(self.places)))])
         length = round(self.share * frames)
         begin = round((frames - length) * PLACES.index(place) / 2)
@@ -65,7 +94,23 @@ KINDS = (
 
 
 def kind_named(name: str) -> Kind:
-    """The kind of that name, or InputError that lists them."""
+    """Return the kind of a name.
+
+    Parameters
+    ----------
+    name : str
+        Name of the kind.
+
+    Returns
+    -------
+    Kind
+        The kind.
+
+    Raises
+    ------
+    InputError
+        If no kind has that name; the message lists them.
+    """
     found = next((kind for kind in KINDS if kind.name == name), None)
     if found is None:
         raise InputError(f"kind: expected one of {', '.join(kind.name for kind in KINDS)}, received {name!r}")

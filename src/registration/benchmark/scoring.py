@@ -1,4 +1,4 @@
-"""How far an answer to a benchmark case is from the truth, also up to the vessel's symmetry."""
+"""Errors of a result for a benchmark case against the truth, also up to the vessel's symmetry."""
 
 from __future__ import annotations
 
@@ -19,13 +19,28 @@ INFINITE, NOT_DEFINED = float("inf"), float("nan")
 
 @dataclass(frozen=True)
 class PoseScore:
-    """The errors of one answer; all infinite for none.
+    """Errors of one result; all infinite without a result.
 
-    ``rmse_mm`` is from the genuine moving points to the model's triangles, NaN where the case itself is not at hand.
-    ``tre_mm`` is over all targets, ``tre_covered_mm`` and ``tre_uncovered_mm`` over those that were swept and those
-    that were not (NaN where there are none). ``roll_error_deg`` is the turn about the targets' longest axis,
-    ``slide_error_mm`` the shift along it. ``tre_symmetric_mm`` is ``tre_mm`` against the nearest of all poses that are
-    as right as the true one.
+    Parameters
+    ----------
+    rmse_mm : float, optional
+        Root mean square distance in mm of the moving points that are no outliers to the model's triangles;
+        NaN where the case itself is not at hand.
+    tre_mm, tre_max_mm : float, optional
+        Root mean square and largest target registration error in mm, over all targets.
+    tre_covered_mm, tre_uncovered_mm : float, optional
+        The same root mean square over the targets that were swept and those that were not; NaN where there
+        are none.
+    tre_symmetric_mm : float, optional
+        Target registration error in mm against the nearest of all poses that are equally right.
+    rotation_error_deg : float, optional
+        Angle between estimated and true pose in degrees.
+    translation_error_mm : float, optional
+        Displacement of the targets' centroid in mm.
+    roll_error_deg : float, optional
+        Rotation about the targets' longest axis in degrees.
+    slide_error_mm : float, optional
+        Displacement along that axis in mm.
     """
 
     rmse_mm: float = INFINITE
@@ -41,24 +56,44 @@ class PoseScore:
 
     @property
     def success(self) -> bool:
-        """Whether the residual is small: success in the sense that proves little."""
+        """Whether the residual is small, which alone says little about the pose."""
         return self.rmse_mm <= SUCCESS_RMSE_MM
 
     @property
     def success_tre(self) -> bool:
-        """Whether the pose is right."""
+        """Whether the pose is right within ``SUCCESS_TRE_MM``."""
         return self.tre_mm <= SUCCESS_TRE_MM
 
     @property
     def success_tre_symmetric(self) -> bool:
-        """Whether the pose is one of those that are right."""
+        """Whether the pose is one of those that are right, within ``SUCCESS_TRE_MM``."""
         return self.tre_symmetric_mm <= SUCCESS_TRE_MM
 
 
 def score_pose(
     fixed_T_moving: Float64[np.ndarray, "4 4"], truth: CaseTruth, case: BenchmarkCase | None = None
 ) -> PoseScore:
-    """Measure one answer; InputError for one that is not rigid, or a case that is not the truth's."""
+    """Measure the errors of one result.
+
+    Parameters
+    ----------
+    fixed_T_moving : ndarray, shape (4, 4)
+        Estimated pose.
+    truth : CaseTruth
+        Truth of the case.
+    case : BenchmarkCase or None, optional
+        The case itself, for the residual; None leaves it NaN.
+
+    Returns
+    -------
+    PoseScore
+        Errors of the result.
+
+    Raises
+    ------
+    InputError
+        If the pose is not rigid, or the case is not that of the truth.
+    """
     if case is not None and len(case.moving_mm) != len(truth.outlier):
         raise InputError(
             f"case: expected {len(truth.outlier)} moving points as the truth of {truth.name} says, "
@@ -93,8 +128,26 @@ def roll_and_slide(
     true_fixed_T_moving: Float64[np.ndarray, "4 4"],
     targets_mm: Float64[np.ndarray, "t 3"],
 ) -> tuple[float, float]:
-    """The turn about the targets' longest axis, 0 to 180 degrees, and the shift of their centroid along it, in mm.
+    """Measure the rotation about the targets' longest axis and the displacement along it.
 
+    Parameters
+    ----------
+    fixed_T_moving : ndarray, shape (4, 4)
+        Estimated pose.
+    true_fixed_T_moving : ndarray, shape (4, 4)
+        True pose.
+    targets_mm : ndarray, shape (t, 3)
+        Targets in the fixed frame in mm.
+
+    Returns
+    -------
+    roll_deg : float
+        Rotation about the axis, 0 to 180 degrees.
+    slide_mm : float
+        Displacement of the targets' centroid along the axis in mm, from 0.
+
+    Notes
+    -----
     See ``registration.vessel_error``.
     """
     axis = principal_frame(targets_mm).axes[:, 0]

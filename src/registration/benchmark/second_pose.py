@@ -1,8 +1,8 @@
-"""Whether a second pose explains a case as well as the true one: what makes an answer ambiguous rightly.
+"""Whether a second pose explains a case as well as the true one, so that a result is rightly called ambiguous.
 
-It is looked for with the truth at hand and without the method that is judged: the vessel, in its true place, is slid
-along its axis, rolled about it and turned over, and the candidates of the method are tried as well. From each start
-the residual to the triangles is minimised with the displaced direction held, and once more with all directions free.
+The search uses the truth and not the method under test: the vessel, in its true place, is slid along its axis, rolled
+about it and flipped, and the candidates of the method are tried as well. From each start the residual to the
+triangles is minimised with the displaced direction held, and once more with all directions free.
 """
 
 from __future__ import annotations
@@ -38,10 +38,16 @@ PLACES = 300
 
 @dataclass(frozen=True)
 class SecondPose:
-    """The pose elsewhere that explains a case best.
+    """Pose elsewhere that explains a case best.
 
-    ``gap`` is by how many standard errors it is worse than the true one, over stretches of the sweep; ``tre_mm`` how
-    far it takes the targets. ``hidden`` says that the two cannot be told apart: the gap is within the noise.
+    Parameters
+    ----------
+    fixed_T_moving : ndarray, shape (4, 4)
+        The pose.
+    gap : float
+        Number of standard errors by which it is worse than the true pose, over stretches of the sweep.
+    tre_mm : float
+        Displacement of the targets in mm, root mean square.
     """
 
     fixed_T_moving: Float64[np.ndarray, "4 4"]
@@ -50,14 +56,29 @@ class SecondPose:
 
     @property
     def hidden(self) -> bool:
-        """Whether a second pose explains the case as well as the true one."""
+        """Whether the two poses cannot be told apart: the gap is within the noise."""
         return bool(self.gap < WITHIN_NOISE)
 
 
 def second_pose(
     case: BenchmarkCase, truth: CaseTruth, candidates: Iterable[Float64[np.ndarray, "4 4"]] = ()
 ) -> SecondPose | None:
-    """Look for the best pose that is not the true one (fixed_T_moving each); None where nothing ends elsewhere."""
+    """Search for the best pose that is not the true one.
+
+    Parameters
+    ----------
+    case : BenchmarkCase
+        Case.
+    truth : CaseTruth
+        Its truth.
+    candidates : iterable of ndarray, shape (4, 4), optional
+        Poses (fixed_T_moving) of the method under test, tried as starts.
+
+    Returns
+    -------
+    SecondPose or None
+        The second pose; None where no search ends elsewhere.
+    """
     search = _Search(case, truth)
     right = search.refined(truth.fixed_T_moving, None)
     right_cost = search.costs(right)

@@ -22,10 +22,19 @@ ROLL = Screw(ORIGIN_MM, ALONG, 360.0, 0.0, 0.0, 1.0)
 
 @dataclass(frozen=True)
 class SymmetricShape:
-    """A vessel around ``lines`` (mm), along z, with half spheres for ends, that its ``symmetry`` lays on itself.
+    """Vessel around ``lines`` along z, with half spheres for ends, that its ``symmetry`` maps onto itself.
 
-    ``slide`` is the motion by s mm along a vessel that looks alike all the way; how far it may go depends on what was
-    swept: ``along_mm`` gives each point's place on the way. None where there is no such motion.
+    Parameters
+    ----------
+    lines : tuple of VesselLine
+        Lines of the vessel in mm.
+    symmetry : Symmetry
+        Motions that leave it as it is, apart from slides.
+    slide : Screw or None, optional
+        Motion by s mm along a vessel that looks the same all the way; how far it may go depends on what was
+        swept. None where there is no such motion.
+    along_mm : callable or None, optional
+        Function that gives the position of points (n, 3) along the vessel in mm; None without ``slide``.
     """
 
     lines: tuple[VesselLine, ...]
@@ -36,7 +45,20 @@ class SymmetricShape:
     def symmetry_of(
         self, moving_mm: Float64[np.ndarray, "m 3"], fixed_mm: Float64[np.ndarray, "n 3"]
     ) -> Symmetry:
-        """The symmetry of a case: with slides for as far as what moves (in its true place) stays within the model."""
+        """Compute the symmetry of a case: slides reach as far as the swept part stays within the model.
+
+        Parameters
+        ----------
+        moving_mm : ndarray, shape (m, 3)
+            Moving points in their true place, in the fixed frame in mm.
+        fixed_mm : ndarray, shape (n, 3)
+            Points of the model in mm.
+
+        Returns
+        -------
+        Symmetry
+            Symmetry of the shape and the limited slide.
+        """
         if self.slide is None or self.along_mm is None:
             return self.symmetry
         there_mm, here_mm = self.along_mm(fixed_mm), self.along_mm(moving_mm)
@@ -49,7 +71,13 @@ class SymmetricShape:
 
 
 def straight() -> SymmetricShape:
-    """A straight tube: roll, half turn, and slide wherever there is room."""
+    """Make a straight tube.
+
+    Returns
+    -------
+    SymmetricShape
+        The tube, with roll, half turn, and slide wherever there is room.
+    """
     line = _line(np.outer(_places_mm(), ALONG), np.full(len(_places_mm()), RADIUS_MM))
     slide = Screw(ORIGIN_MM, ALONG, 0.0, 1.0, 0.0, 0.0)
     return SymmetricShape(
@@ -58,7 +86,13 @@ def straight() -> SymmetricShape:
 
 
 def arc() -> SymmetricShape:
-    """A piece of a ring, bent alike all the way: half turn, and slide along the ring wherever there is room."""
+    """Make a piece of a ring of constant curvature.
+
+    Returns
+    -------
+    SymmetricShape
+        The piece, with half turn, and slide along the ring wherever there is room.
+    """
     turn = np.deg2rad(np.linspace(-ARC_HALF_DEG, ARC_HALF_DEG, len(_places_mm())))
     points_mm = ARC_RADIUS_MM * np.stack([np.zeros_like(turn), 1 - np.cos(turn), np.sin(turn)], axis=1)
     slide = Screw(ARC_CENTRE_MM, AROUND, float(np.rad2deg(1 / ARC_RADIUS_MM)), 0.0, 0.0, 0.0)
@@ -76,7 +110,13 @@ def arc() -> SymmetricShape:
 
 
 def helix() -> SymmetricShape:
-    """A screw, bent and twisted alike all the way: half turn, and the screw's own motion wherever there is room."""
+    """Make a helix of constant curvature and torsion.
+
+    Returns
+    -------
+    SymmetricShape
+        The helix, with half turn, and its screw motion wherever there is room.
+    """
     z_mm = _places_mm()
     turn = 2 * np.pi * z_mm / HELIX_PITCH_MM
     points_mm = np.stack([HELIX_RADIUS_MM * np.cos(turn), HELIX_RADIUS_MM * np.sin(turn), z_mm], axis=1)
@@ -88,7 +128,13 @@ def helix() -> SymmetricShape:
 
 
 def bulge() -> SymmetricShape:
-    """A straight tube with a round bulge in its middle: roll and half turn."""
+    """Make a straight tube with a round bulge in its middle.
+
+    Returns
+    -------
+    SymmetricShape
+        The tube, with roll and half turn.
+    """
     z_mm = _places_mm()
     radius_mm = 3.5 + 3.0 * np.exp(-0.5 * (z_mm / 7.0) ** 2)
     return SymmetricShape(
@@ -97,7 +143,13 @@ def bulge() -> SymmetricShape:
 
 
 def cone() -> SymmetricShape:
-    """A straight tube that narrows: roll."""
+    """Make a straight tube that narrows.
+
+    Returns
+    -------
+    SymmetricShape
+        The tube, with roll.
+    """
     z_mm = _places_mm()
     return SymmetricShape(
         (_line(np.outer(z_mm, ALONG), 4.5 - 2.0 * z_mm / HALF_LENGTH_MM),), Symmetry((ROLL,))
@@ -105,7 +157,13 @@ def cone() -> SymmetricShape:
 
 
 def fork() -> SymmetricShape:
-    """A trunk with two branches that bend to opposite sides: half a turn about the trunk, and nothing else."""
+    """Make a trunk with two branches that bend to opposite sides.
+
+    Returns
+    -------
+    SymmetricShape
+        The fork, with half a turn about the trunk and nothing else.
+    """
     share = np.linspace(0.0, 1.0, len(_places_mm()) // 2)
     trunk = _line(np.outer(-HALF_LENGTH_MM * (1 - share), ALONG), np.full(len(share), 4.0))
     branches = [

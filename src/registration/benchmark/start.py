@@ -1,4 +1,4 @@
-"""Where a benchmark case starts: points drawn from sweep and model, stray points, and a random pose.
+"""Start of a benchmark case: points drawn from sweep and model, outliers, and a random pose.
 
 The draws are the benchmark's own, so that its cases stay what they are whatever becomes of the robustness study's.
 """
@@ -19,7 +19,17 @@ ANGLE_MAX_DEG, TRANSLATION_MAX_MM = 180.0, 50.0
 
 @dataclass(frozen=True)
 class Start:
-    """A pose that a cloud is moved to: ``moved_T_true``, the angle of its turn and the length of its shift."""
+    """Random pose that a cloud is moved to.
+
+    Parameters
+    ----------
+    moved_T_true : ndarray, shape (4, 4)
+        Rigid transform from the true to the moved cloud.
+    angle_deg : float
+        Angle of its rotation in degrees.
+    translation_mm : float
+        Length of its translation in mm.
+    """
 
     moved_T_true: Float64[np.ndarray, "4 4"]
     angle_deg: float
@@ -28,9 +38,16 @@ class Start:
 
 @dataclass(frozen=True)
 class DrawnPoints:
-    """Points of a cloud: ``points_mm`` (m, 3), their places in it, ``index`` (m,), and which are stray, ``outlier``.
+    """Points drawn from a cloud.
 
-    A stray point has the index of the point that is nearest to it.
+    Parameters
+    ----------
+    points_mm : ndarray, shape (m, 3)
+        Points in mm.
+    index : ndarray of int, shape (m,)
+        Index of each in the cloud; for an outlier that of the cloud's nearest point.
+    outlier : ndarray of bool, shape (m,)
+        Which points are outliers.
     """
 
     points_mm: Float64[np.ndarray, "m 3"]
@@ -39,7 +56,23 @@ class DrawnPoints:
 
 
 def draw_start(points_mm: Float64[np.ndarray, "m 3"], rng: np.random.Generator) -> Start:
-    """Draw a start: axis uniform on the sphere, angle uniform to 180 degrees, about the centroid; shift to 50 mm."""
+    """Draw a start.
+
+    The rotation is about the centroid, its axis uniform on the sphere, its angle uniform to 180 degrees; the
+    translation has a uniform direction and a length uniform to 50 mm.
+
+    Parameters
+    ----------
+    points_mm : ndarray, shape (m, 3)
+        Points of the cloud in mm.
+    rng : numpy.random.Generator
+        Random stream of the start.
+
+    Returns
+    -------
+    Start
+        The start.
+    """
     axis, angle = _direction(rng), np.deg2rad(rng.uniform(0.0, ANGLE_MAX_DEG))
     shift_mm = rng.uniform(0.0, TRANSLATION_MAX_MM) * _direction(rng)
     turn = Rotation.from_rotvec(angle * axis)
@@ -52,9 +85,25 @@ def draw_start(points_mm: Float64[np.ndarray, "m 3"], rng: np.random.Generator) 
 def draw_points(
     cloud_mm: Float64[np.ndarray, "p 3"], most: int, outlier_share: float, rng: np.random.Generator
 ) -> DrawnPoints:
-    """At most ``most`` points of a cloud in random order, a share of them replaced by stray ones.
+    """Draw points of a cloud in random order and replace a share of them by outliers.
 
-    Stray points are uniform in the cloud's bounding box grown by half its size on every side.
+    Outliers are uniform in the cloud's bounding box grown by half its size on every side.
+
+    Parameters
+    ----------
+    cloud_mm : ndarray, shape (p, 3)
+        Points of the cloud in mm.
+    most : int
+        Largest number of points.
+    outlier_share : float
+        Share of outliers.
+    rng : numpy.random.Generator
+        Random stream of the draw.
+
+    Returns
+    -------
+    DrawnPoints
+        Points, indices and outliers.
     """
     index = rng.permutation(len(cloud_mm))[:most]
     points_mm = cloud_mm[index]

@@ -39,7 +39,23 @@ COVERED_MM = 1.0
 
 @dataclass(frozen=True)
 class Swept:
-    """A sweep, what was made of the frames that a case uses, and the vessel's own lines (ct, mm)."""
+    """A sweep, and what was made of the frames that a case uses.
+
+    Parameters
+    ----------
+    sweep : SimulatedSweep
+        Simulated sweep and its truth.
+    place : str
+        Part of the sweep that is used.
+    used : ndarray of int, shape (k,)
+        Indices of the frames that are used.
+    cloud : ContourCloud
+        Contour points of these frames, in the world frame.
+    lines : Centerline
+        Lines of the vessel in the ct frame in mm.
+    shape : SymmetricShape or None
+        Symmetric shape; None for a random anatomy.
+    """
 
     sweep: SimulatedSweep
     place: str
@@ -50,12 +66,12 @@ class Swept:
 
     @cached_property
     def cloud_mm(self) -> Float64[np.ndarray, "p 3"]:
-        """The points in their true place, in the ct frame."""
+        """Contour points in their true place, in the ct frame in mm."""
         return frames.apply(self.sweep.ct_T_world, self.cloud.points_mm)
 
     @cached_property
     def targets_mm(self) -> Float64[np.ndarray, "t 3"]:
-        """The centerline of the model at even arc length, and its branch points."""
+        """Centerline of the model at even arc length, and its branch points, in the ct frame in mm."""
         z_mm = self.sweep.model.vertices_mm[:, 2]
         inside = [_between(line, float(z_mm.min()), float(z_mm.max())) for line in self.lines.lines]
         roots_mm = [line.points_mm[0] for line in self.lines.lines[1:]]
@@ -64,7 +80,7 @@ class Swept:
 
     @cached_property
     def covered(self) -> Bool[np.ndarray, "t"]:
-        """Which targets a frame's true plane passes."""
+        """Which targets are passed by a frame's true plane."""
         ct_A_pixel = self.sweep.ct_T_world @ self.sweep.world_A_pixel[self.used]
         facing = np.cross(ct_A_pixel[:, :3, 0], ct_A_pixel[:, :3, 1])
         facing /= np.linalg.norm(facing, axis=1, keepdims=True)
@@ -73,14 +89,38 @@ class Swept:
 
     @cached_property
     def symmetry(self) -> Symmetry:
-        """The poses that are as right as the true one."""
+        """Symmetry of the case: the poses that are as right as the true one."""
         if self.shape is None:
             return Symmetry()
         return self.shape.symmetry_of(self.cloud_mm, self.sweep.model.vertices_mm)
 
 
 def swept(anatomy: str, seed: int, number: int, kind: Kind, rng: np.random.Generator) -> Swept:
-    """Sweep number ``number`` of an anatomy, from its simulated masks to the points of the frames that a kind uses."""
+    """Simulate a sweep and extract the points of the frames that a kind uses.
+
+    Parameters
+    ----------
+    anatomy : str
+        Name of a symmetric shape, or of a random anatomy.
+    seed : int
+        Seed of the anatomy.
+    number : int
+        Number of the sweep, from 0.
+    kind : Kind
+        Kind of case.
+    rng : numpy.random.Generator
+        Random stream of the choice of frames.
+
+    Returns
+    -------
+    Swept
+        The sweep and its points.
+
+    Raises
+    ------
+    InputError
+        If the anatomy has no centerline.
+    """
     shape = SHAPES[anatomy][0]() if anatomy in SHAPES else None
     if shape is None:
         sweep = simulate_sweep(_settings(RANDOM, seed), number, pictures=False)

@@ -22,10 +22,27 @@ SEARCH_TARGETS = 60
 
 @dataclass(frozen=True)
 class Screw:
-    """Motions by one number s from ``low`` to ``high``: a turn about a line, and a shift along it.
+    """Motions by one number s from ``low`` to ``high``: a rotation about a line and a translation along it.
 
-    The line goes through ``point_mm`` (3,) along the unit vector ``direction`` (3,), in the fixed frame. ``turn_deg``
-    and ``shift_mm`` are those of s = 1. Without a shift it is a roll, without a turn a straight slide.
+    Without a translation it is a roll, without a rotation a straight slide.
+
+    Parameters
+    ----------
+    point_mm : ndarray, shape (3,)
+        Point on the line, in the fixed frame in mm.
+    direction : ndarray, shape (3,)
+        Unit vector along the line.
+    turn_deg : float
+        Rotation at s = 1 in degrees.
+    shift_mm : float
+        Translation at s = 1 in mm.
+    low, high : float
+        Range of s.
+
+    Raises
+    ------
+    InputError
+        If the direction has not unit length or the range is inverted.
     """
 
     point_mm: Float64[np.ndarray, "3"]
@@ -42,7 +59,18 @@ class Screw:
         require_at_least("high", self.high, self.low)
 
     def __call__(self, s: Float64[np.ndarray, "k"]) -> Float64[np.ndarray, "k 4 4"]:
-        """The motions (fixed_T_fixed) at each ``s``."""
+        """Evaluate the motions.
+
+        Parameters
+        ----------
+        s : ndarray, shape (k,)
+            Values of the parameter.
+
+        Returns
+        -------
+        ndarray, shape (k, 4, 4)
+            Rigid motions (fixed_T_fixed), one for each value.
+        """
         turns = Rotation.from_rotvec(np.deg2rad(self.turn_deg) * s[:, None] * self.direction)
         moved_mm = self.point_mm - turns.apply(self.point_mm) + self.shift_mm * s[:, None] * self.direction
         return frames.from_rotation(turns, moved_mm)
@@ -50,10 +78,17 @@ class Screw:
 
 @dataclass(frozen=True)
 class Symmetry:
-    """All motions that leave a vessel as it is: the ``screws``, each by any amount, then one of the ``flips`` or none.
+    """All motions that leave a vessel as it is: each screw by any amount, then one of the flips or none.
 
-    ``flips`` (k, 4, 4) are single motions such as half a turn. A piece slides along the vessel first, within its ends,
-    and the vessel is turned over after. An empty symmetry is that of most vessels.
+    A piece slides along the vessel first, within its ends, and the vessel is flipped after. An empty symmetry
+    is that of most vessels.
+
+    Parameters
+    ----------
+    screws : tuple of Screw, optional
+        Continuous motions.
+    flips : tuple of ndarray, shape (4, 4), optional
+        Single rigid motions, such as half a turn.
     """
 
     screws: tuple[Screw, ...] = ()
@@ -68,7 +103,22 @@ class Symmetry:
         true_fixed_T_moving: Float64[np.ndarray, "4 4"],
         targets_mm: Float64[np.ndarray, "t 3"],
     ) -> Float64[np.ndarray, "4 4"]:
-        """Of all poses that are as right as the true one, that which the targets (fixed frame) tell least apart."""
+        """Find the equally right pose that differs least from an estimate at the targets.
+
+        Parameters
+        ----------
+        fixed_T_moving : ndarray, shape (4, 4)
+            Estimated pose.
+        true_fixed_T_moving : ndarray, shape (4, 4)
+            True pose.
+        targets_mm : ndarray, shape (t, 3)
+            Targets in the fixed frame in mm.
+
+        Returns
+        -------
+        ndarray, shape (4, 4)
+            The nearest of all poses that are as right as the true one.
+        """
         error = frames.compose(fixed_T_moving, frames.invert_rigid(true_fixed_T_moving))
         few_mm = targets_mm[:: max(len(targets_mm) // SEARCH_TARGETS, 1)]
         best = min((self._best(error, few_mm, flip) for flip in (np.eye(4), *self.flips)), key=lambda b: b[0])
@@ -107,5 +157,18 @@ class Symmetry:
 def half_turn(
     point_mm: Float64[np.ndarray, "3"], direction: Float64[np.ndarray, "3"]
 ) -> Float64[np.ndarray, "4 4"]:
-    """Half a turn about the line through a point along a unit vector."""
+    """Make half a turn about a line.
+
+    Parameters
+    ----------
+    point_mm : ndarray, shape (3,)
+        Point on the line in mm.
+    direction : ndarray, shape (3,)
+        Unit vector along the line.
+
+    Returns
+    -------
+    ndarray, shape (4, 4)
+        Rigid transform.
+    """
     return frames.rotate_about(Rotation.from_rotvec(np.pi * direction), point_mm)

@@ -16,7 +16,23 @@ from registration.text_files import read_text
 
 
 def read_truth(path: Path) -> CaseTruth:
-    """Read one case's truth; InputError names the file and what it lacks."""
+    """Read the truth of one case.
+
+    Parameters
+    ----------
+    path : Path
+        JSON file of the truth.
+
+    Returns
+    -------
+    CaseTruth
+        The truth.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or malformed; the message names the file and what it lacks.
+    """
     told = read_json(path)
     try:
         symmetry, targets, covered = told["symmetry"], len(told["targets_mm"]), len(told["covered"])
@@ -51,7 +67,18 @@ def read_truth(path: Path) -> CaseTruth:
 
 
 def truth_as_json(truth: CaseTruth) -> dict[str, Any]:
-    """What a truth's file holds."""
+    """Convert a truth to the content of its file.
+
+    Parameters
+    ----------
+    truth : CaseTruth
+        Truth of a case.
+
+    Returns
+    -------
+    dict
+        JSON object.
+    """
     return {
         "case": truth.name,
         "anatomy": truth.anatomy,
@@ -95,7 +122,23 @@ def _array(values: Any) -> np.ndarray:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """A file's JSON object, or InputError that names the file."""
+    """Read a JSON object.
+
+    Parameters
+    ----------
+    path : Path
+        File to read.
+
+    Returns
+    -------
+    dict
+        The object.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or holds no JSON object; the message names it.
+    """
     if not path.is_file():
         raise InputError(f"{path}: expected a file of a benchmark case, received none")
     try:

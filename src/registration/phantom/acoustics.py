@@ -22,12 +22,50 @@ ASSUMED_SPEED_M_S = 1540.0
 
 @dataclass(frozen=True)
 class Scanner:
-    """The probe and the machine.
+    """Ultrasound probe and scanner.
 
-    A ``linear`` array, or a ``convex`` one of curvature ``radius_mm``, ``aperture_mm`` long. The pulse is a Gaussian of
-    ``pulse_cycles``, the beam one of f-number ``f_number``, narrowest at ``focus_mm``; ``elevation_mm`` is the slice's
-    full width at half maximum at its own focus. ``looks`` pictures from different directions are averaged (compounding;
-    1 gives raw speckle). Grey is the level in dB over ``dynamic_range_db``, raised to ``gamma``.
+    The pulse and the beam are Gaussian; the grey level is the level in dB over ``dynamic_range_db``, raised
+    to ``gamma``.
+
+    Parameters
+    ----------
+    geometry : {"linear", "convex"}, optional
+        Shape of the array.
+    height_px, width_px : int, optional
+        Size of the image in px, at least 16 each.
+    depth_mm : float, optional
+        Imaging depth below the face in mm.
+    aperture_mm : float, optional
+        Length of the array along its face in mm.
+    radius_mm : float, optional
+        Radius of curvature of a convex array in mm; has no effect on a linear one.
+    frequency_mhz : float, optional
+        Centre frequency in MHz.
+    pulse_cycles : float, optional
+        Length of the Gaussian pulse in cycles.
+    f_number : float, optional
+        F-number of the beam at its focus.
+    focus_mm : float, optional
+        Depth in mm at which the beam is narrowest.
+    looks : int, optional
+        Number of images from different directions that are averaged (compounding); 1 gives raw speckle.
+    elevation_mm : float, optional
+        Slice thickness in mm: full width at half maximum at the elevation focus.
+    elevation_focus_mm : float, optional
+        Depth of the elevation focus in mm.
+    dynamic_range_db : float, optional
+        Range of levels in dB that the grey scale shows.
+    gamma : float, optional
+        Exponent of the grey curve.
+    gain_db : float, optional
+        Overall gain in dB.
+    noise_db : float, optional
+        Level of the receiver's noise at ``depth_mm`` in dB against average tissue.
+
+    Raises
+    ------
+    InputError
+        If the geometry is unknown, a size is out of range, or a convex array spans half a circle or more.
     """
 
     geometry: str = "linear"
@@ -66,30 +104,60 @@ class Scanner:
 
     @property
     def sag_mm(self) -> float:
-        """How far the ends of the array lie behind its middle; 0 for a linear one."""
+        """Distance in mm by which the ends of the array lie behind its middle; 0 for a linear one."""
         if self.geometry == "linear":
             return 0.0
         return float(self.radius_mm * (1.0 - np.cos(0.5 * self.aperture_mm / self.radius_mm)))
 
     @property
     def pixel_mm(self) -> float:
-        """Side of a square pixel."""
+        """Side of a square pixel in mm."""
         return (self.depth_mm + self.sag_mm) / self.height_px
 
     @property
     def wavelength_mm(self) -> float:
-        """Wavelength at the speed of sound that the scanner assumes."""
+        """Wavelength in mm at the speed of sound that the scanner assumes."""
         return ASSUMED_SPEED_M_S / self.frequency_mhz / 1000.0
 
 
 @dataclass(frozen=True)
 class Tissue:
-    """What scatters, where, and how much.
+    """Acoustic properties of the tissue, the vessel wall and the lumen.
 
-    ``texture_db`` and ``mottle_db`` are the deviations of fine and coarse variation in brightness. The wall's echo
-    falls as ``|cos|**wall_exponent`` with the angle of incidence, so that side walls drop out (0 switches that off).
-    ``fascia_count`` continuous sheets run along the skin; ``streaks_per_mm`` short ones lie between them.
-    ``sound_speed_m_s`` is the true speed: the scanner assumes 1540 and misplaces depth by their ratio.
+    Parameters
+    ----------
+    scatterers_per_mm3 : float, optional
+        Number of scatterers per mm3.
+    texture_db, mottle_db : float, optional
+        Standard deviation in dB of fine and of coarse variation in brightness.
+    lumen_db : float, optional
+        Level of the lumen in dB against average tissue.
+    wall_mm : float, optional
+        Thickness of the vessel wall in mm.
+    wall_echo_db : float, optional
+        Echo of the wall in dB at normal incidence.
+    wall_exponent : float, optional
+        The wall's echo falls as ``|cos|**wall_exponent`` with the angle of incidence, so that side walls drop
+        out; 0 switches that off.
+    fascia_count : int, optional
+        Number of continuous sheets along the skin.
+    fascia_db : float, optional
+        Echo of these sheets in dB.
+    streaks_per_mm : float, optional
+        Number of short sheets between them per mm of depth.
+    streak_db : float, optional
+        Echo of the short sheets in dB.
+    attenuation_db_cm_mhz : float, optional
+        Attenuation of average tissue in dB/cm/MHz.
+    compensation_db_cm_mhz : float, optional
+        Depth gain by which the scanner compensates it, in dB/cm/MHz.
+    sound_speed_m_s : float, optional
+        True speed of sound in m/s; the scanner assumes 1540 and misplaces depth by their ratio.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
     """
 
     scatterers_per_mm3: float = 24.0
@@ -118,12 +186,29 @@ class Tissue:
 
 @dataclass(frozen=True)
 class Artefacts:
-    """What hides or fakes structure; each is switched off by the value in brackets.
+    """Artefacts that hide or imitate structure.
 
-    ``clutter_db`` [-120]: haze from side lobes and scattering off the path. ``reverberation_db`` [-120]: a second copy
-    of everything ``reverberation_mm`` deeper. ``contact_loss_mm`` [0]: typical width over which the array's ends lose
-    coupling now and then. ``shadows`` [0]: number of hard spots ``shadow_mm`` wide in the tissue that nothing is seen
-    behind. ``edge_shadow`` [1]: how much more the flanks of the vessel attenuate, by refraction.
+    Parameters
+    ----------
+    clutter_db : float, optional
+        Level in dB of haze from side lobes and multipath scattering; -120 switches it off.
+    reverberation_db : float, optional
+        Level in dB of a second copy of everything, ``reverberation_mm`` deeper; -120 switches it off.
+    reverberation_mm : float, optional
+        Depth offset of that copy in mm.
+    contact_loss_mm : float, optional
+        Typical width in mm over which the ends of the array intermittently lose coupling; 0 switches it off.
+    shadows : int, optional
+        Number of hard spots in the tissue that cast an acoustic shadow; 0 switches them off.
+    shadow_mm : float, optional
+        Diameter of a hard spot in mm.
+    edge_shadow : float, optional
+        Factor by which the flanks of the vessel attenuate more, by refraction; 1 switches it off.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
     """
 
     clutter_db: float = -21.0

@@ -29,10 +29,22 @@ GUIDE_STEP_MM = 2.0
 
 @dataclass(frozen=True)
 class Anatomy:
-    """A vessel as it was when the CT was taken: the truth that images are made from, in the bed frame.
+    """Vessel as it was when the CT was taken: the truth that images are made from, in the bed frame.
 
-    ``surface`` is closed. ``centerline`` carries the largest inscribed radius; a user's mesh has none. ``squeeze`` is
-    the share of its depth by which the probe's full pressure flattens it.
+    Parameters
+    ----------
+    surface : Mesh
+        Closed surface of the vessel in mm.
+    centerline : Centerline or None
+        Centerline with the largest inscribed radius; None for a user's mesh.
+    distance : DistanceGrid
+        Signed distance to the surface in mm.
+    skin_y_mm : float
+        Height y of the skin plane in mm.
+    squeeze : float
+        Share of its depth by which the probe's full pressure flattens the vessel.
+    ct_T_bed : ndarray, shape (4, 4)
+        Rigid transform from the bed to the ct frame, in mm.
     """
 
     surface: Mesh
@@ -44,7 +56,7 @@ class Anatomy:
 
     @property
     def guide_mm(self) -> Float64[np.ndarray, "g 3"]:
-        """The middle of all that lies at one height z, at even steps from the vessel's one end to the other."""
+        """Centre of the bounding box of all vertices at one height z, at even steps along the vessel, in mm."""
         vertices_mm = self.surface.vertices_mm
         bins = np.floor(vertices_mm[:, 2] / GUIDE_STEP_MM).astype(int)
         levels = np.unique(bins)
@@ -54,7 +66,18 @@ class Anatomy:
 
 
 def anatomy_of(settings: PhantomSettings) -> Anatomy:
-    """The anatomy that the settings choose."""
+    """Return the anatomy that the settings choose.
+
+    Parameters
+    ----------
+    settings : PhantomSettings
+        Settings of the phantom.
+
+    Returns
+    -------
+    Anatomy
+        The anatomy; recent ones are cached until a mesh file changes.
+    """
     changed = Path(settings.mesh).stat().st_mtime_ns if settings.mesh and Path(settings.mesh).is_file() else 0
     return _chosen(settings.subset, settings.anatomy_seed, str(settings.mesh), changed)
 
@@ -69,7 +92,27 @@ def _chosen(subset: str, seed: int, mesh: str, changed: int) -> Anatomy:
 
 
 def from_lines(lines: tuple[VesselLine, ...], skin_y_mm: float, squeeze: float = 0.05) -> Anatomy:
-    """The anatomy around given vessel lines; the skin must lie in front of every wall."""
+    """Build the anatomy around given vessel lines.
+
+    Parameters
+    ----------
+    lines : tuple of VesselLine
+        Vessel lines in the bed frame.
+    skin_y_mm : float
+        Height y of the skin plane in mm; it must lie in front of every wall.
+    squeeze : float, optional
+        Share of its depth by which full pressure flattens the vessel.
+
+    Returns
+    -------
+    Anatomy
+        The anatomy, whose bed frame is the ct frame.
+
+    Raises
+    ------
+    InputError
+        If the skin does not lie in front of the vessel.
+    """
     surface = surround(lines)
     nearest_mm = float(surface.vertices_mm[:, 1].min())
     if nearest_mm <= skin_y_mm:
@@ -87,7 +130,23 @@ def from_lines(lines: tuple[VesselLine, ...], skin_y_mm: float, squeeze: float =
 
 
 def from_mesh(path: Path) -> Anatomy:
-    """Lay a user's closed surface (mm) under the skin, its longest axis along the sweep, its flattest facing up."""
+    """Place a user's closed surface under the skin, its longest axis along the sweep, its flattest facing up.
+
+    Parameters
+    ----------
+    path : Path
+        Surface file with coordinates in mm.
+
+    Returns
+    -------
+    Anatomy
+        The anatomy, without a centerline.
+
+    Raises
+    ------
+    InputError
+        If the file holds no triangles or the surface has open edges.
+    """
     from registration.geometry_io import read_surface
 
     mesh = read_surface(path)
@@ -107,7 +166,18 @@ def from_mesh(path: Path) -> Anatomy:
 
 
 def is_closed(mesh: Mesh) -> bool:
-    """Whether every edge is shared by exactly two triangles that run along it in opposite directions."""
+    """Return whether every edge is shared by exactly two triangles that run along it in opposite directions.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Triangle surface.
+
+    Returns
+    -------
+    bool
+        True for a closed, consistently oriented surface.
+    """
     corners = mesh.triangles
     edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
     forward = np.sort(edges @ np.array([len(mesh.vertices_mm), 1]))

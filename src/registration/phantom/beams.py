@@ -20,9 +20,16 @@ FWHM_PER_SIGMA = 2.3548
 
 @dataclass(frozen=True)
 class Beams:
-    """The grid of samples and beams of one scanner in tissue of a given speed of sound.
+    """Grid of samples and beams of one scanner in tissue of a given speed of sound.
 
     Some beams and samples beyond the picture are kept, so that its borders are made like its middle.
+
+    Parameters
+    ----------
+    scanner : Scanner
+        Probe and scanner.
+    sound_speed_m_s : float, optional
+        True speed of sound in the tissue in m/s.
     """
 
     scanner: Scanner
@@ -30,28 +37,28 @@ class Beams:
 
     @property
     def stretch(self) -> float:
-        """Displayed range over true range."""
+        """Ratio of displayed to true range."""
         return ASSUMED_SPEED_M_S / self.sound_speed_m_s
 
     @cached_property
     def axial_sigma_mm(self) -> float:
-        """Deviation of the pulse's envelope: half the transmitted pulse's length, because the path is double."""
+        """Standard deviation of the pulse's envelope in mm, half the pulse's: the path is double."""
         return self.scanner.pulse_cycles * self.scanner.wavelength_mm / 2.0 / FWHM_PER_SIGMA
 
     @cached_property
     def sample_mm(self) -> float:
-        """Distance between samples along a beam, as displayed."""
+        """Distance between samples along a beam in mm, as displayed."""
         return 0.9 * self.axial_sigma_mm
 
     @cached_property
     def beam_mm(self) -> float:
-        """Distance between beams along the face."""
+        """Distance between beams along the face in mm."""
         depths_mm = np.linspace(0.0, self.scanner.depth_mm, 50)
         return 0.9 * float(self.lateral_sigma_mm(depths_mm).min())
 
     @cached_property
     def half_arc_mm(self) -> float:
-        """Half the length of the part of the face that is imaged."""
+        """Half the length in mm of the part of the face that is imaged."""
         scanner = self.scanner
         if scanner.geometry == "linear":
             return 0.5 * min(scanner.aperture_mm, scanner.width_px * scanner.pixel_mm)
@@ -59,7 +66,7 @@ class Beams:
 
     @cached_property
     def margin_mm(self) -> float:
-        """How far the grid reaches beyond the picture."""
+        """Distance in mm by which the grid extends beyond the picture."""
         return 4.5 * self.beam_mm
 
     @cached_property
@@ -71,16 +78,29 @@ class Beams:
 
     @cached_property
     def sample_depth_mm(self) -> Float64[np.ndarray, "s"]:
-        """Displayed range of each sample; the first ones lie behind the face."""
+        """Displayed range of each sample in mm; the first ones lie behind the face."""
         return np.arange(self.shape[0]) * self.sample_mm - self.margin_mm
 
     @cached_property
     def beam_arc_mm(self) -> Float64[np.ndarray, "b"]:
-        """Place of each beam along the face, 0 in its middle."""
+        """Position of each beam along the face in mm, 0 in its middle."""
         return np.arange(self.shape[1]) * self.beam_mm - self.half_arc_mm - self.margin_mm
 
     def lateral_sigma_mm(self, depth_mm: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
-        """Deviation of the beam, measured along the face: wavelength times f-number at the focus, wider elsewhere."""
+        """Compute the standard deviation of the beam along the face.
+
+        It is wavelength times f-number at the focus and wider elsewhere.
+
+        Parameters
+        ----------
+        depth_mm : ndarray, shape (n,)
+            Range from the face in mm.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Standard deviation in mm; for a convex array as arc on its face.
+        """
         scanner = self.scanner
         away = (depth_mm - scanner.focus_mm) / scanner.focus_mm
         sigma = scanner.wavelength_mm * scanner.f_number / FWHM_PER_SIGMA * np.sqrt(1.0 + (0.8 * away) ** 2)
@@ -91,7 +111,22 @@ class Beams:
     def to_beam(
         self, lateral_mm: Float[np.ndarray, "*n"], depth_mm: Float[np.ndarray, "*n"]
     ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
-        """Arc and true range of places in the image plane."""
+        """Convert positions in the image plane to arc and true range.
+
+        Parameters
+        ----------
+        lateral_mm : ndarray
+            Lateral coordinate in mm, 0 in the middle of the face.
+        depth_mm : ndarray
+            Depth in mm, of the same shape.
+
+        Returns
+        -------
+        arc_mm : ndarray
+            Arc along the face in mm.
+        range_mm : ndarray
+            Range from the face in mm.
+        """
         if self.scanner.geometry == "linear":
             return lateral_mm, depth_mm
         radius_mm = lateral_mm.dtype.type(self.scanner.radius_mm)
@@ -101,12 +136,38 @@ class Beams:
     def to_grid(
         self, arc_mm: Float[np.ndarray, "*n"], shown_mm: Float[np.ndarray, "*n"]
     ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
-        """Fractional sample and beam of an arc and a displayed range."""
+        """Convert arc and displayed range to fractional grid indices.
+
+        Parameters
+        ----------
+        arc_mm : ndarray
+            Arc along the face in mm.
+        shown_mm : ndarray
+            Displayed range in mm, of the same shape.
+
+        Returns
+        -------
+        sample : ndarray
+            Fractional sample index.
+        beam : ndarray
+            Fractional beam index.
+        """
         sample = (shown_mm + self.margin_mm) / self.sample_mm
         return sample, (arc_mm + self.half_arc_mm + self.margin_mm) / self.beam_mm
 
     def displayed(self, local_mm: Float[np.ndarray, "*n 2"]) -> Float64[np.ndarray, "*n 2"]:
-        """Where places (lateral, depth) of the image plane appear when the speed of sound is not as assumed."""
+        """Compute where positions appear when the speed of sound is not as assumed.
+
+        Parameters
+        ----------
+        local_mm : ndarray, shape (..., 2)
+            Lateral and depth coordinates in mm.
+
+        Returns
+        -------
+        ndarray, shape (..., 2)
+            Displayed lateral and depth coordinates in mm.
+        """
         if self.stretch == 1.0:
             return np.asarray(local_mm, dtype=np.float64)
         arc_mm, range_mm = self.to_beam(local_mm[..., 0], local_mm[..., 1])
@@ -118,7 +179,18 @@ class Beams:
         return np.stack([away_mm * np.sin(angle), away_mm * np.cos(angle) - radius_mm], axis=-1)
 
     def directions(self, local_mm: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """Unit direction of the beam at each place, in image coordinates."""
+        """Compute the unit direction of the beam at each position.
+
+        Parameters
+        ----------
+        local_mm : ndarray, shape (n, 3)
+            Image coordinates (lateral, depth, elevation) in mm.
+
+        Returns
+        -------
+        ndarray, shape (n, 3)
+            Unit vectors in image coordinates.
+        """
         along = np.zeros_like(local_mm)
         along[:, 1] = 1.0
         if self.scanner.geometry == "convex":
@@ -129,7 +201,7 @@ class Beams:
 
     @cached_property
     def pixel_places_mm(self) -> tuple[Float64[np.ndarray, "h w"], Float64[np.ndarray, "h w"]]:
-        """Lateral and depth coordinate of each pixel's centre; the top row touches the ends of the face."""
+        """Lateral and depth coordinate of each pixel centre in mm; the top row touches the ends of the face."""
         scanner = self.scanner
         column = (np.arange(scanner.width_px) - 0.5 * (scanner.width_px - 1)) * scanner.pixel_mm
         row = (np.arange(scanner.height_px) + 0.5) * scanner.pixel_mm - scanner.sag_mm
@@ -143,7 +215,18 @@ class Beams:
         return (np.abs(arc_mm) <= self.half_arc_mm) & (shown_mm >= 0) & (shown_mm <= self.scanner.depth_mm)
 
     def to_picture(self, grid: Float32[np.ndarray, "s b"]) -> Float32[np.ndarray, "h w"]:
-        """Interpolate a grid of beams at the pixels (scan conversion)."""
+        """Interpolate a grid of beams at the pixels (scan conversion).
+
+        Parameters
+        ----------
+        grid : ndarray of float32, shape (s, b)
+            Values at each sample (first axis) of each beam.
+
+        Returns
+        -------
+        ndarray of float32, shape (h, w)
+            Values at the pixels.
+        """
         picture = map_coordinates(grid, self._pixel_grid, order=1, mode="nearest")
         return np.asarray(picture, dtype=np.float32)
 

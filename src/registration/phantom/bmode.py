@@ -33,7 +33,15 @@ LOOK_STEP = 1.6
 
 @dataclass(frozen=True)
 class Echo:
-    """The blurred complex envelope of each look (k, s, b), 1 RMS in average tissue, and the loss in dB on the way."""
+    """Received signal of one frame before losses and noise.
+
+    Parameters
+    ----------
+    signal : ndarray of complex64, shape (k, s, b)
+        Blurred complex envelope of each look, 1 RMS in average tissue; axes are look, sample, beam.
+    loss_db : ndarray of float32, shape (s, b)
+        Two-way loss in dB at each sample of each beam.
+    """
 
     signal: Complex64[np.ndarray, "k s b"]
     loss_db: Float32[np.ndarray, "s b"]
@@ -41,22 +49,44 @@ class Echo:
 
 @dataclass(frozen=True)
 class BMode:
-    """A scanner that looks at a tissue."""
+    """Simulator of B-mode images: a scanner that images a tissue.
+
+    Parameters
+    ----------
+    scanner : Scanner
+        Probe and scanner.
+    tissue : TissueModel
+        Tissue of the phantom.
+    """
 
     scanner: Scanner
     tissue: TissueModel
 
     @cached_property
     def beams(self) -> Beams:
-        """The probe's grid of beams."""
+        """Grid of beams of the probe."""
         return Beams(self.scanner, self.tissue.settings.sound_speed_m_s)
 
     def __call__(
         self, view: View, contact_db: Float32[np.ndarray, "b"], rng: np.random.Generator
     ) -> tuple[UInt8[np.ndarray, "h w"], Bool[np.ndarray, "h w"]]:
-        """Make one frame, and the pixels in it that shadow or missing contact hide.
+        """Make one frame and the mask of its hidden pixels.
 
-        ``contact_db`` is each beam's loss at the skin; the receiver's noise is drawn from ``rng``.
+        Parameters
+        ----------
+        view : View
+            Pose and deformation of the frame.
+        contact_db : ndarray of float32, shape (b,)
+            Loss of each beam at the skin in dB.
+        rng : numpy.random.Generator
+            Random stream of the receiver's noise.
+
+        Returns
+        -------
+        image : ndarray of uint8, shape (h, w)
+            Grey levels.
+        hidden : ndarray of bool, shape (h, w)
+            Pixels that an acoustic shadow or missing contact hides.
         """
         echo = self.echo(view)
         power = np.mean(np.abs(self._receive(echo, contact_db, rng)) ** 2, axis=0)
@@ -68,7 +98,18 @@ class BMode:
         return picture, self._hidden(echo.loss_db + contact_db)
 
     def echo(self, view: View) -> Echo:
-        """What comes back before losses and noise."""
+        """Simulate the received signal before losses and noise.
+
+        Parameters
+        ----------
+        view : View
+            Pose and deformation of the frame.
+
+        Returns
+        -------
+        Echo
+            Blurred envelope of each look, and the loss along the beams.
+        """
         margin_mm, scanner = self.beams.margin_mm, self.scanner
         deepest_mm = (scanner.depth_mm + margin_mm) / self.beams.stretch
         reach_mm = self._reach_mm(deepest_mm)

@@ -16,11 +16,34 @@ from registration.errors import InputError
 
 @dataclass(frozen=True)
 class Motion:
-    """How the robot moves the probe and how well its poses are known.
+    """Motion of the probe, and how accurately its poses are known.
 
-    ``frames`` are taken evenly over ``duration_s``, poses at a rate of their own. ``latency_s`` is how late an image's
-    time stamp is against the pose clock. Pose noise is Gaussian and independent for each pose. The recorded
-    calibration is off by ``calibration_mm`` and ``calibration_deg``, in a random direction.
+    Parameters
+    ----------
+    frames : int, optional
+        Number of frames, evenly spaced over the sweep; at least 2.
+    duration_s : float, optional
+        Duration of the sweep in s.
+    pose_rate_hz : float, optional
+        Rate at which poses are recorded in Hz.
+    length_mm : float, optional
+        Length of the sweep along the vessel in mm.
+    tilt_deg : float, optional
+        Size of the probe's tilt in degrees.
+    wander_mm : float, optional
+        Standard deviation of the lateral wander in mm.
+    noise_mm, noise_deg : float, optional
+        Standard deviation of the pose noise per coordinate, in mm and in degrees; Gaussian and independent
+        for each pose.
+    latency_s : float, optional
+        Delay in s of an image's time stamp against the pose clock.
+    calibration_mm, calibration_deg : float, optional
+        Error of the recorded calibration in mm and in degrees, in a random direction.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
     """
 
     frames: int = 60
@@ -45,12 +68,27 @@ class Motion:
 
 @dataclass(frozen=True)
 class Deformation:
-    """How the vessel's shape at the sweep differs from the CT's; 0 switches a part off.
+    """Difference between the vessel's shape at the sweep and in the CT; 0 switches a part off.
 
-    ``bend_mm``: the largest displacement along the vessel by a smooth field (patient and limb lie differently), its
-    rigid part taken out, varying over ``bend_length_mm``. ``pressure_mm``: how deep the probe presses, a push that
-    fades over ``pressure_depth_mm``; ``squeeze``: share of its depth by which the vessel flattens at full pressure
-    (None: 0.25 for a vein, which any pressure closes, 0.05 for other vessels).
+    Parameters
+    ----------
+    bend_mm : float, optional
+        Largest displacement along the vessel in mm by a smooth field (patient and limb lie differently), its
+        rigid part removed; at most 0.4 of ``bend_length_mm``.
+    bend_length_mm : float, optional
+        Length in mm over which the field varies.
+    pressure_mm : float, optional
+        Depth in mm to which the probe presses; at most 0.4 of ``pressure_depth_mm``.
+    pressure_depth_mm : float, optional
+        Decay length of the push with depth in mm.
+    squeeze : float or None, optional
+        Share of its depth by which the vessel flattens at full pressure, 0 to 0.5. None: 0.25 for a vein,
+        which any pressure closes, 0.05 for other vessels.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, or a field is so steep that it would fold the tissue over itself.
     """
 
     bend_mm: float = 2.0
@@ -80,7 +118,28 @@ class Deformation:
 
 @dataclass(frozen=True)
 class CtScan:
-    """The preoperative CT that the fixed model is re-segmented from; ``crop_mm`` is cut off both ends."""
+    """Preoperative CT that the fixed model is re-segmented from.
+
+    Parameters
+    ----------
+    voxel_mm : float, optional
+        In-plane voxel size in mm.
+    slice_mm : float, optional
+        Slice spacing in mm.
+    blur_mm : float, optional
+        Standard deviation of the scanner's resolution in mm.
+    contrast_hu : float, optional
+        Contrast of the vessel against its surroundings in HU.
+    noise_hu : float, optional
+        Standard deviation of the noise in HU.
+    crop_mm : float, optional
+        Length in mm that is cut off both ends of the vessel.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
+    """
 
     voxel_mm: float = 0.7
     slice_mm: float = 1.0

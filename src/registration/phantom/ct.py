@@ -14,9 +14,28 @@ from registration.phantom.shapes import outward
 
 
 def fixed_model(anatomy: Anatomy, scan: CtScan, rng: np.random.Generator) -> Mesh:
-    """Scan the anatomy, crop, threshold at half the contrast and take the largest piece's surface.
+    """Scan the anatomy, crop, threshold at half the contrast and take the surface of the largest component.
 
     Cropping cuts ``crop_mm`` off both ends along z; the cut is closed, as segmented models usually are.
+
+    Parameters
+    ----------
+    anatomy : Anatomy
+        Vessel to scan.
+    scan : CtScan
+        Settings of the CT.
+    rng : numpy.random.Generator
+        Random stream of the scan.
+
+    Returns
+    -------
+    Mesh
+        Surface in the bed frame in mm.
+
+    Raises
+    ------
+    InputError
+        If the scan shows no vessel, or the crop leaves fewer than 4 slices.
     """
     from skimage.measure import marching_cubes
 
@@ -40,10 +59,33 @@ def fixed_model(anatomy: Anatomy, scan: CtScan, rng: np.random.Generator) -> Mes
 def scan_volume(
     anatomy: Anatomy, scan: CtScan, rng: np.random.Generator
 ) -> tuple[Float32[np.ndarray, "a b c"], Float[np.ndarray, "3"], tuple[float, float, float]]:
-    """Contrast-filled vessel in HU above its surroundings: volume, position of its first voxel's centre, spacing.
+    """Simulate a CT of the contrast-filled vessel.
 
-    Each voxel holds the share of it that is vessel (from the distance of its centre to the wall), blurred by the
-    scanner's resolution, with noise of the same grain.
+    Each voxel holds the share of it that is vessel (from the distance of its centre to the wall), blurred by
+    the scanner's resolution, with noise of the same grain.
+
+    Parameters
+    ----------
+    anatomy : Anatomy
+        Vessel to scan.
+    scan : CtScan
+        Settings of the CT.
+    rng : numpy.random.Generator
+        Random stream of the grid's position and of the noise.
+
+    Returns
+    -------
+    volume_hu : ndarray of float32, shape (a, b, c)
+        Values in HU above the surroundings, axes x, y, z.
+    origin_mm : ndarray, shape (3,)
+        Centre of the first voxel in the bed frame in mm.
+    spacing_mm : tuple[float, float, float]
+        Voxel size along x, y and z in mm.
+
+    Raises
+    ------
+    InputError
+        If the crop leaves fewer than 4 slices.
     """
     vertices_mm = anatomy.surface.vertices_mm
     spacing_mm = (scan.voxel_mm, scan.voxel_mm, scan.slice_mm)

@@ -23,9 +23,18 @@ BODY_MM = 15.0
 
 @dataclass(frozen=True)
 class Bend:
-    """A sum of Gaussian bumps, followed by a rigid motion that takes out its rigid part.
+    """Sum of Gaussian bumps, followed by a rigid motion that removes its rigid part.
 
-    ``centres_mm`` and ``weights_mm`` (k, 3); ``still_T_bent`` brings the bent vessel back over itself.
+    Parameters
+    ----------
+    centres_mm : ndarray, shape (k, 3)
+        Centres of the bumps in the bed frame in mm.
+    weights_mm : ndarray, shape (k, 3)
+        Displacement at each centre in mm.
+    length_mm : float
+        Standard deviation of the bumps in mm.
+    still_T_bent : ndarray, shape (4, 4)
+        Rigid transform that brings the bent vessel back over itself.
     """
 
     centres_mm: Float64[np.ndarray, "k 3"]
@@ -34,7 +43,18 @@ class Bend:
     still_T_bent: Float64[np.ndarray, "4 4"]
 
     def __call__(self, points_mm: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """Where material points lie at the time of the sweep; keeps the precision of its input."""
+        """Compute where material points lie at the time of the sweep.
+
+        Parameters
+        ----------
+        points_mm : ndarray, shape (n, 3)
+            Material points in the bed frame in mm.
+
+        Returns
+        -------
+        ndarray, shape (n, 3)
+            Displaced points in mm, in the precision of the input.
+        """
         kind = points_mm.dtype
         # |p - c|^2 is spread out into products of matrices, which are far faster than a loop over the bumps; counted
         # from the middle of the bumps and in their length, so that single precision loses nothing that matters.
@@ -55,7 +75,24 @@ class Bend:
 def draw_bend(
     guide_mm: Float64[np.ndarray, "g 3"], most_mm: float, length_mm: float, rng: np.random.Generator
 ) -> Bend | None:
-    """A random bend whose largest displacement along ``guide_mm`` (points of the vessel) is ``most_mm``; None for 0."""
+    """Draw a random bend.
+
+    Parameters
+    ----------
+    guide_mm : ndarray, shape (g, 3)
+        Points along the vessel in the bed frame in mm.
+    most_mm : float
+        Largest displacement of these points in mm.
+    length_mm : float
+        Length over which the field varies in mm.
+    rng : numpy.random.Generator
+        Random stream of the bend.
+
+    Returns
+    -------
+    Bend or None
+        The bend; None for a displacement of 0.
+    """
     if most_mm == 0:
         return None
     chosen = np.linspace(0, len(guide_mm) - 1, 5).round().astype(int)
@@ -80,11 +117,22 @@ def draw_bend(
 
 @dataclass(frozen=True)
 class Press:
-    """The probe's push in one frame, in image coordinates (lateral, depth, elevation).
+    """Push of the probe in one frame, in image coordinates (lateral, depth, elevation).
 
-    The skin under the probe gives way by ``depth_mm``; deeper tissue follows less, with a decay over ``fade_mm``.
-    Around ``centre_mm`` (lateral, depth) tissue is flattened by the share ``squeeze`` and gives way sideways, within
-    about ``reach_mm``.
+    Parameters
+    ----------
+    depth_mm : float
+        Displacement of the skin under the probe in mm.
+    fade_mm : float
+        Decay length in mm: deeper tissue follows less.
+    half_width_mm : float
+        Half the width of the probe's face in mm.
+    squeeze : float
+        Share by which tissue around ``centre_mm`` is flattened; it moves sideways instead.
+    centre_mm : tuple[float, float]
+        Lateral and depth coordinate of the flattened region's centre in mm.
+    reach_mm : float
+        Radius of that region in mm.
     """
 
     depth_mm: float
@@ -95,7 +143,18 @@ class Press:
     reach_mm: float
 
     def __call__(self, local_mm: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """Where points lie when pressed; keeps the precision of its input."""
+        """Compute where points lie when pressed.
+
+        Parameters
+        ----------
+        local_mm : ndarray, shape (n, 3)
+            Image coordinates in mm.
+
+        Returns
+        -------
+        ndarray, shape (n, 3)
+            Image coordinates in mm under pressure, in the precision of the input.
+        """
         kind = local_mm.dtype.type
         pressed = local_mm.copy()
         below = np.maximum(local_mm[:, 1] + kind(self.depth_mm), kind(0.0))
@@ -115,9 +174,16 @@ class Press:
 
 @dataclass(frozen=True)
 class View:
-    """The tissue as one frame sees it: rigid pose of the image plane, the bend, and the push.
+    """Tissue as one frame shows it: pose of the image plane, bend, and push.
 
-    ``tissue_T_image`` maps (lateral, depth, elevation) in mm to the ct frame, where tissue lies as bent.
+    Parameters
+    ----------
+    tissue_T_image : ndarray, shape (4, 4)
+        Rigid transform of (lateral, depth, elevation) in mm to the bed frame, where tissue lies as bent.
+    bend : Bend or None, optional
+        Bend of the body; None for none.
+    press : Press or None, optional
+        Push of the probe; None for none.
     """
 
     tissue_T_image: Float64[np.ndarray, "4 4"]
@@ -125,12 +191,34 @@ class View:
     press: Press | None = None
 
     def to_image(self, points_mm: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """Image coordinates of material points, in their precision."""
+        """Map material points to image coordinates.
+
+        Parameters
+        ----------
+        points_mm : ndarray, shape (n, 3)
+            Material points in the bed frame in mm.
+
+        Returns
+        -------
+        ndarray, shape (n, 3)
+            Image coordinates in mm, in the precision of the input.
+        """
         bent = self.bend(points_mm) if self.bend else points_mm
         return self.pressed(bent)
 
     def pressed(self, bent_mm: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """Image coordinates of points whose bend is already applied."""
+        """Map points whose bend is already applied to image coordinates.
+
+        Parameters
+        ----------
+        bent_mm : ndarray, shape (n, 3)
+            Bent points in the bed frame in mm.
+
+        Returns
+        -------
+        ndarray, shape (n, 3)
+            Image coordinates in mm, in the precision of the input.
+        """
         kind = bent_mm.dtype
         local_mm = (bent_mm - self.tissue_T_image[:3, 3].astype(kind)) @ self.tissue_T_image[:3, :3].astype(
             kind
@@ -138,12 +226,34 @@ class View:
         return self.press(local_mm) if self.press else local_mm
 
     def to_tissue(self, local_mm: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n 3"]:
-        """Material points seen at image coordinates: the inverse, by fixed-point iteration."""
+        """Map image coordinates to material points: the inverse of ``to_image``, by fixed-point iteration.
+
+        Parameters
+        ----------
+        local_mm : ndarray, shape (n, 3)
+            Image coordinates (lateral, depth, elevation) in mm.
+
+        Returns
+        -------
+        ndarray, shape (n, 3)
+            Material points in the bed frame in mm.
+        """
         points_mm = frames.apply(self.tissue_T_image, _undo(self.press, local_mm) if self.press else local_mm)
         return _undo(self.bend, points_mm) if self.bend else points_mm
 
     def slab(self, low_mm: Float64[np.ndarray, "3"], high_mm: Float64[np.ndarray, "3"]) -> Slab:
-        """A block of material that holds all that is seen between two corners in image coordinates."""
+        """Bound the material that is seen between two corners in image coordinates.
+
+        Parameters
+        ----------
+        low_mm, high_mm : ndarray, shape (3,)
+            Lower and upper corner (lateral, depth, elevation) in mm.
+
+        Returns
+        -------
+        Slab
+            Block of material that holds all of it.
+        """
         if self.bend is None and self.press is None:
             return Slab(self.tissue_T_image, low_mm, high_mm)
         axes = [np.linspace(low_mm[axis], high_mm[axis], count) for axis, count in enumerate((7, 7, 3))]
@@ -157,22 +267,55 @@ class View:
 
 @dataclass(frozen=True)
 class SweepDeformation:
-    """The whole truth about deformation in one sweep: the bend, and the push of every frame.
+    """True deformation of one sweep: the bend, and the push of every frame.
 
-    ``views`` hold both, in the anatomy's bed frame; points go in and come out in the ct frame, in mm.
+    Points go in and come out in the ct frame, in mm.
+
+    Parameters
+    ----------
+    views : tuple of View
+        Pose, bend and push of every frame, in the bed frame.
+    ct_T_bed : ndarray, shape (4, 4)
+        Rigid transform from the bed to the ct frame.
     """
 
     views: tuple[View, ...]
     ct_T_bed: Float64[np.ndarray, "4 4"]
 
     def displaced(self, points_mm: Float64[np.ndarray, "n 3"], frame: int) -> Float64[np.ndarray, "n 3"]:
-        """Where material points (ct frame, n x 3) lie while ``frame`` is taken."""
+        """Compute where material points lie while a frame is taken.
+
+        Parameters
+        ----------
+        points_mm : ndarray, shape (n, 3)
+            Material points in the ct frame in mm.
+        frame : int
+            Index of the frame.
+
+        Returns
+        -------
+        ndarray, shape (n, 3)
+            Displaced points in the ct frame in mm.
+        """
         view, bed_T_ct = self.views[frame], frames.invert_rigid(self.ct_T_bed)
         local_mm = view.to_image(frames.apply(bed_T_ct, points_mm))
         return frames.apply(self.ct_T_bed @ view.tissue_T_image, local_mm)
 
     def as_swept(self, points_mm: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n 3"]:
-        """Where material points lie when the image plane passes nearest to them: what a reconstruction shows."""
+        """Compute where material points lie when the image plane passes nearest to them.
+
+        This is what a reconstruction shows.
+
+        Parameters
+        ----------
+        points_mm : ndarray, shape (n, 3)
+            Material points in the ct frame in mm.
+
+        Returns
+        -------
+        ndarray, shape (n, 3)
+            Displaced points in the ct frame in mm.
+        """
         material_mm = frames.apply(frames.invert_rigid(self.ct_T_bed), points_mm)
         away_mm = np.abs(np.stack([view.to_image(material_mm)[:, 2] for view in self.views]))
         nearest = away_mm.argmin(axis=0)
@@ -183,9 +326,19 @@ class SweepDeformation:
         return shown_mm
 
     def material(self, points_mm: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n 3"]:
-        """The material points (ct frame) that a reconstruction shows at ``points_mm``: the inverse of ``as_swept``.
+        """Find the material points that a reconstruction shows at given points: the inverse of ``as_swept``.
 
         A point belongs to the frame whose plane is nearest.
+
+        Parameters
+        ----------
+        points_mm : ndarray, shape (n, 3)
+            Reconstructed points in the ct frame in mm.
+
+        Returns
+        -------
+        ndarray, shape (n, 3)
+            Material points in the ct frame in mm.
         """
         bed_mm = frames.apply(frames.invert_rigid(self.ct_T_bed), points_mm)
         poses = np.stack([view.tissue_T_image for view in self.views])
@@ -200,7 +353,7 @@ class SweepDeformation:
 
     @cached_property
     def pressure_mm(self) -> Float64[np.ndarray, "n"]:
-        """How deep the probe presses in each frame."""
+        """Depth in mm to which the probe presses in each frame."""
         return np.array([view.press.depth_mm if view.press else 0.0 for view in self.views])
 
 

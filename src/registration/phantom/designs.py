@@ -18,7 +18,13 @@ SKIN_Y_MM = -17.0
 
 
 def artificial() -> tuple[VesselLine, ...]:
-    """A designed tube 8 mm across, bent in two planes, with a side tube 5 mm across."""
+    """Design a tube 8 mm across, bent in two planes, with a side tube 5 mm across.
+
+    Returns
+    -------
+    tuple of VesselLine
+        Main and side tube in the ct frame.
+    """
     main = spline_line(
         np.array([[-5, 1, -42], [-1.5, -1, -22], [4, 0.5, -2], [3, 3.5, 18], [-3, 2, 42]], dtype=float),
         np.full(5, 4.0),
@@ -31,7 +37,13 @@ def artificial() -> tuple[VesselLine, ...]:
 
 
 def vein() -> tuple[VesselLine, ...]:
-    """A vein, 12 mm wide and 7.5 mm deep at its largest, with one tributary; gently curved."""
+    """Design a gently curved vein, 12 mm wide and 7.5 mm deep at its largest, with one tributary.
+
+    Returns
+    -------
+    tuple of VesselLine
+        Main vein and tributary in the ct frame.
+    """
     main = spline_line(
         np.array([[4, 2, -42], [2.5, 3, -20], [-1, 2, 0], [-3, 0, 20], [-1, -1.5, 42]], dtype=float),
         np.array([3.1, 3.4, 3.8, 3.6, 3.3]),
@@ -46,7 +58,13 @@ def vein() -> tuple[VesselLine, ...]:
 
 
 def artery() -> tuple[VesselLine, ...]:
-    """An artery, 7 mm across and strongly curved, that forks into branches of 5.6 and 4.4 mm."""
+    """Design a strongly curved artery, 7 mm across, that forks into branches of 5.6 and 4.4 mm.
+
+    Returns
+    -------
+    tuple of VesselLine
+        Trunk, superficial and deep branch in the ct frame.
+    """
     fork = [0.5, 1.0, 2.0]
     trunk = spline_line(
         np.array([[-6, 4, 42], [1, 0.5, 28], [4.5, -1.5, 15], fork], dtype=float),

@@ -12,9 +12,18 @@ from registration.geometry import Mesh
 
 @dataclass(frozen=True)
 class DistanceGrid:
-    """Distances in mm at grid nodes: negative inside, capped at ``far_mm`` outside the grid.
+    """Signed distances at grid nodes: negative inside, capped at ``far_mm`` outside the grid.
 
-    ``values_mm`` (a, b, c) at ``origin_mm + pitch_mm * (i, j, k)``.
+    Parameters
+    ----------
+    values_mm : ndarray of float32, shape (a, b, c)
+        Distance in mm at ``origin_mm + pitch_mm * (i, j, k)``.
+    origin_mm : ndarray, shape (3,)
+        Position of the first node in mm.
+    pitch_mm : float
+        Distance between nodes in mm.
+    far_mm : float
+        Largest distance in mm that is told apart.
     """
 
     values_mm: Float32[np.ndarray, "a b c"]
@@ -23,7 +32,18 @@ class DistanceGrid:
     far_mm: float
 
     def at(self, points_mm: Float[np.ndarray, "n 3"]) -> Float32[np.ndarray, "n"]:
-        """Distance at each point, trilinear between nodes; ``far_mm`` outside the grid."""
+        """Interpolate the distance at points, trilinear between nodes.
+
+        Parameters
+        ----------
+        points_mm : ndarray, shape (n, 3)
+            Points in mm.
+
+        Returns
+        -------
+        ndarray of float32, shape (n,)
+            Distance in mm; ``far_mm`` outside the grid.
+        """
         distance_mm = np.full(len(points_mm), self.far_mm, dtype=np.float32)
         inside, cell, share = self._locate(points_mm)
         corners = self._corners(cell)
@@ -37,7 +57,18 @@ class DistanceGrid:
         return distance_mm
 
     def normals(self, points_mm: Float[np.ndarray, "n 3"]) -> Float32[np.ndarray, "n 3"]:
-        """The unit direction in which the distance grows, by central differences over one pitch."""
+        """Compute the direction in which the distance grows, by central differences over one pitch.
+
+        Parameters
+        ----------
+        points_mm : ndarray, shape (n, 3)
+            Points in mm.
+
+        Returns
+        -------
+        ndarray of float32, shape (n, 3)
+            Unit vectors; 0 where the distance is constant.
+        """
         slopes = np.empty((len(points_mm), 3), dtype=np.float32)
         for axis in range(3):
             step_mm = np.zeros(3, dtype=np.float32)
@@ -70,8 +101,23 @@ class DistanceGrid:
 def distance_grid(mesh: Mesh, pitch_mm: float = 0.5, far_mm: float = 2.2) -> DistanceGrid:
     """Measure the signed distance to a closed mesh at the nodes of a box ``far_mm`` larger than it.
 
-    Distances are exact to the triangles (Open3D's ray casting scene), the sign is by ray parity; both ways they are
-    capped at ``far_mm``, so that only nodes near the surface need the costly exact value. A coarse grid finds those.
+    Distances are exact to the triangles (Open3D's ray casting scene), the sign is by ray parity; both ways
+    they are capped at ``far_mm``, so that only nodes near the surface need the costly exact value. A coarse
+    grid finds those.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Closed surface in mm.
+    pitch_mm : float, optional
+        Distance between nodes in mm.
+    far_mm : float, optional
+        Largest distance in mm that is told apart.
+
+    Returns
+    -------
+    DistanceGrid
+        Distances at the nodes.
     """
     import open3d as o3d
 

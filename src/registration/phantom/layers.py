@@ -21,13 +21,38 @@ SKIN_DB = 5.0
 
 
 def dither(bits: UInt32[np.ndarray, "n"], place: int) -> Float32[np.ndarray, "n"]:
-    """A number from 0 to 1 out of ten of a scatterer's random bits; ``place`` 0, 1 or 2 chooses which ten."""
+    """Make a number from 0 to 1 of ten of a scatterer's random bits.
+
+    Parameters
+    ----------
+    bits : ndarray of uint32, shape (n,)
+        Random bits of each scatterer.
+    place : {0, 1, 2}
+        Which ten bits are used.
+
+    Returns
+    -------
+    ndarray of float32, shape (n,)
+        Numbers from 0 (included) to 1 (excluded).
+    """
     return ((bits >> np.uint32(10 * place)) & np.uint32(1023)).astype(np.float32) / np.float32(1024.0)
 
 
 @dataclass(frozen=True)
 class Layers:
-    """Echogenicity outside the vessel, fixed in the tissue by a seed."""
+    """Echogenicity outside the vessel, fixed in the tissue by a seed.
+
+    Parameters
+    ----------
+    settings : Tissue
+        Acoustic properties.
+    skin_y_mm : float
+        Height y of the skin plane in mm, in the bed frame.
+    pitch_mm : float
+        Side of the lattice cell that holds one scatterer, in mm.
+    seed : int
+        Seed of the tissue.
+    """
 
     settings: Tissue
     skin_y_mm: float
@@ -40,9 +65,23 @@ class Layers:
         bits: UInt32[np.ndarray, "n"],
         free: Bool[np.ndarray, "n"],
     ) -> tuple[Float32[np.ndarray, "n"], Bool[np.ndarray, "n"]]:
-        """Level of each scatterer, and whether it lies on a sheet.
+        """Compute the level of each scatterer, and whether it lies on a sheet.
 
-        Those on a sheet are moved onto it in place; only ``free`` ones may be, the others are too near the vessel.
+        Parameters
+        ----------
+        positions_mm : ndarray of float32, shape (n, 3)
+            Scatterers in the bed frame in mm; those on a sheet are moved onto it in place.
+        bits : ndarray of uint32, shape (n,)
+            Random bits of each scatterer.
+        free : ndarray of bool, shape (n,)
+            Scatterers that may be moved onto a sheet; the others are too near the vessel.
+
+        Returns
+        -------
+        level_db : ndarray of float32, shape (n,)
+            Level in dB against average tissue.
+        smooth : ndarray of bool, shape (n,)
+            Whether the scatterer lies on a sheet.
         """
         settings = self.settings
         level_db = np.float32(settings.texture_db) * self._texture(positions_mm, bits, (1.4, 0.7, 1.4))

@@ -12,10 +12,20 @@ TEST_SEEDS_FROM = 1000
 
 
 def draw_lines(seed: int) -> tuple[VesselLine, ...]:
-    """The vessel lines of one anatomy: a trunk with a taper and up to two branches.
+    """Draw the vessel lines of one anatomy: a trunk with a taper and up to two branches.
 
-    Radii of the trunk lie between 2.2 and 5 mm; one in two has a stenosis that takes 20 to 60 % of the diameter over
-    some 8 mm. Seeds below 1000 are for development, those from 1000 on for tests.
+    Radii of the trunk lie between 2.2 and 5 mm; one in two has a stenosis that takes 20 to 60 % of the
+    diameter over some 8 mm.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the anatomy: below 1000 for development, from 1000 on for tests.
+
+    Returns
+    -------
+    tuple of VesselLine
+        The trunk, then its branches, in the ct frame.
     """
     rng = np.random.default_rng([seed, 40])
     radius_mm = rng.uniform(2.2, 5.0)

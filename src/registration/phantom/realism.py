@@ -1,4 +1,4 @@
-"""Numbers by which simulated pictures are set beside real ones: contrast, grain, and how easy the vessel is."""
+"""Measures that compare simulated images with real ones: contrast, grain, and how easy the vessel is to find."""
 
 from __future__ import annotations
 
@@ -15,9 +15,28 @@ SMALLEST_VESSEL_PX = 300
 
 
 def gcnr(first: UInt8[np.ndarray, "n"], second: UInt8[np.ndarray, "m"]) -> float:
-    """Generalised contrast-to-noise ratio of two sets of grey values: 1 less the overlap of their histograms.
+    """Compute the generalised contrast-to-noise ratio of two sets of grey values.
 
-    After Rodriguez-Molares et al., IEEE T-UFFC 67(4), 2020; bins of 8 grey levels.
+    It is 1 less the overlap of their histograms, with bins of 8 grey levels.
+
+    Parameters
+    ----------
+    first, second : ndarray of uint8, shape (n,)
+        Grey values; the sets may differ in size.
+
+    Returns
+    -------
+    float
+        Ratio from 0 (equal histograms) to 1 (no overlap).
+
+    Raises
+    ------
+    InputError
+        If a set is empty.
+
+    References
+    ----------
+    A. Rodriguez-Molares et al., IEEE T-UFFC 67(4), 2020.
     """
     if not len(first) or not len(second):
         raise InputError("gcnr: expected two sets of pixels, received an empty one")
@@ -27,7 +46,22 @@ def gcnr(first: UInt8[np.ndarray, "n"], second: UInt8[np.ndarray, "m"]) -> float
 
 
 def vessel_gcnr(image: UInt8[np.ndarray, "h w"], mask: Bool[np.ndarray, "h w"]) -> list[float]:
-    """gCNR of each vessel of at least 300 pixels against a ring around it, 0.6 of its radius wide."""
+    """Compute the gCNR of each vessel against a ring around it, 0.6 of its radius wide.
+
+    Vessels of fewer than 300 pixels are left out.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (h, w)
+        Grey values.
+    mask : ndarray of bool, shape (h, w)
+        Vessel pixels.
+
+    Returns
+    -------
+    list of float
+        One ratio for each vessel.
+    """
     pieces, count = label(mask)
     found = []
     for piece in range(1, count + 1):
@@ -43,9 +77,19 @@ def vessel_gcnr(image: UInt8[np.ndarray, "h w"], mask: Bool[np.ndarray, "h w"]) 
 
 
 def grain_px(image: UInt8[np.ndarray, "h w"], seen: Bool[np.ndarray, "h w"]) -> Float64[np.ndarray, "2"]:
-    """Median full width at half maximum of the grey levels' autocorrelation over all patches, (vertical, horizontal).
+    """Measure the speckle size: the width of the grey levels' autocorrelation, median over all patches.
 
-    Patches measure 48 pixels, lie wholly in ``seen`` and are neither dark nor flat. NaN where there is none.
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (h, w)
+        Grey values.
+    seen : ndarray of bool, shape (h, w)
+        Pixels that show tissue. Patches measure 48 px, lie wholly in it and are neither dark nor flat.
+
+    Returns
+    -------
+    ndarray, shape (2,)
+        Vertical and horizontal full width at half maximum in px; NaN without a patch.
     """
     widths = []
     for row in range(0, image.shape[0] - PATCH_PX, PATCH_PX):
@@ -64,7 +108,22 @@ def grain_px(image: UInt8[np.ndarray, "h w"], seen: Bool[np.ndarray, "h w"]) -> 
 
 
 def dark_dsc(image: UInt8[np.ndarray, "h w"], mask: Bool[np.ndarray, "h w"]) -> float:
-    """DSC of all that is no brighter than Otsu's threshold against the vessel: how far brightness alone gets."""
+    """Compute the DSC of all that is no brighter than Otsu's threshold against the vessel.
+
+    It tells how far brightness alone gets.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (h, w)
+        Grey values.
+    mask : ndarray of bool, shape (h, w)
+        Vessel pixels.
+
+    Returns
+    -------
+    float
+        Dice similarity coefficient from 0 to 1; NaN where neither has a pixel.
+    """
     from skimage.filters import threshold_otsu
 
     dark = image <= threshold_otsu(image)

@@ -28,14 +28,34 @@ OVERHANG_S = 0.15
 
 @dataclass(frozen=True)
 class SimulatedSweep:
-    """A tracked sweep with everything that is known about it.
+    """Tracked sweep with everything that is known about it.
 
-    ``sweep`` is what a user would have: noisy poses, late time stamps, the calibration as recorded. The truth:
-    ``masks`` (n, height, width) of the vessel as each frame shows it; ``hidden`` (n, height, width), pixels behind a
-    shadow or without contact; ``world_A_pixel`` (n, 4, 4) of each frame by its true pose; ``ct_T_world``; the
-    undeformed ``anatomy`` and its ``centerline`` in the ct frame (None for a user's mesh); ``deformation``;
-    ``contact``; ``hard_spots_mm`` (k, 3) in the ct frame that throw shadows. ``model`` is the surface re-segmented
-    from the simulated CT, in the ct frame: the fixed side of a registration. ``settings`` hold the rest.
+    Parameters
+    ----------
+    sweep : TrackedSweep
+        What a user would have: noisy poses, late time stamps, the calibration as recorded.
+    masks : ndarray of bool, shape (n, height, width)
+        True mask of the vessel as each frame shows it.
+    hidden : ndarray of bool, shape (n, height, width)
+        Pixels behind an acoustic shadow or without contact.
+    world_A_pixel : ndarray, shape (n, 4, 4)
+        Affine matrix of each frame by its true pose, from pixels to the world frame in mm.
+    ct_T_world : ndarray, shape (4, 4)
+        True rigid transform from the world to the ct frame.
+    anatomy : Mesh
+        Undeformed surface in the ct frame in mm.
+    centerline : Centerline or None
+        Centerline in the ct frame in mm; None for a user's mesh.
+    model : Mesh
+        Surface re-segmented from the simulated CT, in the ct frame: the fixed side of a registration.
+    deformation : SweepDeformation
+        True deformation of the tissue.
+    contact : Contact
+        Coupling of the probe to the skin.
+    hard_spots_mm : ndarray, shape (k, 3)
+        Centres in the ct frame in mm of the spots that cast shadows.
+    settings : PhantomSettings
+        Settings of the phantom.
     """
 
     sweep: TrackedSweep
@@ -53,11 +73,30 @@ class SimulatedSweep:
 
 
 def simulate_sweep(settings: PhantomSettings, sweep: int, pictures: bool = True) -> SimulatedSweep:
-    """Simulate the sweep number ``sweep`` (0 and up) of a phantom.
+    """Simulate one sweep over a phantom.
 
-    Sweeps of one phantom share its tissue, its place in the world, the probe's calibration, the bend and the CT; path,
-    pressure, contact and noise differ. The same settings and number give the same bytes. Without ``pictures`` all
-    images are black and nothing is hidden; masks, poses and truth are the same, within a hundredth of the time.
+    Sweeps of one phantom share its tissue, its place in the world, the probe's calibration, the bend and the
+    CT; path, pressure, contact and noise differ. The same settings and number give the same bytes.
+
+    Parameters
+    ----------
+    settings : PhantomSettings
+        Settings of the phantom.
+    sweep : int
+        Number of the sweep, from 0.
+    pictures : bool, optional
+        False leaves all images black and nothing hidden; masks, poses and truth are the same, within a
+        hundredth of the time.
+
+    Returns
+    -------
+    SimulatedSweep
+        The sweep and its truth.
+
+    Raises
+    ------
+    InputError
+        If the number is negative or the settings lead to no anatomy or model.
     """
     require_count("sweep", sweep, 0)
     maker = SweepSimulator(settings, sweep)
@@ -90,7 +129,18 @@ def simulate_sweep(settings: PhantomSettings, sweep: int, pictures: bool = True)
 
 @lru_cache(maxsize=8)
 def model_of(settings: PhantomSettings) -> Mesh:
-    """The fixed model of a phantom, re-segmented from its simulated CT, in the ct frame."""
+    """Make the fixed model of a phantom, re-segmented from its simulated CT.
+
+    Parameters
+    ----------
+    settings : PhantomSettings
+        Settings of the phantom.
+
+    Returns
+    -------
+    Mesh
+        Surface in the ct frame in mm.
+    """
     anatomy = anatomy_of(settings)
     return _moved(
         fixed_model(anatomy, settings.ct, np.random.default_rng([*settings.entropy, 20])), anatomy.ct_T_bed

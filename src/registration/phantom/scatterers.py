@@ -12,10 +12,14 @@ from registration.phantom.hashing import hash_cells, mix
 
 @dataclass(frozen=True)
 class Slab:
-    """A block of tissue around the image plane, in the tissue's frame.
+    """Block of tissue around the image plane, in the tissue's frame.
 
-    ``tissue_T_image`` maps (lateral, depth, elevation) in mm to the tissue. The block spans ``low_mm`` to ``high_mm``
-    in those coordinates.
+    Parameters
+    ----------
+    tissue_T_image : ndarray, shape (4, 4)
+        Rigid transform from (lateral, depth, elevation) in mm to the tissue.
+    low_mm, high_mm : ndarray, shape (3,)
+        Lower and upper corner of the block in these coordinates, in mm.
     """
 
     tissue_T_image: Float64[np.ndarray, "4 4"]
@@ -24,16 +28,28 @@ class Slab:
 
     @property
     def corners_mm(self) -> Float64[np.ndarray, "8 3"]:
-        """The block's corners in the tissue's frame."""
+        """Corners of the block in the tissue's frame in mm."""
         choices = np.stack(np.meshgrid(*zip(self.low_mm, self.high_mm, strict=True), indexing="ij"), axis=-1)
         return choices.reshape(-1, 3) @ self.tissue_T_image[:3, :3].T + self.tissue_T_image[:3, 3]
 
 
 def cells_in(slab: Slab, pitch_mm: float) -> Int64[np.ndarray, "n 3"]:
-    """Indices of the lattice cells that touch the block, and some around it.
+    """Find the lattice cells that touch the block, and some around it.
 
-    The lattice is walked column by column along the axis that is closest to the plane's normal, so the number of
-    cells visited is proportional to the block, whatever its direction.
+    The lattice is walked column by column along the axis that is closest to the plane's normal, so the number
+    of cells visited is proportional to the block, whatever its direction.
+
+    Parameters
+    ----------
+    slab : Slab
+        Block of tissue.
+    pitch_mm : float
+        Side of a lattice cell in mm.
+
+    Returns
+    -------
+    ndarray of int, shape (n, 3)
+        Lattice indices of the cells.
     """
     rotation, origin_mm = slab.tissue_T_image[:3, :3], slab.tissue_T_image[:3, 3]
     normal = rotation[:, 2]
@@ -65,7 +81,26 @@ def cells_in(slab: Slab, pitch_mm: float) -> Int64[np.ndarray, "n 3"]:
 def place(
     cells: Int64[np.ndarray, "n 3"], pitch_mm: float, seed: int
 ) -> tuple[Float32[np.ndarray, "n 3"], Float32[np.ndarray, "n"], UInt32[np.ndarray, "n"]]:
-    """Position in mm, strength (of either sign, zero mean, 1 RMS) and 32 random bits of each cell's scatterer."""
+    """Place one scatterer in each lattice cell.
+
+    Parameters
+    ----------
+    cells : ndarray of int, shape (n, 3)
+        Lattice indices of the cells.
+    pitch_mm : float
+        Side of a lattice cell in mm.
+    seed : int
+        Seed of the tissue.
+
+    Returns
+    -------
+    positions_mm : ndarray of float32, shape (n, 3)
+        Positions in mm.
+    strength : ndarray of float32, shape (n,)
+        Strength, of either sign, zero mean and 1 RMS.
+    bits : ndarray of uint32, shape (n,)
+        32 random bits of each scatterer.
+    """
     bits = hash_cells(cells[:, 0], cells[:, 1], cells[:, 2], seed)
     more = mix(bits ^ np.uint32(0x68E31DA4))
     positions_mm = np.empty((len(cells), 3), dtype=np.float32)

@@ -14,11 +14,29 @@ from registration.phantom.settings import RANDOM, PhantomSettings
 
 @dataclass(frozen=True)
 class SessionVariation:
-    """What changes from one session to the next; each field switches one source of variation.
+    """What changes from one session to the next; each switch turns on one source of variation.
 
-    ``scanner``: frequency, compounding, noise, dynamic range and grey curve. ``depth``: imaging depth. ``gain``:
-    overall and depth gain. ``speckle``: pulse length and aperture. ``contrast``: lumen, haze, wall and texture.
-    ``shape``: the vessel itself, drawn at random. ``strength`` scales all ranges.
+    Parameters
+    ----------
+    scanner : bool, optional
+        Frequency, compounding, noise, dynamic range and grey curve.
+    depth : bool, optional
+        Imaging depth.
+    gain : bool, optional
+        Overall and depth gain.
+    speckle : bool, optional
+        Pulse length and aperture.
+    contrast : bool, optional
+        Lumen, haze, wall and texture.
+    shape : bool, optional
+        The vessel itself, drawn at random.
+    strength : float, optional
+        Factor on all ranges, above 0 to 1.5.
+
+    Raises
+    ------
+    InputError
+        If the strength is out of range.
     """
 
     scanner: bool = True
@@ -33,7 +51,26 @@ class SessionVariation:
         require_positive("strength", self.strength, 1.5)
 
     def __call__(self, settings: PhantomSettings, session: int) -> PhantomSettings:
-        """The settings of session ``session`` (0 and up): the same for the same number, whatever else is switched."""
+        """Vary the settings for one session.
+
+        Parameters
+        ----------
+        settings : PhantomSettings
+            Settings to vary.
+        session : int
+            Number of the session, from 0. The same number gives the same draws, whichever sources are
+            switched on.
+
+        Returns
+        -------
+        PhantomSettings
+            Settings of the session.
+
+        Raises
+        ------
+        InputError
+            If the number is negative.
+        """
         require_count("session", session, 0)
         rng = np.random.default_rng([*settings.entropy, 50, session])
         # Always the same number of draws, so that switching one source leaves the others as they are.

@@ -21,11 +21,35 @@ RANDOM, MESH = "random", "mesh"
 
 @dataclass(frozen=True)
 class PhantomSettings:
-    """One simulated phantom; ``seed`` decides all that is random about it and its sweeps.
+    """Settings of one simulated phantom.
 
-    ``subset`` is artificial, vein or artery; or ``random``, an anatomy drawn by ``anatomy_seed`` (below 1000 for
-    development, from 1000 for tests). A file ``mesh`` (a closed surface in mm) takes the place of all of them, and
-    ``subset`` is then ``mesh``.
+    Parameters
+    ----------
+    subset : {"artificial", "vein", "artery", "random", "mesh"}, optional
+        Kind of vessel: a design, an anatomy drawn by ``anatomy_seed``, or the user's ``mesh``.
+    seed : int, optional
+        Seed of all that is random about the phantom and its sweeps.
+    anatomy_seed : int, optional
+        Seed of a random anatomy: below 1000 for development, from 1000 for tests.
+    mesh : str, optional
+        Path of a closed surface in mm; where given, ``subset`` becomes ``mesh``. Empty for none.
+    scanner : Scanner, optional
+        Probe and scanner.
+    tissue : Tissue, optional
+        Acoustic properties of the tissue.
+    artefacts : Artefacts, optional
+        Artefacts.
+    motion : Motion, optional
+        Motion of the probe.
+    deformation : Deformation, optional
+        Deformation of the tissue.
+    ct : CtScan, optional
+        Preoperative CT.
+
+    Raises
+    ------
+    InputError
+        If the kind is unknown, a seed is negative, the mesh is missing, or a part has the wrong type.
     """
 
     subset: str = "artery"
@@ -56,11 +80,17 @@ class PhantomSettings:
 
     @property
     def entropy(self) -> tuple[int, int]:
-        """The seed and the kind of vessel as numbers: phantoms of one seed do not share their tissue."""
+        """Seed and kind of vessel as numbers: phantoms of one seed do not share their tissue."""
         return self.seed, zlib.crc32(f"{self.subset} {self.anatomy_seed}".encode())
 
     def digest(self) -> str:
-        """SHA-256 over all settings, and over the bytes of the mesh's file where there is one."""
+        """Compute the SHA-256 of all settings, and of the bytes of the mesh file where there is one.
+
+        Returns
+        -------
+        str
+            64 hexadecimal digits.
+        """
         text = json.dumps(dataclasses.asdict(self), sort_keys=True, default=str)
         content = Path(self.mesh).read_bytes() if self.mesh else b""
         return hashlib.sha256(text.encode() + content).hexdigest()

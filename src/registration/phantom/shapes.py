@@ -25,9 +25,21 @@ FAR_MM = 2.0
 class VesselLine:
     """One unbranched vessel: a line with an elliptic section perpendicular to it.
 
-    ``points_mm`` (m, 3) ordered along the vessel, ``radius_mm`` (m,) half the section's front-to-back size, and
-    ``widening`` (m,), the ratio of its left-to-right to its front-to-back size (1 is a circle). The ends are closed by
-    half ellipsoids.
+    The ends are closed by half ellipsoids.
+
+    Parameters
+    ----------
+    points_mm : ndarray, shape (m, 3)
+        Points in order along the vessel in mm.
+    radius_mm : ndarray, shape (m,)
+        Half the section's front-to-back size in mm.
+    widening : ndarray, shape (m,)
+        Ratio of the section's left-to-right to its front-to-back size; 1 is a circle.
+
+    Raises
+    ------
+    InputError
+        If a radius or a widening is not positive.
     """
 
     points_mm: Float64[np.ndarray, "m 3"]
@@ -46,7 +58,7 @@ class VesselLine:
 
     @property
     def length_mm(self) -> float:
-        """Arc length of the line."""
+        """Arc length of the line in mm."""
         return float(np.linalg.norm(np.diff(self.points_mm, axis=0), axis=1).sum())
 
 
@@ -55,7 +67,27 @@ def spline_line(
     radii_mm: Float[np.ndarray, "c"],
     widenings: Float[np.ndarray, "c"] | float = 1.0,
 ) -> VesselLine:
-    """Draw a natural cubic spline through control points and sample it evenly, radius and widening along with it."""
+    """Draw a natural cubic spline through control points and sample it evenly, with radius and widening.
+
+    Parameters
+    ----------
+    controls_mm : ndarray, shape (c, 3)
+        Control points in mm, at least two.
+    radii_mm : ndarray, shape (c,)
+        Radius at each control point in mm.
+    widenings : ndarray, shape (c,) or float, optional
+        Ratio of width to depth at each control point, or one for all.
+
+    Returns
+    -------
+    VesselLine
+        The line, sampled every 0.1 mm.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two control points.
+    """
     controls_mm = np.asarray(controls_mm, dtype=np.float64)
     if len(controls_mm) < 2:
         raise InputError(f"controls_mm: expected at least two points, received {len(controls_mm)}")
@@ -72,9 +104,19 @@ def spline_line(
 
 
 def implicit_mm(line: VesselLine, points_mm: Float[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n"]:
-    """A function that is negative inside the vessel and zero on its surface.
+    """Evaluate a function that is negative inside the vessel and zero on its surface.
 
-    It is the exact distance where sections are circular, and capped at 2 mm far outside.
+    Parameters
+    ----------
+    line : VesselLine
+        Vessel.
+    points_mm : ndarray, shape (n, 3)
+        Points in mm.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Value in mm: the exact distance where sections are circular, capped at 2 mm far outside.
     """
     far_mm = float((line.radius_mm * np.maximum(1.0, line.widening)).max()) + FAR_MM
     found = cKDTree(line.points_mm).query(points_mm, distance_upper_bound=far_mm)
@@ -105,9 +147,25 @@ def _section_mm(
 
 
 def surround(lines: tuple[VesselLine, ...], pitch_mm: float = 0.4, blend_mm: float = 0.6) -> Mesh:
-    """The closed surface around the union of vessels: marching cubes (Lewiner et al., J. Graph. Tools 8(2), 2003).
+    """Build the closed surface around the union of vessels by marching cubes.
 
-    ``blend_mm`` is the width of the rounded crotch where vessels meet (the polynomial smooth minimum).
+    Parameters
+    ----------
+    lines : tuple of VesselLine
+        Vessels to unite.
+    pitch_mm : float, optional
+        Side of the grid cells in mm.
+    blend_mm : float, optional
+        Width in mm of the rounded crotch where vessels meet (the polynomial smooth minimum).
+
+    Returns
+    -------
+    Mesh
+        Closed surface, triangles facing outwards.
+
+    References
+    ----------
+    T. Lewiner et al., J. Graph. Tools 8(2), 2003.
     """
     from skimage.measure import marching_cubes
 
@@ -127,14 +185,36 @@ def surround(lines: tuple[VesselLine, ...], pitch_mm: float = 0.4, blend_mm: flo
 
 
 def outward(mesh: Mesh) -> Mesh:
-    """Turn all triangles over if the enclosed volume comes out negative."""
+    """Orient the triangles of a closed surface outwards.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Closed, consistently oriented surface.
+
+    Returns
+    -------
+    Mesh
+        The mesh, its triangles flipped if the enclosed volume was negative.
+    """
     if signed_volume_mm3(mesh) >= 0:
         return mesh
     return Mesh(mesh.vertices_mm, np.ascontiguousarray(mesh.triangles[:, ::-1]))
 
 
 def signed_volume_mm3(mesh: Mesh) -> float:
-    """The enclosed volume by the divergence theorem; negative when the triangles are wound inwards."""
+    """Compute the enclosed volume by the divergence theorem.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Closed surface in mm.
+
+    Returns
+    -------
+    float
+        Volume in mm3; negative when the triangles face inwards.
+    """
     a, b, c = np.moveaxis(mesh.corners_mm - mesh.vertices_mm.mean(axis=0), 1, 0)
     return float(np.einsum("ti,ti->t", a, np.cross(b, c)).sum() / 6.0)
 

@@ -1,4 +1,4 @@
-"""Contact sheets: many pictures beside each other, for the critical eye."""
+"""Contact sheets: many images in one, for visual inspection."""
 
 from __future__ import annotations
 
@@ -16,7 +16,25 @@ GAP_PX = 4
 def contact_sheet(
     rows: Sequence[Sequence[UInt8[np.ndarray, "_h _w"]]], tile_px: int
 ) -> UInt8[np.ndarray, "height width"]:
-    """Lay pictures out in rows, each scaled to fit a square tile without changing its shape."""
+    """Lay images out in rows, each scaled to fit a square tile without changing its shape.
+
+    Parameters
+    ----------
+    rows : sequence of sequence of ndarray of uint8
+        Images of each row; they may differ in size.
+    tile_px : int
+        Side of a tile in px.
+
+    Returns
+    -------
+    ndarray of uint8, shape (height, width)
+        The contact sheet.
+
+    Raises
+    ------
+    InputError
+        If there is no row or a row is empty.
+    """
     if not rows or not all(rows):
         raise InputError("rows: expected at least one picture in each row, received none")
     most = max(len(row) for row in rows)
@@ -30,7 +48,20 @@ def contact_sheet(
 
 
 def outlined(picture: UInt8[np.ndarray, "h w"], mask: Bool[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:
-    """The picture with the border of a mask drawn in white."""
+    """Draw the border of a mask in white.
+
+    Parameters
+    ----------
+    picture : ndarray of uint8, shape (h, w)
+        Image to draw on; it is not changed.
+    mask : ndarray of bool, shape (h, w)
+        Mask to outline.
+
+    Returns
+    -------
+    ndarray of uint8, shape (h, w)
+        A copy with the border drawn.
+    """
     inner = binary_erosion(mask, border_value=1)
     return np.where(mask & ~inner, np.uint8(255), picture)
 

@@ -1,4 +1,4 @@
-"""One sweep in the making: what each frame looks at, and the frame itself."""
+"""Simulation of one sweep: what each frame looks at, and the frame itself."""
 
 from __future__ import annotations
 
@@ -23,37 +23,45 @@ PROBE_T_IMAGE = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0,
 
 @dataclass(frozen=True)
 class SweepSimulator:
-    """One sweep in the making; each frame can be made on its own, in any order."""
+    """Simulator of one sweep; each frame can be made on its own, in any order.
+
+    Parameters
+    ----------
+    settings : PhantomSettings
+        Settings of the phantom.
+    number : int
+        Number of the sweep, from 0.
+    """
 
     settings: PhantomSettings
     number: int
 
     @cached_property
     def anatomy(self) -> Anatomy:
-        """The vessel under the probe."""
+        """Vessel under the probe."""
         return anatomy_of(self.settings)
 
     @cached_property
     def tissue(self) -> TissueModel:
-        """The tissue it lies in."""
+        """Tissue that the vessel lies in."""
         seed = int(np.random.SeedSequence(self.settings.entropy).generate_state(1)[0])
         return TissueModel(self.anatomy, self.settings.tissue, self.settings.artefacts, seed)
 
     @cached_property
     def imager(self) -> BMode:
-        """The scanner."""
+        """Simulator of the images."""
         return BMode(self.settings.scanner, self.tissue)
 
     @cached_property
     def bend(self) -> Bend | None:
-        """How the body lies differently than in the CT, the same in all sweeps of a phantom."""
+        """Bend of the body against the CT, the same in all sweeps of a phantom; None for none."""
         wanted = self.settings.deformation
         rng = np.random.default_rng([*self.settings.entropy, 13])
         return draw_bend(self.anatomy.guide_mm, wanted.bend_mm, wanted.bend_length_mm, rng)
 
     @cached_property
     def path(self) -> Path:
-        """The probe's true path."""
+        """True path of the probe."""
         settings = self.settings
         rng = np.random.default_rng([*settings.entropy, 11, self.number])
         return plan(
@@ -62,24 +70,35 @@ class SweepSimulator:
 
     @cached_property
     def contact(self) -> Contact:
-        """How well the probe touches the skin."""
+        """Coupling of the probe to the skin."""
         rng = np.random.default_rng([*self.settings.entropy, 14, self.number])
         return draw_contact(self.settings.motion.frames, self.settings.artefacts, rng)
 
     @cached_property
     def frame_times_s(self) -> Float64[np.ndarray, "n"]:
-        """When each frame is truly taken."""
+        """True time of each frame in s."""
         motion = self.settings.motion
         return (np.arange(motion.frames) + 0.5) * motion.duration_s / motion.frames
 
     @cached_property
     def bent_surface_mm(self) -> Float64[np.ndarray, "v 3"]:
-        """Vertices of the vessel's surface where the body lies now."""
+        """Vertices of the vessel's surface in mm after the bend, in the bed frame."""
         vertices_mm = self.anatomy.surface.vertices_mm
         return self.bend(vertices_mm) if self.bend else vertices_mm
 
     def view(self, frame: int) -> View:
-        """What one frame looks at: the true pose, the bend and the push."""
+        """Compute what one frame looks at: the true pose, the bend and the push.
+
+        Parameters
+        ----------
+        frame : int
+            Index of the frame.
+
+        Returns
+        -------
+        View
+            Pose and deformation of the frame.
+        """
         times_s = self.frame_times_s[frame : frame + 1]
         resting = View(self.path.at(times_s)[0] @ PROBE_T_IMAGE, self.bend)
         wanted, pressure_mm = self.settings.deformation, float(self.path.pressure_mm(times_s)[0])
@@ -102,13 +121,41 @@ class SweepSimulator:
     def frame(
         self, frame: int, view: View
     ) -> tuple[UInt8[np.ndarray, "h w"], Bool[np.ndarray, "h w"], Bool[np.ndarray, "h w"]]:
-        """Picture, mask and hidden pixels of one frame."""
+        """Make one frame.
+
+        Parameters
+        ----------
+        frame : int
+            Index of the frame.
+        view : View
+            Pose and deformation of the frame.
+
+        Returns
+        -------
+        image : ndarray of uint8, shape (h, w)
+            Grey levels.
+        mask : ndarray of bool, shape (h, w)
+            True mask of the vessel.
+        hidden : ndarray of bool, shape (h, w)
+            Pixels that an acoustic shadow or missing contact hides.
+        """
         noise = np.random.default_rng([*self.settings.entropy, 12, self.number, frame])
         picture, hidden = self.imager(view, self.contact.loss_db(frame, self.imager.beams), noise)
         return picture, self.mask(view), hidden
 
     def mask(self, view: View) -> Bool[np.ndarray, "h w"]:
-        """The vessel as one frame shows it, without the picture, which takes far longer."""
+        """Compute the true mask of one frame without the image, which takes far longer.
+
+        Parameters
+        ----------
+        view : View
+            Pose and deformation of the frame.
+
+        Returns
+        -------
+        ndarray of bool, shape (h, w)
+            True mask of the vessel.
+        """
         scanner, beams = self.settings.scanner, self.imager.beams
         segments_mm = cut(view.pressed(self.bent_surface_mm), self.anatomy.surface.triangles)
         shown_mm = beams.displayed(segments_mm)

@@ -13,8 +13,18 @@ def cut(
 ) -> Float64[np.ndarray, "s 2 2"]:
     """Cut a triangle surface by the plane where the third coordinate is 0.
 
-    Returns the segments ``(start, end)`` in the first two coordinates, all directed alike, so that those of a closed
-    surface chain into closed loops. A vertex in the plane counts as above it: every loop stays closed.
+    Parameters
+    ----------
+    vertices : ndarray, shape (v, 3)
+        Vertices, third coordinate perpendicular to the plane.
+    triangles : ndarray of int, shape (t, 3)
+        Vertex indices of each triangle.
+
+    Returns
+    -------
+    ndarray, shape (s, 2, 2)
+        Segments (start, end) in the first two coordinates, consistently directed, so that those of a closed
+        surface chain into closed loops. A vertex in the plane counts as above it: every loop stays closed.
     """
     height = vertices[:, 2]
     above = height[triangles] >= 0.0
@@ -37,8 +47,19 @@ def rasterise(
 ) -> Bool[np.ndarray, "height_px width_px"]:
     """Fill closed directed loops by the non-zero winding rule at pixel centres.
 
-    ``segments_px`` holds (column, row) of each segment's ends; pixel centres lie at whole numbers. Overlapping loops
-    of one direction give their union.
+    Overlapping loops of one direction give their union.
+
+    Parameters
+    ----------
+    segments_px : ndarray, shape (s, 2, 2)
+        Start and end of each segment as (column, row) in px; pixel centres lie at whole numbers.
+    height_px, width_px : int
+        Size of the mask in px.
+
+    Returns
+    -------
+    ndarray of bool, shape (height_px, width_px)
+        Mask of the interior.
     """
     start, end = segments_px[:, 0], segments_px[:, 1]
     low = np.ceil(np.minimum(start[:, 1], end[:, 1])).astype(np.int64)
@@ -57,7 +78,20 @@ def rasterise(
 
 
 def section(segments_mm: Float[np.ndarray, "s 2 2"]) -> tuple[float, tuple[float, float]]:
-    """Area in mm2 inside closed directed loops, and its centroid; 0 and the origin where there are none."""
+    """Compute the area and the centroid inside closed directed loops.
+
+    Parameters
+    ----------
+    segments_mm : ndarray, shape (s, 2, 2)
+        Start and end of each segment in mm.
+
+    Returns
+    -------
+    area_mm2 : float
+        Area in mm2; 0 without loops.
+    centroid_mm : tuple[float, float]
+        Centroid in mm; the origin without loops.
+    """
     (x0, y0), (x1, y1) = segments_mm[:, 0].T, segments_mm[:, 1].T
     twice = x0 * y1 - x1 * y0
     area_mm2 = 0.5 * float(twice.sum())
@@ -70,9 +104,21 @@ def section(segments_mm: Float[np.ndarray, "s 2 2"]) -> tuple[float, tuple[float
 def mask_of_plane(
     mesh: Mesh, pixel_A_mesh: Float[np.ndarray, "4 4"], height_px: int, width_px: int
 ) -> Bool[np.ndarray, "height_px width_px"]:
-    """The mask of the image whose pixels are mapped from the mesh's frame by ``pixel_A_mesh`` (affine).
+    """Compute the mask of the image that a mesh gives in a plane.
 
-    The result of ``pixel_A_mesh`` is ``(column, row, out of plane, 1)``.
+    Parameters
+    ----------
+    mesh : Mesh
+        Closed surface.
+    pixel_A_mesh : ndarray, shape (4, 4)
+        Affine matrix from the mesh's frame to (column, row, out of plane, 1).
+    height_px, width_px : int
+        Size of the mask in px.
+
+    Returns
+    -------
+    ndarray of bool, shape (height_px, width_px)
+        Mask of the interior.
     """
     vertices = mesh.vertices_mm @ pixel_A_mesh[:3, :3].T + pixel_A_mesh[:3, 3]
     return rasterise(cut(vertices, mesh.triangles), height_px, width_px)

@@ -27,11 +27,18 @@ HARD_ATTENUATION = np.float32(60.0)
 
 @dataclass(frozen=True)
 class Scattering:
-    """What each scatterer sends back.
+    """Echo of each scatterer.
 
-    ``positions_mm`` (n, 3) in the tissue; ``amplitude`` (n,), 1 RMS in average tissue; ``smooth`` (n,) marks those
-    moved onto an interface, whose echoes add up in phase along it; ``attenuation`` (n,) of the tissue there, against
-    average.
+    Parameters
+    ----------
+    positions_mm : ndarray of float32, shape (n, 3)
+        Positions in the tissue in mm.
+    amplitude : ndarray of float32, shape (n,)
+        Amplitude, 1 RMS in average tissue.
+    smooth : ndarray of bool, shape (n,)
+        Scatterers moved onto an interface, whose echoes add up in phase along it.
+    attenuation : ndarray of float32, shape (n,)
+        Attenuation of the tissue there, relative to average tissue.
     """
 
     positions_mm: Float32[np.ndarray, "n 3"]
@@ -42,7 +49,19 @@ class Scattering:
 
 @dataclass(frozen=True)
 class TissueModel:
-    """The tissue of one phantom: an anatomy, its acoustics and a seed."""
+    """Tissue of one phantom.
+
+    Parameters
+    ----------
+    anatomy : Anatomy
+        Vessel and skin.
+    settings : Tissue
+        Acoustic properties.
+    artefacts : Artefacts
+        Artefacts.
+    seed : int
+        Seed of the tissue.
+    """
 
     anatomy: Anatomy
     settings: Tissue
@@ -51,17 +70,17 @@ class TissueModel:
 
     @cached_property
     def pitch_mm(self) -> float:
-        """Side of the lattice cell that holds one scatterer."""
+        """Side in mm of the lattice cell that holds one scatterer."""
         return float(self.settings.scatterers_per_mm3 ** (-1.0 / 3.0))
 
     @cached_property
     def layers(self) -> Layers:
-        """The tissue around the vessel."""
+        """Tissue around the vessel."""
         return Layers(self.settings, self.anatomy.skin_y_mm, self.pitch_mm, self.seed)
 
     @cached_property
     def hard_spots_mm(self) -> Float64[np.ndarray, "k 3"]:
-        """Centres of calcified or gas-filled spots: beside and in front of the vessel, never in its lumen."""
+        """Centres of calcified or gas-filled spots in mm, next to and in front of the vessel, never in it."""
         rng = np.random.default_rng([self.seed, 4])
         guide_mm, count = self.anatomy.guide_mm, self.artefacts.shadows
         spots_mm: list[Float64[np.ndarray, "3"]] = []
@@ -82,7 +101,24 @@ class TissueModel:
         bits: UInt32[np.ndarray, "n"],
         beam: Float[np.ndarray, "n 3"],
     ) -> Scattering:
-        """Echo of scatterers at given places, seen along the unit directions ``beam`` in the tissue's frame."""
+        """Compute the echo of scatterers.
+
+        Parameters
+        ----------
+        positions_mm : ndarray of float32, shape (n, 3)
+            Positions in the tissue in mm.
+        strength : ndarray of float32, shape (n,)
+            Strength of each scatterer.
+        bits : ndarray of uint32, shape (n,)
+            Random bits of each scatterer.
+        beam : ndarray, shape (n, 3)
+            Unit direction of the beam at each scatterer, in the tissue's frame.
+
+        Returns
+        -------
+        Scattering
+            The echoes, with scatterers at interfaces moved onto them.
+        """
         positions_mm = positions_mm.copy()
         distance_mm = self.anatomy.distance.at(positions_mm)
         level_db, smooth = self.layers.level_db(positions_mm, bits, distance_mm > 1.0)

@@ -20,10 +20,22 @@ ENDS_MM = 4.0
 
 @dataclass(frozen=True)
 class Path:
-    """A smooth path of the probe in the anatomy's bed frame, from time 0 to ``duration_s``.
+    """Smooth path of the probe in the anatomy's bed frame.
 
-    The probe's x is lateral, z points into the body, y completes a right-handed frame. ``position_mm`` runs on the
-    skin; ``pressure_mm`` is how far the probe is pushed below it, along its z.
+    The probe's x is lateral, z points into the body, y completes a right-handed frame.
+
+    Parameters
+    ----------
+    duration_s : float
+        End of the path in s; it begins at time 0.
+    position_mm : CubicSpline
+        Position on the skin in mm as a function of time in s.
+    angles_deg : CubicSpline
+        Euler angles (x, y, z) in degrees as a function of time.
+    pressure_mm : CubicSpline
+        Depth in mm to which the probe is pushed below the skin, along its z, as a function of time.
+    sag_mm : float
+        Distance in mm by which the ends of the array lie behind its middle.
     """
 
     duration_s: float
@@ -33,7 +45,18 @@ class Path:
     sag_mm: float
 
     def at(self, times_s: Float64[np.ndarray, "n"]) -> Float64[np.ndarray, "n 4 4"]:
-        """``bed_T_probe`` at each time."""
+        """Evaluate the poses of the probe.
+
+        Parameters
+        ----------
+        times_s : ndarray, shape (n,)
+            Times in s.
+
+        Returns
+        -------
+        ndarray, shape (n, 4, 4)
+            ``bed_T_probe`` at each time.
+        """
         # At rest the probe looks to the back (+y) with its x to the patient's left (+x).
         upright = Rotation.from_matrix([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
         turned = upright * Rotation.from_euler("xyz", self.angles_deg(times_s), degrees=True)
@@ -46,10 +69,28 @@ class Path:
 def plan(
     anatomy: Anatomy, motion: Motion, pressure_mm: float, sag_mm: float, rng: np.random.Generator
 ) -> Path:
-    """Follow the vessel on the skin, with some tilt and wander; start and direction are random.
+    """Plan a path that follows the vessel on the skin, with some tilt and wander.
 
-    The probe keeps the vessel roughly in the middle, as an operator or a visual servo would, and presses with 0.4 to 1
-    of ``pressure_mm``.
+    Start and direction are random. The probe keeps the vessel roughly in the middle, as an operator or a
+    visual servo would.
+
+    Parameters
+    ----------
+    anatomy : Anatomy
+        Vessel and skin.
+    motion : Motion
+        Settings of the motion.
+    pressure_mm : float
+        Full pressure in mm; the probe presses with 0.4 to 1 of it.
+    sag_mm : float
+        Distance in mm by which the ends of the array lie behind its middle.
+    rng : numpy.random.Generator
+        Random stream of the path.
+
+    Returns
+    -------
+    Path
+        The true path.
     """
     guide_mm = anatomy.guide_mm
     low_mm, high_mm = guide_mm[0, 2] + ENDS_MM, guide_mm[-1, 2] - ENDS_MM
@@ -84,12 +125,40 @@ def plan(
 def disturb(
     A_T_B: Float64[np.ndarray, "n 4 4"], noise_mm: float, noise_deg: float, rng: np.random.Generator
 ) -> Float64[np.ndarray, "n 4 4"]:
-    """Poses as they are known: each true one with a small random motion of its own, in B."""
+    """Add pose noise: a small random motion in B to each pose, independent of the others.
+
+    Parameters
+    ----------
+    A_T_B : ndarray, shape (n, 4, 4)
+        True poses.
+    noise_mm, noise_deg : float
+        Standard deviation per coordinate in mm and in degrees.
+    rng : numpy.random.Generator
+        Random stream of the noise.
+
+    Returns
+    -------
+    ndarray, shape (n, 4, 4)
+        Poses as they are recorded.
+    """
     count = len(A_T_B)
     rotation = Rotation.from_rotvec(noise_deg * rng.standard_normal((count, 3)), degrees=True)
     return A_T_B @ frames.from_rotation(rotation, noise_mm * rng.standard_normal((count, 3)))
 
 
 def random_rigid(rng: np.random.Generator, reach_mm: float) -> Float64[np.ndarray, "4 4"]:
-    """A rigid transform with a uniformly random rotation and each coordinate's shift within ``reach_mm``."""
+    """Draw a rigid transform with a uniformly random rotation.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Random stream of the transform.
+    reach_mm : float
+        Largest shift of each coordinate in mm.
+
+    Returns
+    -------
+    ndarray, shape (4, 4)
+        The transform.
+    """
     return frames.from_rotation(Rotation.random(random_state=rng), rng.uniform(-reach_mm, reach_mm, 3))

@@ -23,10 +23,27 @@ def along_beams_db(
     attenuation: Float32[np.ndarray, "n"],
     weight: Float32[np.ndarray, "n"],
 ) -> Float32[np.ndarray, "s b"]:
-    """Two-way loss in dB at each sample of each beam, less what the depth gain compensates.
+    """Sum the attenuation along the beams.
 
-    ``places`` are sample and beam of each scatterer, ``attenuation`` its tissue's, against average, ``weight`` its
-    share in the slice. Behind a vessel more gets through than is compensated: its posterior enhancement.
+    Behind a vessel more gets through than is compensated: its posterior enhancement.
+
+    Parameters
+    ----------
+    beams : Beams
+        Grid of beams.
+    tissue : Tissue
+        Acoustic properties.
+    places : tuple of ndarray of int, shape (n,)
+        Sample and beam index of each scatterer.
+    attenuation : ndarray of float32, shape (n,)
+        Attenuation of the tissue at each scatterer, relative to average tissue.
+    weight : ndarray of float32, shape (n,)
+        Share of each scatterer in the slice.
+
+    Returns
+    -------
+    ndarray of float32, shape (s, b)
+        Two-way loss in dB at each sample of each beam, less what the depth gain compensates.
     """
     samples, lines = beams.shape
     rows, columns = -(-samples // COARSE[0]), -(-lines // COARSE[1])
@@ -46,15 +63,31 @@ def along_beams_db(
 
 @dataclass(frozen=True)
 class Contact:
-    """How well each beam of each frame is coupled to the skin.
+    """Coupling of each beam of each frame to the skin.
 
-    ``lost_mm`` (n, 2) is the width at the left and the right end of the face that has no contact.
+    Parameters
+    ----------
+    lost_mm : ndarray, shape (n, 2)
+        Width in mm at the left and the right end of the face that has no contact, for each frame.
     """
 
     lost_mm: Float64[np.ndarray, "n 2"]
 
     def loss_db(self, frame: int, beams: Beams) -> Float32[np.ndarray, "b"]:
-        """Two-way loss of each beam by missing contact, with soft edges of about a millimetre."""
+        """Compute the two-way loss of each beam by missing contact, with soft edges of about a millimetre.
+
+        Parameters
+        ----------
+        frame : int
+            Index of the frame.
+        beams : Beams
+            Grid of beams.
+
+        Returns
+        -------
+        ndarray of float32, shape (b,)
+            Loss in dB.
+        """
         arc_mm, half_mm = beams.beam_arc_mm, beams.half_arc_mm
         left, right = self.lost_mm[frame]
         beyond_mm = np.maximum(left - half_mm - arc_mm, arc_mm - half_mm + right)
@@ -63,7 +96,22 @@ class Contact:
 
 
 def draw_contact(frames: int, artefacts: Artefacts, rng: np.random.Generator) -> Contact:
-    """Contact over a sweep: each end is lost for stretches of it, more or less as the body curves away."""
+    """Draw the contact over a sweep: each end is lost for stretches of it, as the body curves away.
+
+    Parameters
+    ----------
+    frames : int
+        Number of frames.
+    artefacts : Artefacts
+        Artefacts, of which ``contact_loss_mm`` counts.
+    rng : numpy.random.Generator
+        Random stream of the contact.
+
+    Returns
+    -------
+    Contact
+        Contact in each frame.
+    """
     if artefacts.contact_loss_mm == 0:
         return Contact(np.zeros((frames, 2)))
     times = np.linspace(0.0, 1.0, frames)
@@ -75,7 +123,24 @@ def draw_contact(frames: int, artefacts: Artefacts, rng: np.random.Generator) ->
 def ring_down(
     beams: Beams, artefacts: Artefacts, loss_db: Float[np.ndarray, "b"]
 ) -> Float32[np.ndarray, "s b"]:
-    """Echoes between face and air in beams without contact: bands at equal distances that fade with depth."""
+    """Simulate the echoes between face and air in beams without contact.
+
+    They are bands at equal distances that fade with depth.
+
+    Parameters
+    ----------
+    beams : Beams
+        Grid of beams.
+    artefacts : Artefacts
+        Artefacts, of which ``reverberation_mm`` counts.
+    loss_db : ndarray, shape (b,)
+        Loss of each beam by missing contact in dB.
+
+    Returns
+    -------
+    ndarray of float32, shape (s, b)
+        Amplitude at each sample of each beam.
+    """
     depth_mm = beams.sample_depth_mm
     lost = (loss_db / CONTACT_LOSS_DB).astype(np.float32)
     bands = np.cos(np.pi * depth_mm / artefacts.reverberation_mm) ** 16 * np.exp(-depth_mm / 3.5)
