@@ -92,7 +92,7 @@ def _parsed(words: list[str]) -> Namespace:
             f"{word}: expected one of {known}, received an unknown one{did_you_mean(word, names)}"
         )
 
-    parser.error = refuse  # type: ignore[method-assign]
+    parser.error = refuse
     asked = parser.parse_intermixed_args(words)
     for name in NOT_OURS:
         if getattr(asked, name):

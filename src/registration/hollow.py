@@ -8,10 +8,9 @@ are not joined are two nested pieces. A vessel that closes to a loop has genus 1
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int64
+from jaxtyping import Int64
 
 from registration.errors import InputError
 from registration.geometry import Mesh
@@ -25,14 +24,15 @@ from registration.mesh_topology import (
     pieces,
     with_caps,
 )
+from registration.outward_rays import OutwardRays, occupied
 
 # A cavity or hole is the lumen if it is this share of the body's length or more, and none below the second share. The
 # hole of a ring with a round section is always shorter than half of the ring's width.
 LUMEN_SHARE, NO_LUMEN_SHARE = 0.7, 0.5
 # Pieces and patches of less than this share of the area are no walls of a vessel.
 LEAST_AREA_SHARE = 0.05
-# Rays along normals that tell whether a surface faces itself, and directions in which every triangle looks out.
-SCREENING_RAYS, DIRECTIONS = 4000, 64
+# Rays along normals that tell whether a surface faces itself.
+SCREENING_RAYS = 4000
 # With no hole through it, a surface that faces itself on less than this share of its area has no inner wall.
 FACING_SHARE = 0.15
 # From inside a lumen less than half of the sky is seen, and half of it at the mouth, give or take a few directions;
@@ -148,12 +148,12 @@ def _is_lumen(sizes: _Sizes, body: Mesh) -> bool:
 def _lies_in(part: Mesh, outer: Mesh) -> bool:
     """Whether most of a piece lies inside another, whose open ends count as closed."""
     closed = with_caps(outer, borders(outer))
-    return float(_occupied(closed, part.sample(500, np.random.default_rng(0))).mean()) > 0.5
+    return float(occupied(closed, part.sample(500, np.random.default_rng(0))).mean()) > 0.5
 
 
 def _joined(body: Mesh) -> Lumen | None:
     """The inner wall of one piece, where that piece is the wall of a hollow body."""
-    rays = _Rays(body)
+    rays = OutwardRays(body)
     handles = genus(body)
     chosen = np.random.default_rng(0).choice(
         len(body.triangles), min(SCREENING_RAYS, len(body.triangles)), replace=False
@@ -171,7 +171,7 @@ def _joined(body: Mesh) -> Lumen | None:
     for one in range(int(of_own.max()) + 1):
         patch = own[of_own == one]
         wall = _without_islands(body, patch)
-        if wall is not None and rays.is_tube(wall) and _is_lumen(_Sizes.of(_inner(body, wall)), body):
+        if wall is not None and _is_tube(body, rays, wall) and _is_lumen(_Sizes.of(_inner(body, wall)), body):
             found.append(wall)
     if len(found) > 1:
         raise InputError(
@@ -201,26 +201,12 @@ def _without_islands(body: Mesh, patch: Int64[np.ndarray, "p"]) -> Int64[np.ndar
     others, of_rest = pieces(keep_triangles(body, rest))
     if others < 2:
         return patch
-    # The outer wall is what is left, as one piece; anything small beside it lies within the inner wall.
-    sizes_mm2 = np.bincount(of_rest, weights=areas_mm2[rest])
-    small = sizes_mm2 < 0.5 * LEAST_AREA_SHARE * areas_mm2[patch].sum()
-    island = np.zeros(len(body.triangles), dtype=bool)
-    island[np.flatnonzero(rest)[small[of_rest]]] = True
-    # Only islands that touch this patch.
+    # The outer wall is what is left, as one piece; anything small beside it that touches the patch lies within.
+    small = np.bincount(of_rest, weights=areas_mm2[rest]) < 0.5 * LEAST_AREA_SHARE * areas_mm2[patch].sum()
     touched = np.zeros(len(body.vertices_mm), dtype=bool)
     touched[body.triangles[patch]] = True
-    place = np.flatnonzero(island)
-    near = [
-        one for one in np.unique(of_rest[small[of_rest]]) if _touches(body, rest, of_rest == one, touched)
-    ]
-    joined = place[np.isin(of_rest[np.searchsorted(np.flatnonzero(rest), place)], near)]
-    return np.sort(np.concatenate([patch, joined]))
-
-
-def _touches(
-    body: Mesh, rest: Bool[np.ndarray, "t"], own: Bool[np.ndarray, "r"], touched: Bool[np.ndarray, "v"]
-) -> bool:
-    return bool(touched[body.triangles[np.flatnonzero(rest)[own]]].any())
+    near = np.bincount(of_rest, weights=touched[body.triangles[rest]].any(axis=1)) > 0
+    return np.sort(np.concatenate([patch, np.flatnonzero(rest)[(small & near)[of_rest]]]))
 
 
 def _outwards(mesh: Mesh) -> Mesh:
@@ -229,88 +215,15 @@ def _outwards(mesh: Mesh) -> Mesh:
     return Mesh(mesh.vertices_mm, np.ascontiguousarray(mesh.triangles[:, ::-1]))
 
 
-class _Rays:
-    """What the triangles of a body see outside of it."""
-
-    def __init__(self, body: Mesh) -> None:
-        a, b, c = np.moveaxis(body.corners_mm, 1, 0)
-        facing = np.cross(b - a, c - a)
-        self._normals = facing / np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-300)
-        self._scene, self._centre_mm = _scene(body)
-        step_mm = 1e-4 * float(np.linalg.norm(np.ptp(body.vertices_mm, axis=0)))
-        self._from_mm = body.corners_mm.mean(axis=1) + step_mm * self._normals
-        self._body = body
-
-    def across(
-        self, triangles: Int64[np.ndarray, "n"]
-    ) -> tuple[Float64[np.ndarray, "n"], Int64[np.ndarray, "n"]]:
-        """Along the normal of each triangle, how far it is to the body and to which triangle; infinite past it."""
-        hits = self._cast(self._from_mm[triangles], self._normals[triangles])
-        return hits["t_hit"].numpy().astype(np.float64), hits["primitive_ids"].numpy().astype(np.int64)
-
-    def sky(self, triangles: Int64[np.ndarray, "n"]) -> Float64[np.ndarray, "n"]:
-        """The share of all directions in front of each triangle in which the body is not in the way.
-
-        The directions are the same for all triangles, so that neighbours get like values.
-        """
-        seen, ahead = np.zeros(len(triangles)), np.zeros(len(triangles))
-        for way in _directions(DIRECTIONS):
-            front = np.flatnonzero(self._normals[triangles] @ way > 0.05)
-            if not len(front):
-                continue
-            hits = self._cast(self._from_mm[triangles[front]], np.broadcast_to(way, (len(front), 3)))
-            seen[front] += np.isinf(hits["t_hit"].numpy())
-            ahead[front] += 1
-        return seen / np.maximum(ahead, 1)
-
-    def is_tube(self, wall: Int64[np.ndarray, "w"]) -> bool:
-        """Whether a wall faces itself all around, across the width of a tube with its volume and area."""
-        apart_mm, met = self.across(wall)
-        weights = self._body.areas_mm2[wall]
-        hit = np.isfinite(apart_mm)
-        own = hit & np.isin(met, wall)
-        if weights[own].sum() < LEAST_OWN_SHARE * weights.sum():
-            return False
-        order = np.argsort(apart_mm[own])
-        total = np.cumsum(weights[own][order])
-        median_mm = float(apart_mm[own][order][np.searchsorted(total, 0.5 * total[-1])])
-        width_mm = 2 * _Sizes.of(_inner(self._body, wall)).radius_mm
-        return DIAMETER_RANGE[0] * width_mm <= median_mm <= DIAMETER_RANGE[1] * width_mm
-
-    def _cast(self, from_mm: np.ndarray, way: np.ndarray) -> Any:
-        rays = np.concatenate([from_mm - self._centre_mm, way], axis=1).astype(np.float32)
-        return self._scene.cast_rays(_open3d().core.Tensor(rays))
-
-
-def _directions(count: int) -> Float64[np.ndarray, "{count} 3"]:
-    """Directions spread evenly over the sphere, on a spiral (Vogel, Math. Biosci. 44, 1979)."""
-    place = np.arange(count) + 0.5
-    height = 1 - 2 * place / count
-    angle = np.pi * (1 + np.sqrt(5)) * place
-    across = np.sqrt(1 - height**2)
-    return np.stack([across * np.cos(angle), across * np.sin(angle), height], axis=1)
-
-
-def _occupied(closed: Mesh, points_mm: Float64[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
-    scene, centre_mm = _scene(closed)
-    queried = _open3d().core.Tensor((points_mm - centre_mm).astype(np.float32))
-    found: np.ndarray = scene.compute_occupancy(queried, nsamples=3).numpy()
-    return found > 0
-
-
-def _scene(mesh: Mesh) -> tuple[Any, Float64[np.ndarray, "3"]]:
-    open3d = _open3d()
-    centre_mm = mesh.vertices_mm.mean(axis=0)
-    scene = open3d.t.geometry.RaycastingScene()
-    scene.add_triangles(
-        open3d.core.Tensor((mesh.vertices_mm - centre_mm).astype(np.float32)),
-        open3d.core.Tensor(mesh.triangles.astype(np.uint32)),
-    )
-    return scene, centre_mm
-
-
-def _open3d() -> Any:
-    """Open3D, imported only where rays are cast: it takes a second, and its type stubs are not right."""
-    import open3d
-
-    return open3d
+def _is_tube(body: Mesh, rays: OutwardRays, wall: Int64[np.ndarray, "w"]) -> bool:
+    """Whether a wall faces itself all around, across the width of a tube with its volume and area."""
+    apart_mm, met = rays.across(wall)
+    weights = body.areas_mm2[wall]
+    own = np.isfinite(apart_mm) & np.isin(met, wall)
+    if weights[own].sum() < LEAST_OWN_SHARE * weights.sum():
+        return False
+    order = np.argsort(apart_mm[own])
+    total = np.cumsum(weights[own][order])
+    median_mm = float(apart_mm[own][order][np.searchsorted(total, 0.5 * total[-1])])
+    width_mm = 2 * _Sizes.of(_inner(body, wall)).radius_mm
+    return DIAMETER_RANGE[0] * width_mm <= median_mm <= DIAMETER_RANGE[1] * width_mm

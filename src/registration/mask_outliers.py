@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float, Float64, Int64
+from jaxtyping import Bool, Float, Float64
 
-from registration import frames
 from registration.checks import require_count, require_positive
+from registration.mask_series import MaskSeries
+from registration.mask_specks import specks
 
 POSITION, SIZE, SHAPE = "position", "size", "shape"
 REASONS = (POSITION, SIZE, SHAPE)
-# A mask of at most so many pixels is compared pixel by pixel; of a larger one as many are drawn evenly.
-PIXELS = 400
 # How many times the test is repeated at most with the masks found so far left out of the comparison.
 ROUNDS = 8
 # With fewer masks than this on a side there is no line through them.
@@ -90,23 +87,23 @@ class MaskOutliers:
         Masks come in the order in which the probe moved. The masks that are returned are empty where they were
         rejected; nothing is copied where there is nothing to leave out.
         """
-        seen = _Seen.of(masks, world_A_pixel, level)
+        seen = MaskSeries.of(masks, world_A_pixel, level)
         reason, excess, undecided = self._judge(seen)
         rejected = np.array([one != "" for one in reason], dtype=bool)
-        specks = _specks(seen, ~rejected, self.window) if self.enabled else {}
-        if rejected.any() or specks:
+        lone = specks(seen, ~rejected, self.window) if self.enabled else {}
+        if rejected.any() or lone:
             masks = masks.copy()
             masks[rejected] = 0
-            for frame, own in specks.items():
+            for frame, own in lone.items():
                 masks[frame][own] = 0
         shown = np.flatnonzero(seen.shown)
         empty = ~seen.shown
         if len(shown):
             empty[: shown[0]] = empty[shown[-1] + 1 :] = False
-        spotted = np.isin(np.arange(len(masks)), list(specks))
+        spotted = np.isin(np.arange(len(masks)), list(lone))
         return MaskCheck(masks, reason, excess, spotted, empty, undecided)
 
-    def _judge(self, seen: _Seen) -> tuple[tuple[str, ...], np.ndarray, float]:
+    def _judge(self, seen: MaskSeries) -> tuple[tuple[str, ...], np.ndarray, float]:
         count = len(seen.shown)
         none = ("",) * count, np.zeros(count), 0.0
         if not self.enabled or seen.shown.sum() < 2 * LEAST_SIDE:
@@ -130,7 +127,7 @@ class MaskOutliers:
         reason = tuple(REASONS[worst[frame]] if bad[frame] else "" for frame in range(count))
         return reason, np.where(bad, factors.max(axis=1), 0.0), 0.0
 
-    def _factors(self, seen: _Seen, good: Bool[np.ndarray, "k"]) -> Float64[np.ndarray, "k 3"]:
+    def _factors(self, seen: MaskSeries, good: Bool[np.ndarray, "k"]) -> Float64[np.ndarray, "k 3"]:
         """By how many times its limit each mask is off in position, size and shape, by the side that fits best."""
         usable = np.flatnonzero(good)
         found = np.full((len(good), 3, 3), np.nan)
@@ -157,147 +154,3 @@ class MaskOutliers:
         side = factors.max(axis=2).argmin(axis=1)
         chosen = factors[np.arange(len(good)), side]
         return np.where(np.isfinite(chosen), chosen, 0.0)
-
-
-@dataclass(frozen=True)
-class _Seen:
-    """What each mask shows: middle and normal in the world, radius, the pixels, and the way of the probe."""
-
-    filled: Bool[np.ndarray, "k height width"]
-    world_A_pixel: Float64[np.ndarray, "k 4 4"]
-    shown: Bool[np.ndarray, "k"]
-    middle_mm: Float64[np.ndarray, "k 3"]
-    middle_px: Float64[np.ndarray, "k 2"]
-    radius_mm: Float64[np.ndarray, "k"]
-    way_mm: Float64[np.ndarray, "k"]
-
-    @classmethod
-    def of(cls, masks: np.ndarray, world_A_pixel: np.ndarray, level: float) -> _Seen:
-        filled = masks if masks.dtype == np.bool_ else masks >= level
-        pixels = filled.sum(axis=(1, 2))
-        weight = np.maximum(pixels, 1)
-        across = filled.sum(axis=1) @ np.arange(filled.shape[2]) / weight
-        down = filled.sum(axis=2) @ np.arange(filled.shape[1]) / weight
-        middle_px = np.stack([across, down], axis=1)
-        middle_mm = frames.apply_each(world_A_pixel, np.pad(middle_px, ((0, 0), (0, 1))))
-        area_mm2 = np.linalg.norm(np.cross(world_A_pixel[:, :3, 0], world_A_pixel[:, :3, 1]), axis=1)
-        centre_px = np.array([0.5 * filled.shape[2], 0.5 * filled.shape[1], 0.0])
-        centres_mm = frames.apply_each(world_A_pixel, np.tile(centre_px, (len(filled), 1)))
-        steps_mm = np.linalg.norm(np.diff(centres_mm, axis=0), axis=1)
-        return cls(
-            filled,
-            world_A_pixel,
-            pixels > 0,
-            middle_mm,
-            middle_px,
-            np.sqrt(pixels * area_mm2 / np.pi),
-            np.concatenate([[0.0], np.cumsum(steps_mm)]),
-        )
-
-    @cached_property
-    def normals(self) -> Float64[np.ndarray, "k 3"]:
-        """Of each picture."""
-        facing = np.cross(self.world_A_pixel[:, :3, 0], self.world_A_pixel[:, :3, 1])
-        return facing / np.linalg.norm(facing, axis=1, keepdims=True)
-
-    @cached_property
-    def pixel_mm(self) -> Float64[np.ndarray, "k 2"]:
-        """The sizes of a pixel along columns and rows."""
-        return np.linalg.norm(self.world_A_pixel[:, :3, :2], axis=1)
-
-    @cached_property
-    def drawn_mm(self) -> list[Float64[np.ndarray, "p 2"]]:
-        """Some pixels of each mask, evenly drawn, in mm from its middle along columns and rows."""
-        found = []
-        for frame, own in enumerate(self.filled):
-            row, column = np.nonzero(own)
-            few = np.linspace(0, len(row) - 1, min(PIXELS, len(row))).astype(np.int64)
-            offset_px = np.stack([column[few], row[few]], axis=1) - self.middle_px[frame]
-            found.append(offset_px * self.pixel_mm[frame])
-        return found
-
-    def apart(self, frame: int, others: Int64[np.ndarray, "n"]) -> tuple[float, float, float]:
-        """How far a mask is from what others predict: place and radius in their radii, and the share of its shape.
-
-        The radius has a sign: it is below 0 for a mask that is too small.
-        """
-        usual_mm = float(np.median(self.radius_mm[others]))
-        values = np.column_stack([self.middle_mm[others], self.radius_mm[others]])
-        expected = _line_at(self.way_mm[others], values, float(self.way_mm[frame]))
-        offset_mm = self.middle_mm[frame] - expected[:3]
-        beside_mm = offset_mm - (offset_mm @ self.normals[frame]) * self.normals[frame]
-        wider_mm = float(self.radius_mm[frame] - expected[3])
-        # Two of the others need agree: shapes change fast where branches part, but not from one mask to the next.
-        shape = sorted(self._unlike(frame, int(other)) for other in others)[1]
-        return float(np.linalg.norm(beside_mm)) / usual_mm, wider_mm / usual_mm, shape
-
-    def _unlike(self, frame: int, other: int) -> float:
-        """The share of two masks that do not cover each other, once their middles and areas are the same (1 - DSC)."""
-        scale = self.radius_mm[other] / self.radius_mm[frame]
-        place = self.middle_px[other] + scale * self.drawn_mm[frame] / self.pixel_mm[other]
-        column, row = np.rint(place).astype(np.int64).T
-        height, width = self.filled.shape[1:]
-        there = (column >= 0) & (row >= 0) & (column < width) & (row < height)
-        # What the picture's edge cuts off says nothing about the shape.
-        if not there.any():
-            return 1.0
-        return 1 - float(self.filled[other][row[there], column[there]].mean())
-
-
-def _line_at(
-    way_mm: Float64[np.ndarray, "n"], values: Float64[np.ndarray, "n d"], place_mm: float
-) -> Float64[np.ndarray, "d"]:
-    """Values at a place by the line of median slope through others."""
-    first, second = np.triu_indices(len(way_mm), 1)
-    run_mm = way_mm[second] - way_mm[first]
-    moving = run_mm > 1e-6
-    if not moving.any():
-        return np.asarray(np.median(values, axis=0))
-    slope = np.median((values[second[moving]] - values[first[moving]]) / run_mm[moving, None], axis=0)
-    return np.asarray(np.median(values + (place_mm - way_mm)[:, None] * slope, axis=0))
-
-
-def _specks(
-    seen: _Seen, good: Bool[np.ndarray, "k"], window: int
-) -> dict[int, Bool[np.ndarray, "height width"]]:
-    """Parts of masks that no part of the neighbours comes near, by frame; a mask's largest part is none."""
-    from scipy.ndimage import label
-
-    usable = np.flatnonzero(good & seen.shown)
-    parts: dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
-    labels: dict[int, np.ndarray] = {}
-    for frame in usable:
-        found, count = label(seen.filled[frame])
-        sizes = np.bincount(found.reshape(-1), minlength=count + 1)[1:]
-        if count > 1:
-            labels[int(frame)] = found
-            middle_px = np.array(
-                [np.argwhere(found == one)[:, ::-1].mean(axis=0) for one in range(1, count + 1)]
-            )
-        else:
-            middle_px = seen.middle_px[[frame]]
-        middle_mm = frames.apply(seen.world_A_pixel[frame], np.pad(middle_px, ((0, 0), (0, 1))))
-        radius_mm = np.sqrt(sizes * seen.pixel_mm[frame].prod() / np.pi)
-        parts[int(frame)] = (middle_mm, radius_mm, sizes)
-    specks = {}
-    for frame, found in labels.items():
-        middle_mm, radius_mm, sizes = parts[frame]
-        place = int(np.searchsorted(usable, frame))
-        near = usable[max(place - window // 2, 0) : place + window // 2 + 1]
-        lone = [
-            one + 1
-            for one in range(len(sizes))
-            if one != sizes.argmax()
-            and not any(
-                _meets(middle_mm[one], radius_mm[one], parts[int(other)]) for other in near if other != frame
-            )
-        ]
-        if lone and len(near) > LEAST_SIDE:
-            specks[frame] = np.isin(found, lone)
-    return specks
-
-
-def _meets(middle_mm: np.ndarray, radius_mm: float, others: Sequence[np.ndarray]) -> bool:
-    """Whether a part comes within a radius of one of another mask's parts."""
-    apart_mm = np.linalg.norm(others[0] - middle_mm, axis=1)
-    return bool((apart_mm <= 2 * radius_mm + others[1]).any())

@@ -73,7 +73,7 @@ class CoarseToFine:
     basin_share: float
     estimation: Estimation
     kernel: RobustKernel | None
-    rejections: tuple[Rejection, ...]
+    rejections: Sequence[Rejection]
 
     def __call__(
         self,

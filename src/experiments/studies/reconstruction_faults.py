@@ -21,7 +21,7 @@ IN_WORDS = {
 }
 
 
-def mask_record(found: Gathered, frame: Sequence[int]) -> dict[str, Any]:
+def mask_record(found: Gathered, frame: np.ndarray) -> dict[str, Any]:
     """Which masks were rejected and why; ``frame`` (k,) is the number of each mask in the recording."""
     checked = found.checked
     return {
@@ -37,7 +37,7 @@ def mask_record(found: Gathered, frame: Sequence[int]) -> dict[str, Any]:
     }
 
 
-def surface_record(found: Reconstructed, frame: Sequence[int]) -> dict[str, Any]:
+def surface_record(found: Reconstructed, frame: np.ndarray) -> dict[str, Any]:
     """The pieces of the surface and what was left out of them, and the gaps between frames that stayed open."""
     shown, steps_mm = steps_along(found)
     wide = np.flatnonzero(steps_mm > found.gap_mm)
