@@ -15,7 +15,7 @@ from models.checkpoint import Checkpoint
 from models.monai_network import MonaiNetwork
 from models.networks import RECIPES
 from models.predictor import Predictor
-from models.train import main
+from models.train import TrainingPlan, main
 
 SOURCE = Path(__file__).resolve().parents[2] / "src"
 CONFIG = {
@@ -152,6 +152,13 @@ def test_refuses_to_resume_another_training(tmp_path, capsys) -> None:
         ({"frames": "none.npz"}, "expected a file of labelled frames"),
         ({"loss": {"weight": 1}}, "loss: expected settings of dice_cross_entropy, received others"),
         ({"loss": {"name": "hinge"}}, "loss: expected one of"),
+        ({"seed": 1.5}, "seed: expected a whole number, received 1.5"),
+        ({"loss": {"dice_weight": "much"}}, "dice_weight: expected a number, received 'much'"),
+        ({"model": {"name": "unet", "width": 4.5}}, "width: expected a whole number, received 4.5"),
+        (
+            {"trainer": {"max_epochs": 2, "batch_size": 1.5, "learning_rate": 0.01, "patience": 2}},
+            "trainer.batch_size: expected a whole number, received 1.5",
+        ),
     ],
 )
 def test_refuses_with_one_sentence_and_code_2(
@@ -232,3 +239,19 @@ def test_the_bare_machine_has_the_whole_standard_library() -> None:
         "import sysconfig; sys.exit(0 if sysconfig.get_config_var('EXE') is not None else 1)"
     )
     assert subprocess.run([sys.executable, "-c", program]).returncode == 0
+
+
+def test_a_number_in_scientific_notation_is_a_number(tmp_path) -> None:
+    config = write_inputs(tmp_path)
+    text = config.read_text()
+    assert "learning_rate: 0.01" in text
+    config.write_text(text.replace("learning_rate: 0.01", "learning_rate: 1e-2"))
+    assert TrainingPlan.read(config).training.trainer.learning_rate == 0.01
+
+
+def test_a_folder_that_can_not_be_written_is_refused_before_training(tmp_path, capsys) -> None:
+    config = write_inputs(tmp_path)
+    (tmp_path / "file").write_text("")
+    assert main([str(config), "--out", str(tmp_path / "file")]) == 2
+    said = capsys.readouterr()
+    assert "--out: expected a folder that can be written" in said.err and "epoch" not in said.out

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from experiments.datasets.names import same_name
 from experiments.datasets.reading import IMAGE_SUFFIXES
@@ -22,7 +23,7 @@ from registration.benchmark.cases import CaseTruth
 from registration.benchmark.truth_files import read_json, read_truth
 from registration.centerline_io import read_centerline_table
 from registration.geometry_io import read_centerline
-from registration.metrics import SurfaceDistance, pose_error
+from registration.metrics import pose_error
 from registration.results import FAILED
 from registration.transform_files import ITK_SUFFIXES
 
@@ -136,8 +137,10 @@ def _is_benchmark(path: Path) -> bool:
 
 def _refuse_other_frame(given_mm: np.ndarray, own_mm: np.ndarray, pose: np.ndarray, frame: str) -> None:
     """Raise InputError for targets given apart that lie on the vessel only after the true pose: in the moving frame."""
-    there = SurfaceDistance(own_mm)
-    as_given, as_moving = (float(np.median(there(each))) for each in (given_mm, frames.apply(pose, given_mm)))
+    there = cKDTree(own_mm)  # points of a straight line too, which are no surface
+    as_given, as_moving = (
+        float(np.median(there.query(each)[0])) for each in (given_mm, frames.apply(pose, given_mm))
+    )
     if as_moving < ELSEWHERE * as_given and as_given > APART_MM:
         raise InputError(
             f"targets: expected points in the frame of the fixed side ({frame}), received points of the moving frame "

@@ -17,6 +17,7 @@ from experiments.studies.evaluate_transforms import (
     are_transforms,
     pair_transforms,
     read_reference,
+    target_notes,
     transform_rows,
 )
 from registration.centerline_io import write_centerline
@@ -149,3 +150,91 @@ def test_a_case_that_is_broken_names_the_reference(subset: Path) -> None:
     pairs = pair_transforms(subset / "answers", subset / "subset", None)
     with pytest.raises(InputError, match=r"reference: .*tube_b/moving.ply"):
         list(transform_rows(pairs, Silent()))
+
+
+def simulated_truth(folder: Path) -> tuple[np.ndarray, np.ndarray]:
+    """A truth.json as a simulated sweep has it: the pose, and targets along a line in the ct frame."""
+    pose = np.eye(4)
+    pose[:3, :3] = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    pose[:3, 3] = [200.0, -50.0, 30.0]
+    targets_mm = np.array([10.0, 0.0, 0.0]) + np.outer(np.arange(20.0), [0.0, 1.0, 0.1])
+    told = {"fixed_T_moving": pose.tolist(), "targets_mm": targets_mm.tolist(), "targets_frame": "ct"}
+    folder.mkdir(exist_ok=True)
+    (folder / "truth.json").write_text(json.dumps({**told, "fixed_frame": "ct", "simulated": True}))
+    return pose, targets_mm
+
+
+def answered(folder: Path, pose: np.ndarray) -> Path:
+    folder.mkdir(exist_ok=True)
+    path = folder / "registration.json"
+    path.write_text(json.dumps({"fixed_T_moving": pose.tolist(), "verdict": "accepted"}))
+    return path
+
+
+@pytest.mark.parametrize("as_folders", [True, False])
+def test_one_registration_is_scored_against_the_truth_of_a_simulated_sweep(
+    as_folders: bool, tmp_path: Path
+) -> None:
+    pose, targets_mm = simulated_truth(tmp_path / "simulated")
+    shifted = pose.copy()
+    shifted[:3, 3] += [0.0, 3.0, 4.0]
+    answer = answered(tmp_path / "registered", shifted)
+    reference = tmp_path / "simulated" / "truth.json"
+    assert are_transforms(reference) and are_transforms(reference.parent)
+    given = (answer.parent, reference.parent) if as_folders else (answer, reference)
+    pairs = pair_transforms(*given, None)
+    (row,) = transform_rows(pairs, Silent())
+    assert row["tre_mm"] == pytest.approx(5.0) and row["simulated"]
+    assert target_notes(pairs, None) == [
+        "Errors are measured at 20 targets in the frame of the fixed side (ct: mm in LPS)."
+    ]
+    np.testing.assert_allclose(read_reference(reference, None).targets_mm, targets_mm)
+
+
+def test_an_inverted_answer_is_noticed(tmp_path: Path) -> None:
+    pose, _ = simulated_truth(tmp_path / "simulated")
+    answer = answered(tmp_path / "registered", np.linalg.inv(pose))
+    pairs = pair_transforms(answer, tmp_path / "simulated" / "truth.json", None)
+    assert "were moving and fixed swapped?" in target_notes(pairs, None)[1]
+
+
+def test_targets_of_the_moving_frame_are_refused(tmp_path: Path) -> None:
+    pose, targets_mm = simulated_truth(tmp_path / "simulated")
+    answer = answered(tmp_path / "registered", pose)
+    inverse = np.linalg.inv(pose)
+    for name, points_mm in (("ct", targets_mm), ("world", targets_mm @ inverse[:3, :3].T + inverse[:3, 3])):
+        line = Polyline(points_mm, np.ones(len(points_mm)))
+        write_centerline(tmp_path / f"{name}.csv", Centerline((line,)))
+    reference = tmp_path / "simulated" / "truth.json"
+    pairs = pair_transforms(answer, reference, str(tmp_path / "ct.csv"))
+    assert next(transform_rows(pairs, Silent()))["tre_mm"] == pytest.approx(0.0, abs=1e-9)
+    assert target_notes(pairs, str(tmp_path / "ct.csv"))[0].startswith("Errors are measured at ")
+    pairs = pair_transforms(answer, reference, str(tmp_path / "world.csv"))
+    with pytest.raises(
+        InputError, match=r"in the frame of the fixed side \(ct\), received points of the moving frame"
+    ):
+        next(transform_rows(pairs, Silent()))
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"targets_mm": [[0, 1]]}, r"expected targets_mm as points \(t, 3\)"),
+        ({"targets_mm": "none"}, r"expected targets_mm as points \(t, 3\)"),
+        ({"targets_frame": "world"}, r"in the frame of the fixed side \(ct\), received world"),
+    ],
+)
+def test_targets_that_can_not_be_used_are_refused(changes: dict, sentence: str, tmp_path: Path) -> None:
+    simulated_truth(tmp_path)
+    told = json.loads((tmp_path / "truth.json").read_text())
+    (tmp_path / "truth.json").write_text(json.dumps({**told, **changes}))
+    with pytest.raises(InputError, match=sentence):
+        read_reference(tmp_path / "truth.json", None)
+
+
+def test_a_pose_in_json_without_targets_needs_them(tmp_path: Path) -> None:
+    reference = answered(tmp_path, np.eye(4))
+    with pytest.raises(
+        InputError, match=r"targets: expected a centerline .* in mm in the frame of its fixed side"
+    ):
+        read_reference(reference, None)
