@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from registration.centerline import CenterlineExtractor
-from registration.centerline_ends import backwards, to_closed_end
-from registration.geometry import Centerline, Mesh, Polyline
-from registration.geometry_io import read_centerline, read_surface
-from registration.mesh_topology import keep_triangles
-from registration.walls import Walls
+from registration.centerline.end_extension import backwards, to_closed_end
+from registration.centerline.extractor import CenterlineExtractor
+from registration.centerline.vessel_walls import Walls
+from registration.geometry.mesh_topology import keep_triangles
+from registration.geometry.shapes import Centerline, Mesh, Polyline
+from registration.io.surfaces import read_centerline, read_surface
 
 NOISE_MM = 0.5
 TARGETS = "mean 0.15  p95 0.4  radius 0.1  length 1.5 %"

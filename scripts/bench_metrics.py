@@ -11,7 +11,7 @@ import surface_distance
 import torch
 from monai.metrics import compute_hausdorff_distance
 
-from models.metrics import hd95_mm, hd95_surfel_mm
+from models.metrics.masks import hd95_mm, hd95_surfel_mm
 
 SPACING_MM = (0.11, 0.09)
 REPEATS = 20

@@ -10,13 +10,13 @@ from collections.abc import Callable
 import torch
 from torch import Tensor, nn
 
-from models.attention_unet import AttentionUNet
-from models.losses import DiceCrossEntropy
-from models.monai_network import MonaiNetwork
-from models.networks import NetworkRecipe
-from models.supervision import training_loss
-from models.unet import UNet
-from models.unet3plus import UNet3Plus
+from models.networks.attention_unet import AttentionUNet
+from models.networks.monai_network import MonaiNetwork
+from models.networks.registry import NetworkRecipe
+from models.networks.unet import UNet
+from models.networks.unet3plus import UNet3Plus
+from models.training.deep_supervision import training_loss
+from models.training.losses import DiceCrossEntropy
 
 PEERS = {"unet": "BasicUNet", "attention_unet": "AttentionUnet", "unet3plus": "BasicUNetPlusPlus"}
 LIKE_OURS = {"norm": "batch", "act": "relu", "bias": False}

@@ -25,22 +25,26 @@ from bench_centerline import (
     row,
 )
 
-from registration import frames
-from registration.centerline import CenterlineExtractor
-from registration.cloud_filters import RadiusOutlierRemoval, StatisticalOutlierRemoval, VoxelDownsampling
-from registration.clouds import OrientedCloud
-from registration.contours import ContourExtractor
-from registration.geometry import Mesh
-from registration.mesh_quality import mesh_quality
-from registration.metrics import SurfaceDistance
+from registration import transforms
+from registration.centerline.extractor import CenterlineExtractor
+from registration.geometry.mesh_quality import mesh_quality
+from registration.geometry.point_cloud import OrientedCloud
+from registration.geometry.shapes import Mesh
+from registration.metrics.surface_distance import SurfaceDistance
 from registration.phantom.acoustics import Scanner
 from registration.phantom.conditions import Deformation, Motion
 from registration.phantom.settings import PhantomSettings
 from registration.phantom.simulator import SweepSimulator
 from registration.phantom.trajectory import disturb
-from registration.smoothing import TaubinSmoothing
-from registration.surface import PoissonSurface, SurfaceMethod
-from registration.surface_volume import SignedDistanceSurface
+from registration.reconstruction.contours import ContourExtractor
+from registration.reconstruction.outlier_filters import (
+    RadiusOutlierRemoval,
+    StatisticalOutlierRemoval,
+    VoxelDownsampling,
+)
+from registration.reconstruction.signed_distance import SignedDistanceSurface
+from registration.reconstruction.surface import PoissonSurface, SurfaceMethod
+from registration.reconstruction.taubin import TaubinSmoothing
 
 POISSON = PoissonSurface(cell_mm=0.7, bridge_mm=3.0)
 # Pictures for a network take longer than masks: fewer and smaller ones.
@@ -114,12 +118,12 @@ def simulated(folder: Path, maker: SweepSimulator) -> Sweep:
     motion, beams = maker.settings.motion, maker.imager.beams
     masks = np.stack([maker.mask(maker.view(number)) for number in range(motion.frames)])
     bed_T_probe = maker.path.at(maker.frame_times_s)
-    ee_T_probe = frames.translation((0.0, 0.0, LEVER_MM))
-    bed_T_ee = bed_T_probe @ frames.invert_rigid(ee_T_probe)
+    ee_T_probe = transforms.translation((0.0, 0.0, LEVER_MM))
+    bed_T_ee = bed_T_probe @ transforms.invert_rigid(ee_T_probe)
     noisy = disturb(bed_T_ee, motion.noise_mm, motion.noise_deg, np.random.default_rng(0)) @ ee_T_probe
-    bed_T_ct = frames.invert_rigid(maker.anatomy.ct_T_bed)
+    bed_T_ct = transforms.invert_rigid(maker.anatomy.ct_T_bed)
     reference = Reference.of(folder, meshes(folder)[0]).moved(
-        lambda points_mm: frames.apply(bed_T_ct, points_mm)
+        lambda points_mm: transforms.apply(bed_T_ct, points_mm)
     )
     return Sweep(
         masks,

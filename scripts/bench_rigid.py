@@ -16,14 +16,14 @@ from pathlib import Path
 import numpy as np
 import open3d as o3d
 
-from registration.comparators import GeneralisedICP
-from registration.geometry import Mesh
-from registration.geometry_io import read_surface
-from registration.metrics import SUCCESS_TRE_MM, pose_error
-from registration.perturbation import Perturbation, Piece, Trial
-from registration.phantom.designs import DESIGNS
+from registration.geometry.shapes import Mesh
+from registration.io.surfaces import read_surface
+from registration.metrics.surface_distance import SUCCESS_TRE_MM, pose_error
+from registration.perturbation.perturbation import Perturbation, Piece, Trial
+from registration.phantom.designed_shapes import DESIGNS
 from registration.phantom.shapes import surround
-from registration.rigid import MultiStartICP
+from registration.rigid.comparators import GeneralisedICP
+from registration.rigid.multi_start import MultiStartICP
 
 PIECES = (Piece(), Piece(0.6, "middle"), Piece(0.4, "start"), Piece(0.4, "end"))
 

@@ -14,19 +14,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from experiments.studies.reconstruction import Reconstruction
-from registration import frames
-from registration.centerline import CenterlineExtractor
-from registration.cloud_filters import RadiusOutlierRemoval, StatisticalOutlierRemoval, VoxelDownsampling
-from registration.contours import ContourExtractor
-from registration.geometry import Mesh
-from registration.mask_outliers import MaskOutliers
-from registration.metrics import SurfaceDistance
+from registration import transforms
+from registration.centerline.extractor import CenterlineExtractor
+from registration.geometry.shapes import Mesh
+from registration.metrics.surface_distance import SurfaceDistance
 from registration.phantom.conditions import Motion
 from registration.phantom.scan import SimulatedSweep, simulate_sweep
 from registration.phantom.settings import PhantomSettings
-from registration.smoothing import TaubinSmoothing
-from registration.surface import PoissonSurface
+from registration.pipeline import Reconstruction
+from registration.reconstruction.contours import ContourExtractor
+from registration.reconstruction.mask_outliers import MaskOutliers
+from registration.reconstruction.outlier_filters import (
+    RadiusOutlierRemoval,
+    StatisticalOutlierRemoval,
+    VoxelDownsampling,
+)
+from registration.reconstruction.surface import PoissonSurface
+from registration.reconstruction.taubin import TaubinSmoothing
 from registration.synchronisation import synchronise
 
 DEVELOPMENT = (("artery", 1), ("vein", 1), ("artificial", 1), ("random", 3), ("random", 7), ("random", 11))
@@ -118,8 +122,8 @@ def _seen(found: SimulatedSweep) -> Mesh:
     bent_mm = wanted_mm.copy()
     for _ in range(20):
         bent_mm = bent_mm + (wanted_mm - found.deformation.material(bent_mm))
-    world_T_ct = frames.invert_rigid(found.ct_T_world)
-    return Mesh(frames.apply(world_T_ct, bent_mm), found.anatomy.triangles)
+    world_T_ct = transforms.invert_rigid(found.ct_T_world)
+    return Mesh(transforms.apply(world_T_ct, bent_mm), found.anatomy.triangles)
 
 
 def row(name: str, sweep: Sweep, gap: int, share: float, seed: int) -> None:

@@ -17,21 +17,21 @@ import numpy as np
 import torch
 from torch import Generator, Tensor, nn
 
-from models.augmentation import Augmentation
 from models.checkpoint import Checkpoint
-from models.datamodule import FoldData
 from models.labelled_frames import LabelledFrames
-from models.lightning_trainer import lightning_trainer, quiet, reproducible
-from models.losses import DiceCrossEntropy
-from models.networks import NetworkRecipe, recipe_of
-from models.preprocessing import Preprocessing
-from models.segmenter import Segmenter
-from models.supervision import training_loss
-from models.trainer_settings import TrainerSettings
-from models.training import initial_network
-from models.training_course import TrainingCourse
-from models.training_phase import Phase
-from models.training_state import TrainingFolder
+from models.networks.registry import NetworkRecipe, recipe_of
+from models.preprocessing.preprocessing import Preprocessing
+from models.training.augmentation import Augmentation
+from models.training.callback import TrainingCourse
+from models.training.datamodule import FoldData
+from models.training.deep_supervision import training_loss
+from models.training.fold import initial_network
+from models.training.losses import DiceCrossEntropy
+from models.training.phase import Phase
+from models.training.segmenter import Segmenter
+from models.training.settings import TrainerSettings
+from models.training.state import TrainingFolder
+from models.training.trainer import lightning_trainer, quiet, reproducible
 
 LOSS = DiceCrossEntropy()
 

@@ -12,8 +12,8 @@ import pandas as pd
 
 from experiments import files
 from experiments.reporting.figure_files import save_figure
-from experiments.studies.consistency_report import TRUTH, describe, figures, tables
-from experiments.terminal import markdown
+from experiments.running.terminal import markdown
+from experiments.studies.consistency.report import TRUTH, describe, figures, tables
 
 HEAD = """# Repeated reconstructions of one phantom
 

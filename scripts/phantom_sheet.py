@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from experiments.reporting.contact_sheet import contact_sheet, outlined
+from experiments.reporting.phantom_realism import dark_dsc, grain_px, vessel_gcnr
 from registration.phantom.acoustics import Scanner
-from registration.phantom.realism import dark_dsc, grain_px, vessel_gcnr
 from registration.phantom.settings import SUBSETS, PhantomSettings
-from registration.phantom.sheet import contact_sheet, outlined
 from registration.phantom.simulator import SweepSimulator
 
 COLUMNS = 4

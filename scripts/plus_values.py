@@ -11,8 +11,8 @@ import sys
 from pathlib import Path
 
 from experiments import files
-from experiments.reporting.plus_values import ALL, table
-from experiments.terminal import markdown
+from experiments.running.terminal import markdown
+from experiments.validation.plus import ALL, table
 
 HEAD = """# Values of the PLUS toolkit and ours
 

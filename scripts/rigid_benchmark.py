@@ -12,11 +12,11 @@ from pathlib import Path
 import pandas as pd
 
 from experiments import files
+from experiments.analysis.registration.benchmark_figures import benchmark_figures
+from experiments.analysis.registration.benchmark_findings import describe_benchmark
+from experiments.analysis.registration.benchmark_tables import benchmark_tables
 from experiments.reporting.figure_files import save_figure
-from experiments.studies.rigid_benchmark_figures import benchmark_figures
-from experiments.studies.rigid_benchmark_report import benchmark_tables
-from experiments.studies.rigid_benchmark_sentences import describe_benchmark
-from experiments.terminal import markdown
+from experiments.running.terminal import markdown
 
 HEAD = """# Rigid registration on the frozen benchmark
 

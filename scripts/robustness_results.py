@@ -14,8 +14,8 @@ import pandas as pd
 from experiments import files
 from experiments.outcome import Outcome
 from experiments.reporting.figure_files import save_figure
-from experiments.studies import robustness
-from experiments.terminal import markdown
+from experiments.running.terminal import markdown
+from experiments.studies.robustness import study as robustness
 
 HEAD = """# Rigid registration from known wrong poses: {name}
 

@@ -14,10 +14,11 @@ import yaml
 
 from experiments import files
 from experiments.outcome import CellResult, Outcome
-from experiments.run_archive import read_archive
-from experiments.run_record import RunRecord
-from experiments.studies import domain_transfer, segmentation
-from experiments.terminal import markdown
+from experiments.running.terminal import markdown
+from experiments.studies import segmentation
+from experiments.studies.domain_transfer import study as domain_transfer
+from experiments.tracking.archive import read_archive
+from experiments.tracking.run_record import RunRecord
 
 HEAD = """# Segmentation of USGRA's vessels
 

@@ -1,110 +1,156 @@
-"""The picture of the house, held against the code: who may import whom, and what may be imported where."""
+"""The picture in docs/architecture.md, held against the code: who may import whom, and how full a folder may be."""
 
 from __future__ import annotations
 
-import ast
-from collections.abc import Iterator
+from collections import Counter
 from pathlib import Path
 
 import pytest
+import structure
 
-SRC = Path(__file__).resolve().parents[1] / "src"
-OWN = ("experiments", "models", "registration")
-MODULES = {
-    ".".join(path.relative_to(SRC).with_suffix("").parts).removesuffix(".__init__"): path
-    for path in sorted(SRC.rglob("*.py"))
-}
+REPOSITORY = Path(__file__).resolve().parents[1]
+SRC = REPOSITORY / "src"
+MODULES = structure.read_modules(SRC)
+GRAPH = structure.import_graph(MODULES)
 FORBIDDEN = {
     "models": {"registration", "experiments", "open3d", "mlflow", "hydra", "omegaconf", "pandas"},
-    "registration": {
-        "models",
-        "experiments",
-        "lightning",
-        "monai",
-        "mlflow",
-        "hydra",
-        "omegaconf",
-        "torch",
-        "pandas",
-    },
+    "registration": {"models", "experiments", "lightning", "monai", "mlflow", "hydra", "omegaconf", "torch", "pandas"},
     "experiments": set(),
 }
-# A heavy library and the only modules that may import it.
+# A library and the only modules that may import it.
 KEPT_IN = {
     "mlflow": {"experiments.tracking.store", "experiments.tracking.run_writer"},
     "hydra": {"experiments.cli"},
     "omegaconf": {"experiments.cli"},
 }
+# Lowest first. A module imports from its own entry and from lower layers; never from another entry of its layer, for
+# which reason the lowest layer, the ground, is one entry. The longest prefix decides.
+LAYERS: dict[str, list[list[str]]] = {
+    "models": [
+        ["models"],
+        ["models.networks", "models.preprocessing", "models.metrics"],
+        ["models.checkpoint"],
+        ["models.predictor"],
+        ["models.training", "models.evaluation"],
+        ["models.train"],
+    ],
+    "registration": [
+        ["registration"],
+        ["registration.geometry"],
+        ["registration.metrics", "registration.rigid.icp", "registration.calibration", "registration.reconstruction"],
+        ["registration.io", "registration.centerline", "registration.rigid"],
+        [
+            "registration.rigid.comparators",
+            "registration.ct_model",
+            "registration.pipeline",
+            "registration.perturbation",
+            "registration.readers",
+        ],
+        ["registration.phantom"],
+        ["registration.benchmark"],
+    ],
+    "experiments": [
+        ["experiments"],
+        ["experiments.statistics", "experiments.registry"],
+        ["experiments.tracking", "experiments.splits", "experiments.inputs", "experiments.reporting", "experiments.validation"],
+        ["experiments.datasets", "experiments.running"],
+        ["experiments.analysis"],
+        ["experiments.studies"],
+        ["experiments.cli"],
+    ],
+}
+# A module this short is joined to its user, unless it is the ground under many others.
+SHORTEST = 40
+SHORT = {
+}
+MOST_MODULES = 25
 
 
-def imports(path: Path, *, at_top: bool = False) -> Iterator[str]:
-    """Every module that a file imports, dotted; only those executed at import when ``at_top``."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    nodes = _executed(tree) if at_top else ast.walk(tree)
-    for node in nodes:
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}: relative import"
-            assert node.module is not None
-            for alias in node.names:
-                dotted = f"{node.module}.{alias.name}"
-                yield dotted if dotted in MODULES else node.module
+def entry_of(module: str) -> tuple[int, str]:
+    """The layer of a module and the entry of the table that names it."""
+    entries = [(layer, name) for layer, names in enumerate(LAYERS[module.split(".")[0]]) for name in names]
+    return max(
+        (entry for entry in entries if module == entry[1] or module.startswith(f"{entry[1]}.")),
+        key=lambda entry: len(entry[1]),
+    )
 
 
-def _executed(tree: ast.Module) -> Iterator[ast.AST]:
-    """The statements that run when a module is imported, but for those under ``if TYPE_CHECKING``."""
-    waiting: list[ast.AST] = list(tree.body)
-    while waiting:
-        node = waiting.pop()
-        yield node
-        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)):
-            continue
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
-            waiting.extend(node.orelse)
-            continue
-        waiting.extend(ast.iter_child_nodes(node))
+def is_door(module: str) -> bool:
+    """Whether a module is the ``__init__`` of a package."""
+    return MODULES[module].path.stem == "__init__"
 
 
 @pytest.mark.parametrize("module", MODULES)
-def test_no_forbidden_arrow(module: str) -> None:
-    used = {name.split(".")[0] for name in imports(MODULES[module])}
-    forbidden = FORBIDDEN[module.split(".")[0]]
-    assert not used & forbidden
+def test_no_forbidden_library(module: str) -> None:
+    used = {name.split(".")[0] for name in structure.imported_names(MODULES[module], MODULES)}
+    assert not used & FORBIDDEN[module.split(".")[0]]
     for library, allowed in KEPT_IN.items():
         assert library not in used or module in allowed
 
 
-def test_no_circle() -> None:
-    arrows = {
-        module: {name for name in imports(path, at_top=True) if name in MODULES and name != module}
-        for module, path in MODULES.items()
-    }
-    done: set[str] = set()
+def test_no_circle_of_modules() -> None:
+    assert structure.circles(GRAPH) == []
 
-    def visit(module: str, trail: tuple[str, ...]) -> None:
-        assert module not in trail, " -> ".join((*trail[trail.index(module) :], module))
-        if module not in done:
-            for other in arrows[module]:
-                visit(other, (*trail, module))
-            done.add(module)
 
-    for module in MODULES:
-        visit(module, ())
+def test_no_circle_of_folders() -> None:
+    assert structure.circles(structure.package_graph(MODULES, GRAPH)) == []
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_a_module_imports_only_from_lower_layers(module: str) -> None:
+    top = module.split(".")[0]
+    layer, entry = entry_of(module)
+    above = [
+        other
+        for other in sorted(GRAPH[module])
+        if other.split(".")[0] == top and entry_of(other)[1] != entry and entry_of(other)[0] >= layer
+    ]
+    assert above == [], f"{module} ({entry}, layer {layer}) imports {', '.join(above)}"
+
+
+def test_no_study_imports_another_study() -> None:
+    assert structure.study_imports(GRAPH) == []
+
+
+@pytest.mark.parametrize("package", ["registration.rigid", "registration.centerline"])
+def test_methods_read_no_files(package: str) -> None:
+    found = [
+        (name, other)
+        for name in MODULES
+        if name == package or name.startswith(f"{package}.")
+        for other in GRAPH[name]
+        if other.startswith("registration.io")
+    ]
+    assert found == []
+
+
+def test_no_folder_is_too_full() -> None:
+    count = Counter(module.package for name, module in MODULES.items() if not is_door(name))
+    assert {package: number for package, number in count.items() if number > MOST_MODULES} == {}
+
+
+def test_no_four_modules_of_a_folder_share_a_prefix() -> None:
+    families = Counter(
+        (module.package, name.rpartition(".")[2].split("_")[0]) for name, module in MODULES.items() if not is_door(name)
+    )
+    assert {family: number for family, number in families.items() if number > 3} == {}
+
+
+def test_no_module_is_a_crumb() -> None:
+    crumbs = {name: module.lines for name, module in MODULES.items() if module.lines < SHORTEST and not is_door(name)}
+    assert {name: lines for name, lines in crumbs.items() if name not in SHORT and not name.endswith(".errors")} == {}
 
 
 def test_every_test_file_stands_where_its_module_does() -> None:
-    tests = Path(__file__).resolve().parent
+    tests = REPOSITORY / "tests"
     for path in tests.rglob("test_*.py"):
-        if path.parent == tests:
-            continue
-        folder = path.relative_to(tests).parent
-        assert (SRC / folder).is_dir(), path
+        if path.parent != tests:
+            assert (SRC / path.relative_to(tests).parent).is_dir(), path
 
 
 def test_there_is_no_module_called_utils() -> None:
-    assert not [name for name in MODULES if name.split(".")[-1] in ("utils", "helpers", "common", "misc")]
+    assert not [name for name in MODULES if name.split(".")[-1] in ("utils", "helpers", "misc")]
 
 
 def test_the_packages_are_the_three() -> None:
-    assert {name.split(".")[0] for name in MODULES} == set(OWN)
+    assert {path.parent.name for path in SRC.glob("*/__init__.py")} == set(structure.PACKAGES)

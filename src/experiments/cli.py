@@ -12,10 +12,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from experiments import cli_words
+from experiments.command_line import words as cli_words
+from experiments.command_line.text_settings import loader_with_text, quoted_override
 from experiments.errors import InputError, did_you_mean
 from experiments.paths import conf_dir, project_root
-from experiments.text_settings import loader_with_text, quoted_override
 
 if TYPE_CHECKING:
     from argparse import Namespace
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from hydra.core.override_parser.types import Override
     from omegaconf import DictConfig
 
-    from experiments.shell import Points
+    from experiments.running.run_sweep import Points
 
 HYDRA_VERSION_BASE = "1.3"
 # Options of Hydra's without a meaning here: a call of ctus is always composed from its own configuration.
@@ -55,7 +55,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _print_help(words: list[str]) -> int:
-    from experiments.cli_help import help_text
+    from experiments.command_line.help_page import help_text
 
     text = help_text(words)
     try:
@@ -132,22 +132,22 @@ def _show(asked: Namespace, overrides: list[str], folder: str | None) -> int:
 
 
 def _run(overrides: list[str], folder: str | None, *, multirun: bool) -> int:
-    from experiments import cells, shell
-    from experiments.call_checks import require_shared, require_writable
-    from experiments.job import user_errors
+    from experiments.command_line.call_checks import require_shared, require_writable
+    from experiments.running import jobs, run_sweep
+    from experiments.running.run_job import user_errors
 
     try:
         points = compose_points(overrides, folder, multirun=multirun)
         for config, _ in points:
             require_shared(config)
         _note_useless_seed(points)
-        require_writable(cells.out_folder(points[0][0], "0" * 64))
-        beside = shell.jobs_at_once(points[0][0]) > 1
+        require_writable(jobs.out_folder(points[0][0], "0" * 64))
+        beside = run_sweep.jobs_at_once(points[0][0]) > 1
         if beside and any(word.startswith("hydra/launcher=") for word in overrides):
             raise InputError("jobs: expected 1 where a launcher starts the jobs, received more")
         launched = multirun and not beside
         words = ["--multirun", *_of_folder(folder), *overrides]
-        return shell.run(points, (lambda: _call_hydra(words)) if launched else None)
+        return run_sweep.run(points, (lambda: _call_hydra(words)) if launched else None)
     except user_errors() as refusal:
         print(refusal, file=sys.stderr)
         return 2
@@ -269,7 +269,7 @@ def _register_resolvers() -> None:
     """Make ``${project:folder}`` a folder of the project, and ``${method:name.setting}`` that of a rigid method."""
     from omegaconf import OmegaConf
 
-    from experiments.method_settings import method_setting
+    from experiments.command_line.method_settings import method_setting
 
     OmegaConf.register_new_resolver("project", lambda part: str(project_root() / part), replace=True)
     OmegaConf.register_new_resolver("method", method_setting, replace=True)
@@ -295,7 +295,7 @@ def resolve(config: DictConfig) -> Mapping[str, Any]:
 
     study = config.hydra.runtime.choices.get("study")
     if study is None:
-        from experiments.cells import study_names
+        from experiments.running.jobs import study_names
 
         raise InputError(
             f"study: expected one of {', '.join(study_names())}, received none; pass study=<name>"
@@ -352,12 +352,12 @@ def _point(config: DictConfig) -> None:
     from hydra.core.hydra_config import HydraConfig
     from omegaconf import open_dict
 
-    from experiments import shell
+    from experiments.running import run_sweep
 
     _register_resolvers()  # a launcher may have started this process
     with open_dict(config):
         config["hydra"] = {"runtime": {"choices": HydraConfig.get().runtime.choices}}
-    shell.run_point(resolve(config))
+    run_sweep.run_point(resolve(config))
 
 
 if __name__ == "__main__":

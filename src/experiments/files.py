@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from registration.whole import written_beside
+from registration.io.atomic import written_beside
 
 
 def write_text(path: Path, text: str) -> None:

@@ -16,10 +16,10 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from models.atomic import written_beside
 from models.errors import InputError
-from models.networks import NetworkRecipe, recipe_of, settings_of
-from models.preprocessing import Preprocessing
-from models.whole import written_beside
+from models.networks.registry import NetworkRecipe, recipe_of, settings_of
+from models.preprocessing.preprocessing import Preprocessing
 
 FORMAT = "ctus-checkpoint"
 VERSION = 1

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from models.labelled_frames import LabelledFrames
+from models.metrics.scoring import columns_for, score_case
 from models.predictor import Predictor
-from models.scoring import columns_for, score_case
 
 
 def predict(predictor: Predictor, frames: LabelledFrames) -> Iterator[tuple[str, np.ndarray]]:

@@ -11,9 +11,9 @@ from typing import SupportsIndex
 
 import numpy as np
 
+from models.array_types import Bool, UInt8
+from models.atomic import written_beside
 from models.errors import InputError
-from models.shapes import Bool, UInt8
-from models.whole import written_beside
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,11 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from models.array_types import Bool, Float32, UInt8
 from models.checkpoint import Checkpoint
 from models.errors import InputError
-from models.grey import echo_grey
-from models.preprocessing import Preprocessing
-from models.shapes import Bool, Float32, UInt8
+from models.preprocessing.grey import echo_grey
+from models.preprocessing.preprocessing import Preprocessing
 
 CHANNELS = (3, 4)
 

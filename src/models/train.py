@@ -23,21 +23,21 @@ from typing import Any, TypeVar
 
 import torch
 
-from models.augmentation import Augmentation
+from models.atomic import written_beside
 from models.errors import InputError
 from models.evaluation import predict, score_cases
-from models.fold_training import FoldTraining
 from models.labelled_frames import LabelledFrames
-from models.losses import DiceCrossEntropy, loss_of
-from models.networks import recipe_of
+from models.metrics.scoring import columns_for, summarise
+from models.networks.registry import recipe_of
 from models.predictor import Predictor
-from models.preprocessing import Preprocessing
-from models.scoring import columns_for, summarise
+from models.preprocessing.preprocessing import Preprocessing
 from models.settings_file import read_settings
-from models.trainer_settings import TrainerSettings
-from models.training import TrainedFold, train_fold
+from models.training.augmentation import Augmentation
+from models.training.fold import TrainedFold, train_fold
+from models.training.losses import DiceCrossEntropy, loss_of
+from models.training.settings import TrainerSettings
+from models.training.spec import FoldTraining
 from models.value_types import mismatch, require_settings
-from models.whole import written_beside
 
 SIDES = ("train", "validation", "test")
 OUTSIDE = ("selection", "held_out")

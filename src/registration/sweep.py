@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float64, Int64, UInt8
 
-from registration import frames
+from registration import transforms
 from registration.errors import InputError
 
 # How the reasons begin for which a reader leaves out poses; the other reasons are of frames.
@@ -27,13 +27,13 @@ class ProbeCalibration:
     probe_A_pixel: Float64[np.ndarray, "4 4"]
 
     def __post_init__(self) -> None:
-        frames.require_rigid(self.ee_T_probe, "ee_T_probe")
-        frames.require_affine(self.probe_A_pixel, "probe_A_pixel")
+        transforms.require_rigid(self.ee_T_probe, "ee_T_probe")
+        transforms.require_affine(self.probe_A_pixel, "probe_A_pixel")
 
     @property
     def ee_A_pixel(self) -> Float64[np.ndarray, "4 4"]:
         """From pixel ``(column, row, 0, 1)`` to millimetres on the end effector."""
-        return frames.compose(self.ee_T_probe, self.probe_A_pixel)
+        return transforms.compose(self.ee_T_probe, self.probe_A_pixel)
 
     @property
     def spacing_mm(self) -> tuple[float, float]:
@@ -65,7 +65,7 @@ class TrackedSweep:
 
     def __post_init__(self) -> None:
         if self.image_A_pixel is not None:
-            frames.require_affine(self.image_A_pixel, "image_A_pixel")
+            transforms.require_affine(self.image_A_pixel, "image_A_pixel")
             if len(self.image_A_pixel) != len(self.images):
                 raise InputError(
                     f"image_A_pixel: expected one matrix for each of {len(self.images)} images, "
@@ -86,7 +86,7 @@ class TrackedSweep:
                 raise InputError(f"{name}: expected finite times, received NaN or infinity")
         if (np.diff(self.pose_times_s) <= 0).any():
             raise InputError("pose_times_s: expected strictly increasing times, received poses out of order")
-        frames.require_rigid(self.world_T_ee, "world_T_ee")
+        transforms.require_rigid(self.world_T_ee, "world_T_ee")
 
     @property
     def frames_dropped(self) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from registration import frames
+from registration import transforms
 from registration.errors import InputError
 from registration.sweep import PosedFrames, TrackedSweep
 
@@ -32,7 +32,7 @@ def synchronise(sweep: TrackedSweep, max_gap_s: float, offset_s: float = 0.0) ->
         raise InputError(f"world_T_ee: expected at least two valid poses, received {len(sweep.world_T_ee)}")
     reasons = drop_reasons(sweep, max_gap_s, offset_s)
     keep = reasons == ""
-    world_T_ee = frames.interpolate(
+    world_T_ee = transforms.interpolate(
         sweep.image_times_s[keep], sweep.pose_times_s + offset_s, sweep.world_T_ee
     )
     return PosedFrames(

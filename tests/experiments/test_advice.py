@@ -10,7 +10,7 @@ from pathlib import Path
 from configurations import OPTIONS, STUDIES, mandatory, taker
 
 from experiments.cli import compose_points
-from experiments.cli_words import group_names, setting_names
+from experiments.command_line.words import group_names, setting_names
 
 # "pass units=m", "(pass acquisition=plus ...", "ctus study=import_runs archive=...": a name and a sign of equality.
 ADVICE = re.compile(r"\b(?:pass|passing|needs)\s+(?:another\s+)?\'?\+?([a-z_][\w.@]*)=")

@@ -9,16 +9,17 @@ from typing import Any
 import pytest
 from configurations import CONF, OPTIONS, STUDIES, mandatory
 
-from experiments import cells, registry
+from experiments import registry
 from experiments.cli import compose_points
 from experiments.errors import InputError
+from experiments.running import jobs
 
 
 @pytest.mark.parametrize("study", STUDIES)
 def test_a_study_composes_and_its_parts_build(study: str) -> None:
     ((config, _),) = compose_points([f"study={study}", *mandatory(study)])
-    for cell, _ in cells.cell_configs(config):
-        assert cells.arguments(cell)
+    for cell, _ in jobs.cell_configs(config):
+        assert jobs.arguments(cell)
 
 
 @pytest.mark.parametrize("group, option", OPTIONS)

@@ -11,9 +11,10 @@ from typing import Any
 import pytest
 from configurations import OPTIONS, STUDIES, mandatory, taker
 
-from experiments import cells, registry
+from experiments import registry
 from experiments.cli import compose_points, main
-from experiments.cli_words import draws_nothing
+from experiments.command_line.words import draws_nothing
+from experiments.running import jobs
 
 # Seeds that a call's own does not move.
 FROZEN = {
@@ -21,14 +22,14 @@ FROZEN = {
 }
 # Random numbers in the code that no seed moves: how results are measured and shown, never what they are.
 FIXED_DRAWS = {
-    "registration/medial_axis.py": "shakes points off planes, so that a triangulation is not degenerate",
+    "registration/centerline/medial_axis.py": "shakes points off planes, so that a triangulation is not degenerate",
     "experiments/reporting/scene_layers.py": "which points of a large cloud a page shows",
-    "experiments/studies/reconstruct_report.py": "places on a surface where its distance to the points is taken",
-    "experiments/studies/consistency_report.py": "resamples of an interval",
-    "experiments/studies/register_record.py": "targets that the error is predicted at",
-    "experiments/studies/simulated_truth.py": "targets that the error is measured at",
-    "experiments/studies/pipeline_report.py": "which points a figure shows",
-    "experiments/studies/robustness_problem.py": "targets that the error is measured at",
+    "experiments/studies/reconstruct/report.py": "places on a surface where its distance to the points is taken",
+    "experiments/studies/consistency/report.py": "resamples of an interval",
+    "experiments/studies/register/record.py": "targets that the error is predicted at",
+    "experiments/analysis/registration/simulated_truth.py": "targets that the error is measured at",
+    "experiments/studies/pipeline/figures.py": "which points a figure shows",
+    "experiments/studies/robustness/problem.py": "targets that the error is measured at",
 }
 
 
@@ -71,7 +72,7 @@ def test_every_seed_of_a_study_follows_the_global_one_and_changes_the_job(study:
     words = [f"study={study}", *mandatory(study)]
     assert_all_follow(words)
     first, second = (
-        [cells.arguments(cell) for cell, _ in cells.cell_configs(composed(words, seed))] for seed in (0, 7)
+        [jobs.arguments(cell) for cell, _ in jobs.cell_configs(composed(words, seed))] for seed in (0, 7)
     )
     if draws_nothing(study):
         # Nothing that the study is given says "seed", so nothing in it can draw by one.

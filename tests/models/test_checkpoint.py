@@ -5,8 +5,8 @@ import torch
 
 from models.checkpoint import Checkpoint
 from models.errors import InputError
-from models.preprocessing import Preprocessing
-from models.unet import UNet
+from models.networks.unet import UNet
+from models.preprocessing.preprocessing import Preprocessing
 
 RECIPE = UNet(width=4, depth=2)
 

@@ -5,7 +5,7 @@ from torch import Tensor, nn
 from models.evaluation import predict, score_cases
 from models.labelled_frames import LabelledFrames
 from models.predictor import Predictor
-from models.preprocessing import Preprocessing
+from models.preprocessing.preprocessing import Preprocessing
 
 
 class DarkIsVessel(nn.Module):

@@ -5,13 +5,13 @@ from drawn_screens import cross_hairs, rectangle, speckle
 from torch import nn
 
 from models.checkpoint import Checkpoint
-from models.datamodule import prepared
 from models.errors import InputError
-from models.grey import echo_grey
 from models.labelled_frames import LabelledFrames
+from models.networks.unet import UNet
 from models.predictor import Predictor, StageTimes
-from models.preprocessing import Preprocessing
-from models.unet import UNet
+from models.preprocessing.grey import echo_grey
+from models.preprocessing.preprocessing import Preprocessing
+from models.training.datamodule import prepared
 
 
 class BrightIsVessel(nn.Module):

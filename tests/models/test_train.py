@@ -12,8 +12,8 @@ import yaml
 from drawn_vessels import drawn_frames
 
 from models.checkpoint import Checkpoint
-from models.monai_network import MonaiNetwork
-from models.networks import RECIPES
+from models.networks.monai_network import MonaiNetwork
+from models.networks.registry import RECIPES
 from models.predictor import Predictor
 from models.train import TrainingPlan, main
 

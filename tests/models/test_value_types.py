@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 import pytest
 
 from models.errors import InputError
-from models.trainer_settings import TrainerSettings
+from models.training.settings import TrainerSettings
 from models.value_types import mismatch, parameter_types, require_settings
 
 if TYPE_CHECKING:
@@ -87,7 +87,7 @@ def test_a_value_of_another_type_is_named_with_what_was_expected(
 
 
 def test_an_object_is_not_plain_data() -> None:
-    from models.losses import Loss
+    from models.training.losses import Loss
 
     assert (
         mismatch("loss", 3, Loss) == "loss: expected the settings of a Loss (with its _target_), received 3"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from registration import frames
+from registration import transforms
 from registration.errors import InputError
 from registration.sweep import ProbeCalibration, TrackedSweep
 from registration.synchronisation import (
@@ -18,7 +18,9 @@ from registration.synchronisation import (
 )
 
 CALIBRATION = ProbeCalibration(
-    ee_T_probe=frames.from_rotation(Rotation.from_euler("x", 90, degrees=True), np.array([0.0, 0.0, 7.0])),
+    ee_T_probe=transforms.from_rotation(
+        Rotation.from_euler("x", 90, degrees=True), np.array([0.0, 0.0, 7.0])
+    ),
     probe_A_pixel=np.diag([0.2, 0.3, 0.25, 1.0]),
 )
 
@@ -27,7 +29,7 @@ def turning_sweep(image_times_s: list[float], pose_times_s: list[float], **more:
     """The end effector turns about z at 20 degrees and moves along x at 3 mm a second, off the origin."""
     pose_times = np.array(pose_times_s, dtype=np.float64)
     position_mm = np.stack([3 * pose_times + 50, 0 * pose_times - 4, 0 * pose_times + 9], axis=-1)
-    world_T_ee = frames.from_rotation(
+    world_T_ee = transforms.from_rotation(
         Rotation.from_euler("z", 20 * pose_times[:, None], degrees=True), position_mm
     )
     images = np.zeros((len(image_times_s), 4, 5), dtype=np.uint8)
@@ -37,7 +39,7 @@ def turning_sweep(image_times_s: list[float], pose_times_s: list[float], **more:
 
 
 def true_world_A_pixel(time_s: float) -> np.ndarray:
-    world_T_ee = frames.from_rotation(
+    world_T_ee = transforms.from_rotation(
         Rotation.from_euler("z", 20 * time_s, degrees=True), np.array([3 * time_s + 50, -4.0, 9.0])
     )
     return world_T_ee @ CALIBRATION.ee_T_probe @ CALIBRATION.probe_A_pixel

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from vessels import bent_tube
 
-from registration import frames
+from registration import transforms
 from registration.benchmark.case_files import write_case
 from registration.benchmark.cases import BenchmarkCase, CaseTruth
 from registration.benchmark.symmetry import Symmetry
@@ -30,15 +30,15 @@ def drawn_case(
     points_mm = TUBE.sample(300, rng)
     axis = rng.normal(size=3)
     turn = Rotation.from_rotvec(np.deg2rad(angle_deg) * axis / np.linalg.norm(axis))
-    moved_T_true = frames.compose(
-        frames.translation((8.0, 0.0, 0.0)), frames.rotate_about(turn, points_mm.mean(axis=0))
+    moved_T_true = transforms.compose(
+        transforms.translation((8.0, 0.0, 0.0)), transforms.rotate_about(turn, points_mm.mean(axis=0))
     )
     along = (points_mm - points_mm.mean(axis=0)) @ np.linalg.svd(points_mm - points_mm.mean(axis=0))[2][0]
     case = BenchmarkCase(
         name=name,
         anatomy=anatomy,
         kind=kind,
-        moving_mm=frames.apply(moved_T_true, points_mm),
+        moving_mm=transforms.apply(moved_T_true, points_mm),
         moving_normals=np.tile([0.0, 0.0, 1.0], (300, 1)),
         moving_frame=(np.argsort(np.argsort(along)) // 10).astype(np.int64),
         fixed=TUBE,
@@ -49,7 +49,7 @@ def drawn_case(
         anatomy=anatomy,
         kind=kind,
         place="middle",
-        fixed_T_moving=frames.invert_rigid(moved_T_true),
+        fixed_T_moving=transforms.invert_rigid(moved_T_true),
         targets_mm=MIDDLE_MM,
         covered=np.arange(len(MIDDLE_MM)) < 50,
         outlier=np.zeros(300, dtype=bool),
@@ -73,4 +73,4 @@ def written_cases(
 
 def off_by(truth: CaseTruth, shift_mm: tuple[float, float, float]) -> np.ndarray:
     """An answer that is wrong by a shift in the fixed frame alone: its TRE is the shift's length."""
-    return frames.compose(frames.translation(shift_mm), truth.fixed_T_moving)
+    return transforms.compose(transforms.translation(shift_mm), truth.fixed_T_moving)

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from tubes import tube
 
-from registration.geometry import Mesh
-from registration.mesh_topology import borders, with_caps
+from registration.geometry.mesh_topology import borders, with_caps
+from registration.geometry.shapes import Mesh
 
 Field = Callable[[np.ndarray], np.ndarray]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from sweeps import CALIBRATION, world_T_ee
 
-from registration.readers.sequence import PlusSequence
+from registration.readers.plus.sequence import PlusSequence
 
 TIMES_S = np.array([1.0, 1.1, 1.2, 1.3])
 

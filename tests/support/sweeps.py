@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from registration import frames
+from registration import transforms
 from registration.sweep import ProbeCalibration, TrackedSweep
 
 # Oblique, anisotropic and sheared, as calibrations in the wild are.
 CALIBRATION = ProbeCalibration(
-    ee_T_probe=frames.from_rotation(
+    ee_T_probe=transforms.from_rotation(
         Rotation.from_euler("xyz", [80, -20, 5], degrees=True), np.array([4.0, -3.0, 70.0])
     ),
     probe_A_pixel=np.array(
@@ -24,7 +24,7 @@ def world_T_ee(times_s: np.ndarray) -> np.ndarray:
     times_s = np.asarray(times_s, dtype=np.float64)
     axis = np.array([1.0, 2.0, -2.0]) / 3
     rotation = Rotation.from_rotvec(np.deg2rad(20) * times_s[:, None] * axis)
-    return frames.from_rotation(
+    return transforms.from_rotation(
         rotation, np.stack([310 + 12 * times_s, -45 + 3 * times_s, 220 - 5 * times_s], axis=-1)
     )
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from registration import frames
+from registration import transforms
 from registration.sweep import ProbeCalibration, TrackedSweep
 
 RADIUS_MM, PIXEL_MM, STEP_MM = 4.0, 0.25, 0.5
-WORLD_T_TUBE = frames.from_rotation(
+WORLD_T_TUBE = transforms.from_rotation(
     Rotation.from_euler("xyz", [25, -40, 70], degrees=True), np.array([310.0, -95.0, 220.0])
 )
 
@@ -41,9 +41,9 @@ def tube_sweep(count: int = 41, size_px: int = 56) -> TubeSweep:
     probability = (1 / (1 + np.exp(outside_mm / 0.3))).astype(np.float32)
     probe_A_pixel = np.diag([PIXEL_MM, PIXEL_MM, PIXEL_MM, 1.0])
     probe_A_pixel[:2, 3] = -PIXEL_MM * middle_px
-    ee_T_probe = frames.translation((3.0, -2.0, 120.0))
-    tube_T_probe = np.stack([frames.translation((0.0, 0.0, STEP_MM * index)) for index in range(count)])
-    world_T_ee = WORLD_T_TUBE @ tube_T_probe @ frames.invert_rigid(ee_T_probe)
+    ee_T_probe = transforms.translation((3.0, -2.0, 120.0))
+    tube_T_probe = np.stack([transforms.translation((0.0, 0.0, STEP_MM * index)) for index in range(count)])
+    world_T_ee = WORLD_T_TUBE @ tube_T_probe @ transforms.invert_rigid(ee_T_probe)
     times_s = 0.05 * np.arange(count)
     sweep = TrackedSweep(
         images=np.zeros((count, size_px, size_px), dtype=np.uint8),
@@ -52,6 +52,6 @@ def tube_sweep(count: int = 41, size_px: int = 56) -> TubeSweep:
         pose_times_s=times_s,
         calibration=ProbeCalibration(ee_T_probe, probe_A_pixel),
     )
-    ends_mm = frames.apply(WORLD_T_TUBE, np.array([[0.0, 0, 0], [0, 0, STEP_MM * (count - 1)]]))
+    ends_mm = transforms.apply(WORLD_T_TUBE, np.array([[0.0, 0, 0], [0, 0, STEP_MM * (count - 1)]]))
     stacked = np.broadcast_to(probability, (count, size_px, size_px)).copy()
     return TubeSweep(sweep, stacked >= 0.5, stacked, ends_mm)

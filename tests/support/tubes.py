@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from registration.geometry import Mesh
+from registration.geometry.shapes import Mesh
 
 
 def tube(middle_mm: np.ndarray, radius_mm: np.ndarray | float, around: int = 32) -> Mesh:

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from vessels import bent_tube
 
-from registration import frames
-from registration.geometry import principal_frame
+from registration import transforms
+from registration.geometry.shapes import principal_frame
 
 TUBE = bent_tube()
 FIXED = TUBE.sample(2500, np.random.default_rng(0))
@@ -18,20 +18,20 @@ def moved_by(angle_deg: float, shift_mm: float, seed: int = 0) -> tuple[np.ndarr
     """The cloud turned about its centroid and moved, and the fixed_T_moving that brings it back."""
     axis, direction = np.random.default_rng(seed).normal(size=(2, 3))
     turn = Rotation.from_rotvec(np.deg2rad(angle_deg) * axis / np.linalg.norm(axis))
-    shift = frames.translation(shift_mm * direction / np.linalg.norm(direction))
-    moving_T_fixed = frames.compose(shift, frames.rotate_about(turn, DRAWN.mean(axis=0)))
-    return frames.apply(moving_T_fixed, DRAWN), frames.invert_rigid(moving_T_fixed)
+    shift = transforms.translation(shift_mm * direction / np.linalg.norm(direction))
+    moving_T_fixed = transforms.compose(shift, transforms.rotate_about(turn, DRAWN.mean(axis=0)))
+    return transforms.apply(moving_T_fixed, DRAWN), transforms.invert_rigid(moving_T_fixed)
 
 
 def upside_down() -> tuple[np.ndarray, np.ndarray]:
     """The cloud turned over end for end: as far from the truth as a vessel can lie with its axis where it was."""
     frame = principal_frame(DRAWN)
-    over = frames.rotate_about(Rotation.from_rotvec(np.pi * frame.axes[:, 1]), frame.centre_mm)
-    return frames.apply(over, DRAWN), frames.invert_rigid(over)
+    over = transforms.rotate_about(Rotation.from_rotvec(np.pi * frame.axes[:, 1]), frame.centre_mm)
+    return transforms.apply(over, DRAWN), transforms.invert_rigid(over)
 
 
 def farthest_mm(found: np.ndarray, truth: np.ndarray, moving_mm: np.ndarray) -> float:
     """How far apart two poses put any point."""
     return float(
-        np.linalg.norm(frames.apply(found, moving_mm) - frames.apply(truth, moving_mm), axis=1).max()
+        np.linalg.norm(transforms.apply(found, moving_mm) - transforms.apply(truth, moving_mm), axis=1).max()
     )

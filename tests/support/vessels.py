@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from registration.geometry import Mesh
+from registration.geometry.shapes import Mesh
 
 
 def bent_tube(along: int = 80, around: int = 32) -> Mesh:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from registration.label_maps import LabelMap
+from registration.ct_model.label_map import LabelMap
 
 OBLIQUE = Rotation.from_rotvec([0.5, -0.4, 0.9]).as_matrix()
 Inside = Callable[[np.ndarray], np.ndarray]

@@ -11,10 +11,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import ClassVar
 
-from experiments.datasets import reading
+from experiments.datasets.images import image_files
 from experiments.datasets.pairing import REFUSE, Pairing, pair, require_choice
 from experiments.datasets.pixel_cache import read_pairs
-from experiments.datasets.stand_in import StandIn
+from experiments.datasets.simulated import StandIn
 from experiments.errors import InputError
 from experiments.paths import PathSetting
 from models.labelled_frames import LabelledFrames
@@ -126,7 +126,7 @@ def _not_hundreds(found: str) -> InputError:
 
 def _folder(dataset: Carotid) -> Path:
     around = Path(dataset.root).expanduser() / FOLDER
-    return reading.require_root(
+    return image_files.require_root(
         dataset.name,
         around if around.is_dir() else dataset.root,
         "Common Carotid Artery Ultrasound Images by A. Momot, Mendeley Data d4xt63mgjm, licence CC BY 4.0",
@@ -147,15 +147,15 @@ def _read(dataset: Carotid) -> LabelledFrames:
     images, masks = read_pairs(
         [image for image, _ in files], [mask for _, mask in files], (255,), (0,), dataset.cache
     )
-    reading.require_vessel(folder / MASKS, masks)
+    image_files.require_vessel(folder / MASKS, masks)
     return LabelledFrames(images, masks, tuple(cases), groups, (None,) * len(cases), simulated=False)
 
 
 def _paired(dataset: Carotid) -> tuple[Pairing, Counter[str]]:
     """Image and mask of each case, and how many images each recording had before any was lost."""
     folder = _folder(dataset)
-    images, masks = reading.image_files(folder / IMAGES), reading.image_files(folder / MASKS)
-    others = (*reading.other_files(folder / IMAGES), *reading.other_files(folder / MASKS))
+    images, masks = image_files.image_files(folder / IMAGES), image_files.image_files(folder / MASKS)
+    others = (*image_files.other_files(folder / IMAGES), *image_files.other_files(folder / MASKS))
     # An image whose mask was lost, or a mask whose image was, still fills its subject's hundred.
     frames = [found for name in {*images, *masks} if (found := PATTERN.fullmatch(name))]
     counts = Counter(found["recording"] for found in frames)

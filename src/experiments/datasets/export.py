@@ -15,9 +15,9 @@ from experiments.datasets.group_table import GroupRow, write_groups
 from experiments.datasets.nnunet import CHANNEL, FOLDERS
 from experiments.errors import InputError
 from experiments.files import write_text
-from experiments.nnunet_splits import FILE_NAME, to_nnunet
 from experiments.outcome import Progress
-from experiments.split_set import SplitSet
+from experiments.splits.nnunet import FILE_NAME, to_nnunet
+from experiments.splits.split_set import SplitSet
 from models.labelled_frames import LabelledFrames
 
 SPLITS = "splits.json"

@@ -10,9 +10,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from experiments.datasets import reading
-from experiments.datasets.dicom import is_dicom, read_dicom
 from experiments.datasets.group_table import Spacing, groups_by_role, read_groups, spacing_pair
+from experiments.datasets.images import image_files
+from experiments.datasets.images.dicom import is_dicom, read_dicom
 from experiments.datasets.pairing import REFUSE, Pairing, pair, require_choice
 from experiments.errors import InputError
 from experiments.paths import PathSetting
@@ -55,7 +55,7 @@ class Folder:
 
     def require_root(self) -> Path:
         """The folder; InputError says what it must hold if it is not there."""
-        return reading.require_root(
+        return image_files.require_root(
             self.name, self.root, "images of your own", "images/, masks/ of the same names, groups.csv"
         )
 
@@ -105,15 +105,15 @@ def _read(dataset: Folder) -> _Content:
     by_name = _by_name(root)
     by_name.settled(dataset.unpaired, root)
     files = {name: image for name, (image, _) in by_name.pairs.items()}
-    masks = reading.image_files(root / "masks")
+    masks = image_files.image_files(root / "masks")
     rows = read_groups(root / "groups.csv", files)
     pictures = _pictures(files, masks)
     pairing = _with_frames(by_name, pictures, files, masks).settled(dataset.unpaired, root)
     shown = tuple(
-        reading.read_mask(mask, dataset.vessel_labels, dataset.other_labels, pictures[case].image.shape)
+        image_files.read_mask(mask, dataset.vessel_labels, dataset.other_labels, pictures[case].image.shape)
         for case, (_, mask) in pairing.pairs.items()
     )
-    reading.require_vessel(root / "masks", shown)
+    image_files.require_vessel(root / "masks", shown)
     frames = LabelledFrames(
         images=tuple(picture.image for picture in pictures.values()),
         masks=shown,
@@ -134,8 +134,8 @@ def _read(dataset: Folder) -> _Content:
 def _by_name(root: Path) -> Pairing:
     """Each file with a mask of its name; a DICOM film with the first mask of a frame of it."""
     folders = root / "images", root / "masks"
-    files, masks = (reading.image_files(folder) for folder in folders)
-    others = [path for folder in folders for path in reading.other_files(folder)]
+    files, masks = (image_files.image_files(folder) for folder in folders)
+    others = [path for folder in folders for path in image_files.other_files(folder)]
     films = {name for name, path in files.items() if is_dicom(path)}
     film_of = {mask: _film_of(mask, films) for mask in masks}
     of_films = {film: masks[mask] for mask, film in reversed(film_of.items()) if film is not None}
@@ -168,7 +168,7 @@ def _pictures(files: Mapping[str, Path], masks: Mapping[str, Path]) -> dict[str,
     pictures: dict[str, _Picture] = {}
     for name, path in files.items():
         if not is_dicom(path):
-            pictures[name] = _Picture(reading.read_grey(path), name, None)
+            pictures[name] = _Picture(image_files.read_grey(path), name, None)
             continue
         film = read_dicom(path)
         cases = (

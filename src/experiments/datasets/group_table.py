@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.datasets.tables import read_table
+from experiments.datasets.csv_tables import read_table
 from experiments.errors import InputError
 from experiments.files import write_text
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
-from experiments.datasets import reading
+from experiments.datasets.images import image_files
 from experiments.datasets.musv_subjects import ALL, DISTRICTS, Volunteer, read_volunteers
-from experiments.datasets.names import same_name
 from experiments.datasets.pairing import REFUSE, Pairing, pair, require_choice
 from experiments.datasets.pixel_cache import read_pairs
-from experiments.datasets.stand_in import StandIn
+from experiments.datasets.simulated import StandIn
 from experiments.errors import InputError
 from experiments.paths import PathSetting
+from experiments.unicode_names import same_name
 from models.labelled_frames import LabelledFrames
 
 LABELS = {"vein": 1, "artery": 2}
@@ -90,7 +90,7 @@ class MusV:
 
 
 def _folder(dataset: MusV) -> Path:
-    return reading.require_root(
+    return image_files.require_root(
         dataset.name,
         dataset.root,
         "Mus-V, multi-stage ultrasound vessel segmentation, licence CC BY-NC",
@@ -112,7 +112,7 @@ def _read(dataset: MusV) -> LabelledFrames:
         tuple({0, *LABELS.values()} - {vessel}),
         dataset.cache,
     )
-    reading.require_vessel(root / ANNOTATIONS, shown)
+    image_files.require_vessel(root / ANNOTATIONS, shown)
     return LabelledFrames(images, shown, tuple(files), groups, (None,) * len(files), simulated=False)
 
 
@@ -123,16 +123,19 @@ def _paired(dataset: MusV) -> tuple[Pairing, tuple[str, ...]]:
     known = read_volunteers(Path(dataset.subjects), videos) if dataset.subjects else None
     found, groups = Pairing({}), []
     for sequence, folder in _of_district(videos, known, dataset.district).items():
-        masks = reading.image_files(annotations[sequence]) if sequence in annotations else {}
+        masks = image_files.image_files(annotations[sequence]) if sequence in annotations else {}
         others = [
-            path for one in (folder, annotations.get(sequence)) if one for path in reading.other_files(one)
+            path
+            for one in (folder, annotations.get(sequence))
+            if one
+            for path in image_files.other_files(one)
         ]
         part = pair(_frames(sequence, folder), masks, others)
         groups += [known[sequence].name if known else sequence] * len(part.pairs)
         found += part
     alone = [folder for sequence, folder in annotations.items() if sequence not in videos]
     found += Pairing(
-        {}, masks=tuple(path for folder in alone for path in reading.image_files(folder).values())
+        {}, masks=tuple(path for folder in alone for path in image_files.image_files(folder).values())
     )
     return found.settled(dataset.unpaired, root), tuple(groups)
 
@@ -181,7 +184,7 @@ def _of_district(
 
 def _frames(sequence: str, folder: Path) -> dict[str, Path]:
     """The frames of a sequence in order of their number."""
-    files = reading.image_files(folder)
+    files = image_files.image_files(folder)
     numbered = re.compile(rf"{re.escape(sequence)}_(\d+)")
     for case, path in files.items():
         if not numbered.fullmatch(case):

@@ -6,7 +6,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.datasets.tables import read_table
+from experiments.datasets.csv_tables import read_table
 from experiments.errors import InputError
 
 ALL = "all"

@@ -12,13 +12,13 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar
 
-from experiments.datasets import reading
 from experiments.datasets.group_table import GroupRow, groups_by_role, read_groups, spacing_pair
-from experiments.datasets.names import same_name
+from experiments.datasets.images import image_files as reading
 from experiments.datasets.pairing import REFUSE, SKIP, Pairing, pair, require_choice
 from experiments.datasets.pixel_cache import read_masks, read_pairs
 from experiments.errors import InputError
 from experiments.paths import PathSetting
+from experiments.unicode_names import same_name
 from models.labelled_frames import LabelledFrames
 
 FILE_ENDINGS = (".png", ".bmp", ".tif")

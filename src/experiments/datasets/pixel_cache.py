@@ -16,7 +16,7 @@ from types import ModuleType
 import numpy as np
 
 from experiments import files
-from experiments.datasets import reading
+from experiments.datasets.images import image_files
 from experiments.datasets.sweep_cache import cache_folder
 
 Arrays = tuple[np.ndarray, ...]
@@ -37,7 +37,9 @@ def read_pairs(
     can't be written to is no failure.
     """
     folder = cache_folder(cache) if cache else None
-    grey = _kept(folder, _key(images, "grey"), np.uint8, lambda: [reading.read_grey(path) for path in images])
+    grey = _kept(
+        folder, _key(images, "grey"), np.uint8, lambda: [image_files.read_grey(path) for path in images]
+    )
     return grey, read_masks(masks, [image.shape for image in grey], vessel, others, cache)
 
 
@@ -55,7 +57,7 @@ def read_masks(
         folder,
         _key(masks, f"mask {labels} {list(sizes)}"),
         np.bool_,
-        lambda: [reading.read_mask(path, *labels, size) for path, size in zip(masks, sizes, strict=True)],
+        lambda: [image_files.read_mask(path, *labels, size) for path, size in zip(masks, sizes, strict=True)],
     )
 
 
@@ -112,7 +114,7 @@ def _source_hash() -> str:
 def sources() -> tuple[Path, ...]:
     """The files of ``reading`` and of all modules of this project whose functions and classes it draws on."""
     found: dict[str, ModuleType] = {}
-    waiting = [reading]
+    waiting = [image_files]
     while waiting:
         module = waiting.pop()
         found[module.__name__] = module

@@ -8,16 +8,16 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from experiments.datasets import reading
 from experiments.datasets import san_raffaele_subsets as subsets
-from experiments.datasets.image_quality import QualityOutliers
-from experiments.datasets.names import text_names
+from experiments.datasets.images import image_files
+from experiments.datasets.images.image_quality import QualityOutliers
 from experiments.datasets.pairing import REFUSE, require_choice
 from experiments.datasets.san_raffaele_sessions import Session, left_over, read_sessions, simulated_sessions
 from experiments.datasets.san_raffaele_subsets import Chosen, Frame
-from experiments.datasets.stand_in import StandIn
+from experiments.datasets.simulated import StandIn
 from experiments.errors import InputError
 from experiments.paths import PathSetting
+from experiments.unicode_names import text_names
 from models.labelled_frames import LabelledFrames
 from registration.checks import require_count
 
@@ -93,7 +93,7 @@ class SanRaffaele:
         """The folder, None where the stand-in is asked for; InputError says where the data comes from."""
         if self.simulate:
             return None
-        return reading.require_root(
+        return image_files.require_root(
             self.name,
             self.root,
             "San Raffaele, private, not published",

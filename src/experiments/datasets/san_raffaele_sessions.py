@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.datasets import reading
+from experiments.datasets.csv_tables import read_table
 from experiments.datasets.group_table import SPACING, Spacing, spacing_pair
-from experiments.datasets.names import natural_key, same_name
+from experiments.datasets.images import image_files
 from experiments.datasets.pairing import REFUSE, Pairing, pair
 from experiments.datasets.pixel_cache import read_pairs
-from experiments.datasets.stand_in import StandIn
-from experiments.datasets.tables import read_table
+from experiments.datasets.simulated import StandIn
 from experiments.errors import InputError
+from experiments.unicode_names import natural_key, same_name
 
 COLUMNS = ("session", "subject", "date", "scanner", "excluded")
 YES, NO = ("1", "yes", "true"), ("", "0", "no", "false")
@@ -64,7 +64,7 @@ def read_sessions(root: Path, cache: str | None, unpaired: str = REFUSE) -> tupl
     rows = {name: rows[name] for name in frames}
     pairs = [one for of_session in frames.values() for one in of_session.values()]
     images, masks = read_pairs([one for one, _ in pairs], [two for _, two in pairs], (1, 255), (0,), cache)
-    reading.require_vessel(root, masks)
+    image_files.require_vessel(root, masks)
     sessions: list[Session] = []
     start = 0
     for name, row in rows.items():
@@ -159,12 +159,12 @@ def _paired(root: Path, sessions: Collection[str]) -> dict[str, Pairing]:
 
 
 def _frames(folder: Path) -> Pairing:
-    images = reading.image_files(folder / "images")
+    images = image_files.image_files(folder / "images")
     # A session that nobody has labelled yet has no masks.
     labelled = (folder / "masks").is_dir() and any((folder / "masks").iterdir())
-    masks = reading.image_files(folder / "masks") if labelled else {}
-    others = reading.other_files(folder / "images") + (
-        reading.other_files(folder / "masks") if labelled else ()
+    masks = image_files.image_files(folder / "masks") if labelled else {}
+    others = image_files.other_files(folder / "images") + (
+        image_files.other_files(folder / "masks") if labelled else ()
     )
     return pair({name: images[name] for name in sorted(images, key=natural_key)}, masks, others)
 

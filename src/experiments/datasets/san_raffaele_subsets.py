@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.datasets.image_quality import QualityOutliers
+from experiments.datasets.images.image_quality import QualityOutliers
 from experiments.datasets.san_raffaele_sessions import Session
 from experiments.errors import InputError
 

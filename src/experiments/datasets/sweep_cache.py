@@ -15,7 +15,7 @@ import numpy as np
 from experiments import files
 from experiments.errors import InputError
 from experiments.paths import project_root
-from experiments.processes import process_pool
+from experiments.process_pool import process_pool
 from registration.phantom.settings import PhantomSettings
 
 if TYPE_CHECKING:

@@ -7,11 +7,11 @@ from functools import lru_cache
 from pathlib import Path
 from typing import ClassVar
 
-from experiments.datasets import reading
+from experiments.datasets.images import image_files
+from experiments.datasets.images.near_duplicates import twin_groups
 from experiments.datasets.pairing import REFUSE, Pairing, pair, require_choice
 from experiments.datasets.pixel_cache import read_pairs
-from experiments.datasets.stand_in import StandIn
-from experiments.datasets.twins import twin_groups
+from experiments.datasets.simulated import StandIn
 from experiments.errors import InputError
 from experiments.paths import PathSetting
 from models.labelled_frames import LabelledFrames
@@ -72,7 +72,7 @@ class Usgra:
 
 
 def _folder(dataset: Usgra) -> Path:
-    return reading.require_root(
+    return image_files.require_root(
         dataset.name,
         dataset.root,
         "tmkand/usgra-seg, licence CC BY 4.0",
@@ -83,8 +83,8 @@ def _folder(dataset: Usgra) -> Path:
 def _paired(dataset: Usgra) -> Pairing:
     root = _folder(dataset)
     folders = root / "images", root / "masks"
-    images, masks = (reading.image_files(folder) for folder in folders)
-    others = [path for folder in folders for path in reading.other_files(folder)]
+    images, masks = (image_files.image_files(folder) for folder in folders)
+    others = [path for folder in folders for path in image_files.other_files(folder)]
     return pair(images, masks, others).settled(dataset.unpaired, root)
 
 
@@ -101,7 +101,7 @@ def _read(dataset: Usgra) -> LabelledFrames:
         sorted(others),
         dataset.cache,
     )
-    reading.require_vessel(root / "masks", masks)
+    image_files.require_vessel(root / "masks", masks)
     groups = twin_groups(images, dataset.twin_correlation)
     return LabelledFrames(
         images=images,

@@ -17,7 +17,7 @@ from jaxtyping import Bool, Int64, UInt8
 from experiments.errors import InputError
 from registration.phantom.anatomy import Anatomy, from_lines
 from registration.phantom.deformation import View
-from registration.phantom.designs import SKIN_Y_MM
+from registration.phantom.designed_shapes import SKIN_Y_MM
 from registration.phantom.shapes import VesselLine, implicit_mm, spline_line
 from registration.phantom.simulator import SweepSimulator
 from registration.phantom.slicing import cut, rasterise

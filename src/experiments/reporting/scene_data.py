@@ -7,7 +7,7 @@ import base64
 import numpy as np
 
 from experiments.errors import InputError
-from registration.geometry import Mesh
+from registration.geometry.shapes import Mesh
 
 # Collapsing edges one by one takes a minute for a million triangles: of so many times more than wanted, vertices are
 # first merged by cubes.

@@ -17,7 +17,7 @@ from experiments.reporting.scene_data import (
     require_values,
     thinned,
 )
-from registration.geometry import Centerline, Mesh
+from registration.geometry.shapes import Centerline, Mesh
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

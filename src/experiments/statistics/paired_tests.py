@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from experiments.errors import InputError
-from experiments.statistics.sign_flips import tails
+from experiments.statistics.exact_distribution import tails
 
 ALTERNATIVES = ("two_sided", "greater", "less")
 # Differences that agree to this part of the largest value are ties: sums in another order differ by as little.

@@ -9,17 +9,17 @@ import numpy as np
 
 from experiments import files
 from experiments.errors import InputError
+from experiments.inputs.paths import require_exists
 from experiments.outcome import Outcome, Progress
 from experiments.paths import PathSetting
-from experiments.studies.sweep_input import require_exists
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from registration.readers.plus_config import DeviceSet
-    from registration.readers.plus_results import WireCalibrationFile, WireFrames
-    from registration.spatial_calibration import NWireCalibration
+    from registration.calibration.spatial import NWireCalibration
+    from registration.readers.plus.config import DeviceSet
+    from registration.readers.plus.results import WireCalibrationFile, WireFrames
 
 
 def check(*, results: PathSetting, device_set: PathSetting) -> None:
@@ -41,10 +41,10 @@ def run(
     progress: Progress,
 ) -> Outcome:
     """Calibrate, and leave ``probe.yaml`` and a device set ``probe.xml`` in ``workspace``."""
-    from registration.readers.calibration_file import calibration_yaml
-    from registration.readers.plus_config import device_set_xml, read_device_set
-    from registration.readers.plus_results import read_wire_calibration
-    from registration.readers.transform_graph import TransformGraph
+    from registration.readers.chain.graph import TransformGraph
+    from registration.readers.plus.calibration_file import calibration_yaml
+    from registration.readers.plus.config import device_set_xml, read_device_set
+    from registration.readers.plus.results import read_wire_calibration
     from registration.sweep import ProbeCalibration
 
     data = read_wire_calibration(require_exists(results, "results"), probe, reference)
@@ -86,8 +86,8 @@ def _metrics(
     data: WireCalibrationFile, cases: pd.DataFrame, matrix: np.ndarray, best_share: float
 ) -> dict[str, float]:
     """Errors of both parts, the pixels' geometry, and how far the image's corners lie from the file's calibration."""
-    from registration.probe_calibration import corner_displacement_mm, pixel_geometry
-    from registration.spatial_calibration import mean_of_best_mm
+    from registration.calibration.probe import corner_displacement_mm, pixel_geometry
+    from registration.calibration.spatial import mean_of_best_mm
 
     errors = {part: group["error_mm"].to_numpy() for part, group in cases.groupby("part")}
     geometry = pixel_geometry(matrix)
@@ -108,13 +108,13 @@ def _registration(
 ) -> tuple[np.ndarray, str]:
     """``reference_T_phantom`` from the device set, or, where that has none, from the middle points in the results."""
     import registration.errors
-    from registration import frames
-    from registration.spatial_calibration import middle_points_mm, phantom_registration
+    from registration import transforms
+    from registration.calibration.spatial import middle_points_mm, phantom_registration
 
     try:
         registered = device_set.transforms.chain(phantom_frame, reference)
-        return frames.nearest_rigid(
-            frames.require_rigid(registered, f"{phantom_frame}To{reference}")
+        return transforms.nearest_rigid(
+            transforms.require_rigid(registered, f"{phantom_frame}To{reference}")
         ), "as defined"
     except registration.errors.InputError:
         if (
@@ -123,9 +123,9 @@ def _registration(
         ):
             raise
     in_phantom = middle_points_mm(data.calibration.points_px, device_set.wires_mm).reshape(-1, 3)
-    reference_T_probe = frames.invert_rigid(frames.nearest_rigid(data.calibration.probe_T_reference))
+    reference_T_probe = transforms.invert_rigid(transforms.nearest_rigid(data.calibration.probe_T_reference))
     in_reference = np.concatenate(
-        list(map(frames.apply, reference_T_probe, data.calibration.middle_probe_mm))
+        list(map(transforms.apply, reference_T_probe, data.calibration.middle_probe_mm))
     )
     return phantom_registration(in_phantom, in_reference), "to the middle points that the results hold"
 
@@ -140,7 +140,7 @@ def _cases(
     """A row for each middle point of either part: its pixel and its error."""
     import pandas as pd
 
-    from registration.spatial_calibration import middle_errors_mm, middle_points_probe_mm
+    from registration.calibration.spatial import middle_errors_mm, middle_points_probe_mm
 
     tables = []
     parts: dict[str, WireFrames] = {"calibration": data.calibration, "validation": data.validation}

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from experiments import files
+from experiments.inputs.paths import SweepReader, require_exists
 from experiments.outcome import Outcome, Progress
 from experiments.paths import PathSetting
-from experiments.studies.sweep_input import SweepReader, require_exists
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from registration.stylus_calibration import PivotCalibration, PivotResult
+    from registration.calibration.stylus import PivotCalibration, PivotResult
 
 
 def check(*, sweep: PathSetting) -> None:

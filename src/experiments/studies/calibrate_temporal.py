@@ -10,16 +10,16 @@ import numpy as np
 
 from experiments import files
 from experiments.errors import InputError
+from experiments.inputs.paths import SweepReader, require_exists
 from experiments.outcome import Outcome, Progress
 from experiments.paths import PathSetting
-from experiments.studies.sweep_input import SweepReader, require_exists
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from registration.line_detection import LineDetector
-    from registration.temporal_calibration import TemporalCalibration, TemporalResult
+    from registration.calibration.line_detection import LineDetector
+    from registration.calibration.temporal import TemporalCalibration, TemporalResult
 
 
 def check(*, sweep: PathSetting) -> None:
@@ -37,7 +37,7 @@ def run(
     progress: Progress,
 ) -> Outcome:
     """Find the lag and leave ``temporal_calibration.json`` (``offset_s`` is for synchronisation) in ``workspace``."""
-    from registration.temporal_calibration import principal_motion_mm
+    from registration.calibration.temporal import principal_motion_mm
 
     recorded = acquisition(require_exists(sweep, "sweep"))
     if not len(recorded.images):

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from experiments.errors import InputError
+from experiments.inputs.paths import SweepReader, describe_dropped, require_exists
 from experiments.outcome import Outcome, Progress
 from experiments.paths import PathSetting
-from experiments.studies.sweep_input import SweepReader, describe_dropped, require_exists
 
 # A conversion measures nothing: the tracker would only keep a second copy of the files.
 TRACKED = False
@@ -36,8 +36,8 @@ def run(
     time; frames without one are left out and counted.
     """
     from registration.readers.folder import write_folder
-    from registration.readers.plus_writer import write_plus
-    from registration.readers.rosbag_writer import write_bag
+    from registration.readers.plus.writer import write_plus
+    from registration.readers.rosbag.writer import write_bag
     from registration.sweep import count_frames
 
     check(input=input, format=format)

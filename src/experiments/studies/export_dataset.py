@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from experiments.datasets.about import DataSet, label_of, name_of, outside_groups, require_root
 from experiments.datasets.export import NnUNetExport, roles_of, safe_names, write_folder
+from experiments.datasets.protocol import DataSet, label_of, name_of, outside_groups, require_root
 from experiments.errors import InputError
-from experiments.group_splits import GroupSplits
 from experiments.outcome import Outcome, Progress
-from experiments.split_set import SplitSet
+from experiments.splits.group_splits import GroupSplits
+from experiments.splits.split_set import SplitSet
 from models.labelled_frames import LabelledFrames
 
 # An export measures nothing: the tracker would only keep a second copy of the files.

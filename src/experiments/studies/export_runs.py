@@ -6,9 +6,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from experiments.outcome import Outcome, Progress
-from experiments.run_archive import write_archive
-from experiments.run_record import RunRecord, read_run
 from experiments.tracking import Store
+from experiments.tracking.archive import write_archive
+from experiments.tracking.run_record import RunRecord, read_run
 
 TRACKED = False
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from experiments.outcome import Outcome, Progress
-from experiments.run_archive import read_archive
-from experiments.run_record import restore_run
 from experiments.tracking import ORIGIN_TAG, Store
-from experiments.trained_elsewhere import is_training, read_training
+from experiments.tracking.archive import read_archive
+from experiments.tracking.external_training import is_training, read_training
+from experiments.tracking.run_record import restore_run
 
 TRACKED = False
 # What the archive says of a run, and what the tracker has of it: it lost the server before it ended.

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from experiments.inputs.paths import describe_dropped, require_exists
 from experiments.outcome import Outcome, Progress
 from experiments.paths import PathSetting
-from experiments.studies.sweep_input import describe_dropped, require_exists
 
 if TYPE_CHECKING:
-    from registration.live import LiveRecorder
+    from registration.readers.live import LiveRecorder
 
 TRACKED = False
 # A line every so many frames: a stream has no end that a bar could run towards.

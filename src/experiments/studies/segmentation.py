@@ -7,20 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments import registry
-from experiments.datasets.about import (
-    DataSet,
-    input_data,
-    name_of,
-    notes_of,
-    outside_groups,
-    require_root,
-)
-from experiments.datasets.report import write_report
-from experiments.group_splits import GroupSplits
-from experiments.outcome import CellResult, Outcome, Progress
-from experiments.studies.fold_run import FoldRun, fold_cells, training_metrics
-from experiments.studies.segmentation_cases import smoke_note
-from experiments.studies.segmentation_report import (
+from experiments.analysis.segmentation.case_table import smoke_note
+from experiments.analysis.segmentation.findings import (
     compare_models,
     comparison_metrics,
     describe,
@@ -33,13 +21,18 @@ from experiments.studies.segmentation_report import (
     tables,
     training_curves,
 )
+from experiments.analysis.segmentation.fold_run import FoldRun, fold_cells, training_metrics
+from experiments.datasets.exclusion_report import write_report
+from experiments.datasets.protocol import DataSet, input_data, name_of, notes_of, outside_groups, require_root
+from experiments.outcome import CellResult, Outcome, Progress
+from experiments.splits.group_splits import GroupSplits
 
 if TYPE_CHECKING:
-    from models.augmentation import Augmentation
-    from models.losses import Loss
-    from models.networks import NetworkRecipe
-    from models.preprocessing import Preprocessing
-    from models.trainer_settings import TrainerSettings
+    from models.networks.registry import NetworkRecipe
+    from models.preprocessing.preprocessing import Preprocessing
+    from models.training.augmentation import Augmentation
+    from models.training.losses import Loss
+    from models.training.settings import TrainerSettings
 
 
 def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -55,7 +48,7 @@ def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 def check(*, model: NetworkRecipe, preprocessing: Preprocessing) -> None:
     """Raise InputError for an image size that the network doesn't take."""
-    from models.blocks import require_size
+    from models.networks.blocks import require_size
 
     require_size(preprocessing.image_size_px, preprocessing.image_size_px, model.multiple)
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from experiments import files
+from experiments.analysis.registration.simulated_truth import truth_record
 from experiments.errors import InputError
 from experiments.outcome import Outcome, Progress
-from experiments.studies.simulated_truth import truth_record
-from registration.geometry_io import write_surface
+from registration.io.surfaces import write_surface
 from registration.phantom.scan import simulate_sweep
 from registration.phantom.settings import PhantomSettings
 from registration.readers.folder import write_folder

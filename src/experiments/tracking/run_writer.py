@@ -14,9 +14,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments.deferred import Call, Deferred
 from experiments.outcome import InputData
 from experiments.tracking.names import tracked_name
+from experiments.tracking.retry_queue import Call, Deferred
 
 if TYPE_CHECKING:
     from mlflow.tracking import MlflowClient

@@ -10,8 +10,8 @@ from torch import Tensor, nn
 from torch.nn.modules.batchnorm import _BatchNorm
 from torch.nn.modules.instancenorm import _InstanceNorm
 
+from models.array_types import Float, Float64
 from models.errors import InputError
-from models.shapes import Float, Float64
 
 
 class PooledStatistics:

@@ -20,7 +20,7 @@ from torch.overrides import TorchFunctionMode
 
 from models.averaging.channel_groups import ChannelGroups, Layout
 from models.errors import InputError
-from models.networks import NetworkRecipe
+from models.networks.registry import NetworkRecipe
 
 # Modules and functions that treat every channel alike and apart from the others.
 _CHANNELWISE_MODULES = (

@@ -11,11 +11,11 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from models.array_types import Float64
 from models.averaging.batch_statistics import reestimate_batch_statistics
 from models.averaging.members import Member, Weights, combination, require_averageable
 from models.errors import InputError
-from models.losses import Loss
-from models.shapes import Float64
+from models.training.losses import Loss
 
 
 @dataclass(frozen=True)

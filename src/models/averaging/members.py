@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from models.errors import InputError
-from models.networks import NetworkRecipe
+from models.networks.registry import NetworkRecipe
 
 # A state dict: tensors by name, buffers included.
 Weights = Mapping[str, Tensor]

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from models.array_types import Bool, Float, Float64, Int64, Shaped
 from models.errors import InputError
-from models.shapes import Bool, Float, Float64, Int64, Shaped
 
 # Bins of a fine table: one for each 16-bit float from 0 to a half, and as many mirrored from a half to 1.
 _HALF = int(np.float16(0.5).view(np.uint16))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
+from models.array_types import Bool, Float, Shaped
 from models.calibration.reliability import (
     ReliabilityTable,
     adaptive_table,
@@ -18,7 +19,6 @@ from models.calibration.reliability import (
 )
 from models.calibration.temperature import LEAST_PROBABILITY
 from models.errors import InputError
-from models.shapes import Bool, Float, Shaped
 
 N_BINS = 15
 

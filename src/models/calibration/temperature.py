@@ -10,8 +10,8 @@ import numpy as np
 import torch
 from scipy.optimize import minimize
 
+from models.array_types import Float, Float32, Float64, Shaped
 from models.errors import InputError
-from models.shapes import Float, Float32, Float64, Shaped
 
 # Probabilities nearer to 0 and 1 have no logit of their own in 32 bits.
 LEAST_PROBABILITY = 2.0**-24

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from models.array_types import Bool, Float, Float64, Shaped
 from models.errors import InputError
 from models.postprocessing.components import components
 from models.postprocessing.hysteresis import peak_of, present
 from models.postprocessing.morphology import ROUNDING
 from models.postprocessing.options import Option
-from models.shapes import Bool, Float, Float64, Shaped
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from models.array_types import Bool, Shaped
 from models.errors import InputError
-from models.shapes import Bool, Shaped
 
 CONNECTIVITIES = (1, 2)
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from models.array_types import Bool, Float
 from models.errors import InputError
 from models.postprocessing.components import components, require_connectivity
-from models.shapes import Bool, Float
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from models.array_types import Bool
 from models.errors import InputError
 from models.postprocessing.components import Components, bounding_box, components, require_connectivity
-from models.shapes import Bool
 
 # Relative: lengths and areas that differ by less are the same.
 ROUNDING = 1e-9

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from models.array_types import Bool, Float
 from models.errors import InputError
 from models.postprocessing.hysteresis import Hysteresis
 from models.postprocessing.morphology import Morphology
-from models.shapes import Bool, Float
 
 
 @dataclass(frozen=True)

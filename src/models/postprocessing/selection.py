@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from models.array_types import Float64
 from models.errors import InputError
 from models.postprocessing.component_scores import ComponentScorer, SelectionCase
 from models.postprocessing.options import Option, PostprocessingGrid
-from models.shapes import Float64
 
 # DSCs that differ by less are the same.
 DSC_ROUNDING = 1e-9

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from registration import frames
+from registration import transforms
 from registration.benchmark.cases import BenchmarkCase, CaseTruth
-from registration.benchmark.kinds import KINDS, kind_named
-from registration.benchmark.shapes import SHAPES
-from registration.benchmark.start import draw_points, draw_start
-from registration.benchmark.swept import swept
+from registration.benchmark.initial_offset import draw_points, draw_start
+from registration.benchmark.scenarios import KINDS, kind_named
+from registration.benchmark.sweep_simulation import swept
+from registration.benchmark.symmetric_shapes import SHAPES
 from registration.errors import InputError
 
 DEVELOPMENT, TEST, SYMMETRIC = SUBSETS = ("development", "test", "symmetric")
@@ -103,12 +103,12 @@ def build_case(spec: CaseSpec) -> tuple[BenchmarkCase, CaseTruth]:
     model = found.sweep.model
     drawn = draw_points(found.cloud_mm, MOVING_POINTS, kind.outlier_share, rng)
     start = draw_start(drawn.points_mm, rng)
-    moving_T_world = frames.compose(start.moved_T_true, found.sweep.ct_T_world)
+    moving_T_world = transforms.compose(start.moved_T_true, found.sweep.ct_T_world)
     case = BenchmarkCase(
         name=spec.name,
         anatomy=spec.anatomy,
         kind=spec.kind,
-        moving_mm=frames.apply(start.moved_T_true, drawn.points_mm),
+        moving_mm=transforms.apply(start.moved_T_true, drawn.points_mm),
         moving_normals=found.cloud.normals[drawn.index] @ moving_T_world[:3, :3].T,
         moving_frame=found.cloud.frame_index[drawn.index],
         fixed=model,
@@ -119,7 +119,7 @@ def build_case(spec: CaseSpec) -> tuple[BenchmarkCase, CaseTruth]:
         anatomy=spec.anatomy,
         kind=spec.kind,
         place=found.place,
-        fixed_T_moving=frames.invert_rigid(start.moved_T_true),
+        fixed_T_moving=transforms.invert_rigid(start.moved_T_true),
         targets_mm=found.targets_mm,
         covered=found.covered,
         outlier=drawn.outlier,

@@ -14,12 +14,12 @@ import numpy as np
 
 from registration.benchmark.cases import BenchmarkCase, CaseTruth, digest
 from registration.benchmark.truth_files import read_json, truth_as_json
-from registration.cloud_io import write_cloud
-from registration.contours import ContourCloud
 from registration.errors import InputError
-from registration.geometry import Mesh, require_cloud
-from registration.geometry_io import read_surface, write_surface
-from registration.whole import whole_folder, write_whole
+from registration.geometry.shapes import Mesh, require_cloud
+from registration.io.atomic import whole_folder, write_whole
+from registration.io.point_clouds import write_cloud
+from registration.io.surfaces import read_surface, write_surface
+from registration.reconstruction.contours import ContourCloud
 
 TRUTH = "truth"
 CASE_FILE = "case.json"

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
 from registration.benchmark.symmetry import Symmetry
-from registration.geometry import Mesh
+from registration.geometry.shapes import Mesh
 
 # Numbers are compared to this many decimals of a millimetre.
 DECIMALS = 4

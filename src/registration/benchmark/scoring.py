@@ -7,12 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from registration import frames
+from registration import transforms
 from registration.benchmark.cases import BenchmarkCase, CaseTruth
 from registration.errors import InputError
-from registration.geometry import principal_frame
-from registration.metrics import SUCCESS_RMSE_MM, SUCCESS_TRE_MM, SurfaceDistance, pose_error, rms
-from registration.vessel_error import vessel_error
+from registration.geometry.shapes import principal_frame
+from registration.metrics.pose_error import vessel_error
+from registration.metrics.surface_distance import (
+    SUCCESS_RMSE_MM,
+    SUCCESS_TRE_MM,
+    SurfaceDistance,
+    pose_error,
+    rms,
+)
 
 INFINITE, NOT_DEFINED = float("inf"), float("nan")
 
@@ -107,7 +113,7 @@ def score_pose(
         symmetric_mm = min(symmetric_mm, pose_error(fixed_T_moving, nearest, truth.targets_mm).tre_mm)
     rmse_mm = NOT_DEFINED
     if case is not None:
-        genuine_mm = frames.apply(fixed_T_moving, case.moving_mm[~truth.outlier])
+        genuine_mm = transforms.apply(fixed_T_moving, case.moving_mm[~truth.outlier])
         rmse_mm = rms(SurfaceDistance(case.fixed)(genuine_mm))
     return PoseScore(
         rmse_mm=rmse_mm,
@@ -148,7 +154,7 @@ def roll_and_slide(
 
     Notes
     -----
-    See ``registration.vessel_error``.
+    See ``registration.metrics.pose_error``.
     """
     axis = principal_frame(targets_mm).axes[:, 0]
     found = vessel_error(fixed_T_moving, true_fixed_T_moving, axis, targets_mm)

@@ -10,7 +10,7 @@ from jaxtyping import Float64
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from registration import frames
+from registration import transforms
 from registration.checks import require_at_least
 from registration.errors import InputError
 
@@ -73,7 +73,7 @@ class Screw:
         """
         turns = Rotation.from_rotvec(np.deg2rad(self.turn_deg) * s[:, None] * self.direction)
         moved_mm = self.point_mm - turns.apply(self.point_mm) + self.shift_mm * s[:, None] * self.direction
-        return frames.from_rotation(turns, moved_mm)
+        return transforms.from_rotation(turns, moved_mm)
 
 
 @dataclass(frozen=True)
@@ -119,10 +119,10 @@ class Symmetry:
         ndarray, shape (4, 4)
             The nearest of all poses that are as right as the true one.
         """
-        error = frames.compose(fixed_T_moving, frames.invert_rigid(true_fixed_T_moving))
+        error = transforms.compose(fixed_T_moving, transforms.invert_rigid(true_fixed_T_moving))
         few_mm = targets_mm[:: max(len(targets_mm) // SEARCH_TARGETS, 1)]
         best = min((self._best(error, few_mm, flip) for flip in (np.eye(4), *self.flips)), key=lambda b: b[0])
-        return frames.compose(best[1], true_fixed_T_moving)
+        return transforms.compose(best[1], true_fixed_T_moving)
 
     def _best(self, error: np.ndarray, targets_mm: np.ndarray, flip: np.ndarray) -> tuple[float, np.ndarray]:
         """The smallest squared error over the screws before one flip, and the motion that has it."""
@@ -134,7 +134,7 @@ class Symmetry:
             return np.asarray(flip @ made)
 
         def cost(places: np.ndarray) -> np.ndarray:
-            left = error @ frames.invert_rigid(motions(places))
+            left = error @ transforms.invert_rigid(motions(places))
             moved_mm = targets_mm @ np.swapaxes(left[:, :3, :3], 1, 2) + left[:, None, :3, 3]
             return np.asarray(((moved_mm - targets_mm) ** 2).sum(axis=2).mean(axis=1))
 
@@ -171,4 +171,4 @@ def half_turn(
     ndarray, shape (4, 4)
         Rigid transform.
     """
-    return frames.rotate_about(Rotation.from_rotvec(np.pi * direction), point_mm)
+    return transforms.rotate_about(Rotation.from_rotvec(np.pi * direction), point_mm)

@@ -11,8 +11,8 @@ import numpy as np
 from registration.benchmark.cases import CaseTruth
 from registration.benchmark.symmetry import Screw, Symmetry
 from registration.errors import InputError
-from registration.frames import require_rigid
 from registration.text_files import read_text
+from registration.transforms import require_rigid
 
 
 def read_truth(path: Path) -> CaseTruth:

@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float64
 
-from registration import frames
+from registration import transforms
 from registration.errors import InputError
-from registration.geometry import Centerline, Mesh, Polyline
-from registration.phantom.designs import DESIGNS, SKIN_Y_MM
+from registration.geometry.shapes import Centerline, Mesh, Polyline
+from registration.phantom.designed_shapes import DESIGNS, SKIN_Y_MM
 from registration.phantom.distance import DistanceGrid, distance_grid
 from registration.phantom.random_anatomy import draw_lines
 from registration.phantom.settings import MESH, RANDOM, PhantomSettings
@@ -147,7 +147,7 @@ def from_mesh(path: Path) -> Anatomy:
     InputError
         If the file holds no triangles or the surface has open edges.
     """
-    from registration.geometry_io import read_surface
+    from registration.io.surfaces import read_surface
 
     mesh = read_surface(path)
     if not isinstance(mesh, Mesh):
@@ -159,7 +159,7 @@ def from_mesh(path: Path) -> Anatomy:
     ct_T_bed = np.eye(4)
     ct_T_bed[:3, :3] = np.column_stack([axes[1], axes[2], np.cross(axes[1], axes[2])])
     ct_T_bed[:3, 3] = middle_mm
-    placed_mm = frames.apply(frames.invert_rigid(ct_T_bed), mesh.vertices_mm)
+    placed_mm = transforms.apply(transforms.invert_rigid(ct_T_bed), mesh.vertices_mm)
     surface = outward(Mesh(placed_mm, mesh.triangles))
     skin_y_mm = float(placed_mm[:, 1].min()) - COVER_MM
     return Anatomy(surface, None, distance_grid(surface), skin_y_mm, 0.05, ct_T_bed)

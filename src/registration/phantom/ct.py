@@ -7,7 +7,7 @@ from jaxtyping import Float, Float32
 from scipy.ndimage import gaussian_filter, label
 
 from registration.errors import InputError
-from registration.geometry import Mesh
+from registration.geometry.shapes import Mesh
 from registration.phantom.anatomy import Anatomy
 from registration.phantom.conditions import CtScan
 from registration.phantom.shapes import outward

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Float64
 from scipy.spatial.transform import Rotation
 
-from registration import frames
+from registration import transforms
 from registration.phantom.scatterers import Slab
 
 INVERSE_STEPS = 8
@@ -238,7 +238,9 @@ class View:
         ndarray, shape (n, 3)
             Material points in the bed frame in mm.
         """
-        points_mm = frames.apply(self.tissue_T_image, _undo(self.press, local_mm) if self.press else local_mm)
+        points_mm = transforms.apply(
+            self.tissue_T_image, _undo(self.press, local_mm) if self.press else local_mm
+        )
         return _undo(self.bend, points_mm) if self.bend else points_mm
 
     def slab(self, low_mm: Float64[np.ndarray, "3"], high_mm: Float64[np.ndarray, "3"]) -> Slab:
@@ -261,7 +263,7 @@ class View:
         material_mm = self.to_tissue(local_mm)
         # Turning the block with the tissue keeps it thin.
         tissue_T_block = _rigid_part(local_mm, material_mm)
-        within_mm = frames.apply(frames.invert_rigid(tissue_T_block), material_mm)
+        within_mm = transforms.apply(transforms.invert_rigid(tissue_T_block), material_mm)
         return Slab(tissue_T_block, within_mm.min(axis=0) - 0.3, within_mm.max(axis=0) + 0.3)
 
 
@@ -297,9 +299,9 @@ class SweepDeformation:
         ndarray, shape (n, 3)
             Displaced points in the ct frame in mm.
         """
-        view, bed_T_ct = self.views[frame], frames.invert_rigid(self.ct_T_bed)
-        local_mm = view.to_image(frames.apply(bed_T_ct, points_mm))
-        return frames.apply(self.ct_T_bed @ view.tissue_T_image, local_mm)
+        view, bed_T_ct = self.views[frame], transforms.invert_rigid(self.ct_T_bed)
+        local_mm = view.to_image(transforms.apply(bed_T_ct, points_mm))
+        return transforms.apply(self.ct_T_bed @ view.tissue_T_image, local_mm)
 
     def as_swept(self, points_mm: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n 3"]:
         """Compute where material points lie when the image plane passes nearest to them.
@@ -316,7 +318,7 @@ class SweepDeformation:
         ndarray, shape (n, 3)
             Displaced points in the ct frame in mm.
         """
-        material_mm = frames.apply(frames.invert_rigid(self.ct_T_bed), points_mm)
+        material_mm = transforms.apply(transforms.invert_rigid(self.ct_T_bed), points_mm)
         away_mm = np.abs(np.stack([view.to_image(material_mm)[:, 2] for view in self.views]))
         nearest = away_mm.argmin(axis=0)
         shown_mm = np.empty_like(points_mm)
@@ -340,16 +342,16 @@ class SweepDeformation:
         ndarray, shape (n, 3)
             Material points in the ct frame in mm.
         """
-        bed_mm = frames.apply(frames.invert_rigid(self.ct_T_bed), points_mm)
+        bed_mm = transforms.apply(transforms.invert_rigid(self.ct_T_bed), points_mm)
         poses = np.stack([view.tissue_T_image for view in self.views])
         away_mm = np.abs(bed_mm @ poses[:, :3, 2].T - np.einsum("fi,fi->f", poses[:, :3, 3], poses[:, :3, 2]))
         nearest = away_mm.argmin(axis=1)
         found_mm = np.empty_like(bed_mm)
         for frame in np.unique(nearest):
             chosen, view = nearest == frame, self.views[frame]
-            local_mm = frames.apply(frames.invert_rigid(view.tissue_T_image), bed_mm[chosen])
+            local_mm = transforms.apply(transforms.invert_rigid(view.tissue_T_image), bed_mm[chosen])
             found_mm[chosen] = view.to_tissue(local_mm)
-        return frames.apply(self.ct_T_bed, found_mm)
+        return transforms.apply(self.ct_T_bed, found_mm)
 
     @cached_property
     def pressure_mm(self) -> Float64[np.ndarray, "n"]:
@@ -370,4 +372,4 @@ def _rigid_part(
     """The rigid transform that brings one set of points best over the other (Kabsch, Acta Cryst. A32, 1976)."""
     middle, target = moving_mm.mean(axis=0), fixed_mm.mean(axis=0)
     rotation, _ = Rotation.align_vectors(fixed_mm - target, moving_mm - middle)
-    return frames.from_rotation(rotation, target - rotation.apply(middle))
+    return transforms.from_rotation(rotation, target - rotation.apply(middle))

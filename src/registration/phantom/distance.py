@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Float32, Float64, Int64
 
-from registration.geometry import Mesh
+from registration.geometry.shapes import Mesh
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int64, UInt32
 
 from registration.phantom.acoustics import Tissue
-from registration.phantom.hashing import smooth_noise
+from registration.phantom.lattice_noise import smooth_noise
 
 DEEPEST_MM = 130.0
 LOOKUP_MM = 0.05

@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Bool, Float64, UInt8
 from scipy.spatial.transform import Rotation
 
-from registration import frames
+from registration import transforms
 from registration.checks import require_count
-from registration.geometry import Centerline, Mesh
+from registration.geometry.shapes import Centerline, Mesh
 from registration.phantom.anatomy import anatomy_of
 from registration.phantom.beams import Beams
 from registration.phantom.ct import fixed_model
@@ -102,7 +102,7 @@ def simulate_sweep(settings: PhantomSettings, sweep: int, pictures: bool = True)
     maker = SweepSimulator(settings, sweep)
     ct_T_bed = maker.anatomy.ct_T_bed
     ct_T_world, calibration, recorded = _setup(settings)
-    world_T_bed = frames.invert_rigid(ct_T_world) @ ct_T_bed
+    world_T_bed = transforms.invert_rigid(ct_T_world) @ ct_T_bed
     views = tuple(maker.view(frame) for frame in range(settings.motion.frames))
     if pictures:
         made = [maker.frame(frame, view) for frame, view in enumerate(views)]
@@ -122,7 +122,7 @@ def simulate_sweep(settings: PhantomSettings, sweep: int, pictures: bool = True)
         model=model_of(settings),
         deformation=SweepDeformation(views, ct_T_bed),
         contact=maker.contact,
-        hard_spots_mm=frames.apply(ct_T_bed, maker.tissue.hard_spots_mm),
+        hard_spots_mm=transforms.apply(ct_T_bed, maker.tissue.hard_spots_mm),
         settings=settings,
     )
 
@@ -156,10 +156,10 @@ def _setup(
     ct_T_world = random_rigid(rng, 300.0)
     # A holder keeps the probe some 15 cm from the flange, turned about its axis.
     turned = Rotation.from_euler("zyx", rng.uniform([-180, -10, -10], [180, 10, 10]), degrees=True)
-    ee_T_probe = frames.from_rotation(turned, rng.uniform([-20, -20, 130], [20, 20, 170]))
+    ee_T_probe = transforms.from_rotation(turned, rng.uniform([-20, -20, 130], [20, 20, 170]))
     axes = rng.standard_normal((2, 3))
     shift, axis = axes / np.linalg.norm(axes, axis=1, keepdims=True)
-    off = frames.from_rotation(
+    off = transforms.from_rotation(
         Rotation.from_rotvec(motion.calibration_deg * axis, degrees=True), motion.calibration_mm * shift
     )
     probe_A_pixel = Beams(settings.scanner).probe_A_pixel
@@ -180,7 +180,7 @@ def _tracked(
     motion = maker.settings.motion
     pose_times_s = np.arange(-OVERHANG_S, maker.path.duration_s + OVERHANG_S, 1.0 / motion.pose_rate_hz)
     bed_T_probe = maker.path.at(np.clip(pose_times_s, 0.0, maker.path.duration_s))
-    world_T_ee = world_T_bed @ bed_T_probe @ frames.invert_rigid(calibrations[0].ee_T_probe)
+    world_T_ee = world_T_bed @ bed_T_probe @ transforms.invert_rigid(calibrations[0].ee_T_probe)
     noise = np.random.default_rng([*maker.settings.entropy, 15, maker.number])
     return TrackedSweep(
         images=images,
@@ -192,4 +192,4 @@ def _tracked(
 
 
 def _moved(mesh: Mesh, A_T_B: Float64[np.ndarray, "4 4"]) -> Mesh:
-    return Mesh(frames.apply(A_T_B, mesh.vertices_mm), mesh.triangles)
+    return Mesh(transforms.apply(A_T_B, mesh.vertices_mm), mesh.triangles)

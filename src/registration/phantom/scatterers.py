@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Float32, Float64, Int64, UInt32
 
-from registration.phantom.hashing import hash_cells, mix
+from registration.phantom.lattice_noise import hash_cells, mix
 
 
 @dataclass(frozen=True)

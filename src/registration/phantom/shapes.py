@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
 from registration.errors import InputError
-from registration.geometry import Mesh
+from registration.geometry.shapes import Mesh
 
 SAMPLING_MM = 0.1
 # Beyond this distance from the widest section the implicit function is constant.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float, Float64, Int
 
-from registration.geometry import Mesh
+from registration.geometry.shapes import Mesh
 
 
 def cut(

@@ -9,7 +9,7 @@ from jaxtyping import Float64
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from registration import frames
+from registration import transforms
 from registration.phantom.anatomy import Anatomy
 from registration.phantom.conditions import Motion
 
@@ -63,7 +63,7 @@ class Path:
         pushed = np.zeros((len(times_s), 3))
         # A curved face is pushed in until its ends touch.
         pushed[:, 2] = self.pressure_mm(times_s) + self.sag_mm
-        return frames.from_rotation(turned, self.position_mm(times_s) + turned.apply(pushed))
+        return transforms.from_rotation(turned, self.position_mm(times_s) + turned.apply(pushed))
 
 
 def plan(
@@ -143,7 +143,7 @@ def disturb(
     """
     count = len(A_T_B)
     rotation = Rotation.from_rotvec(noise_deg * rng.standard_normal((count, 3)), degrees=True)
-    return A_T_B @ frames.from_rotation(rotation, noise_mm * rng.standard_normal((count, 3)))
+    return A_T_B @ transforms.from_rotation(rotation, noise_mm * rng.standard_normal((count, 3)))
 
 
 def random_rigid(rng: np.random.Generator, reach_mm: float) -> Float64[np.ndarray, "4 4"]:
@@ -161,4 +161,4 @@ def random_rigid(rng: np.random.Generator, reach_mm: float) -> Float64[np.ndarra
     ndarray, shape (4, 4)
         The transform.
     """
-    return frames.from_rotation(Rotation.random(random_state=rng), rng.uniform(-reach_mm, reach_mm, 3))
+    return transforms.from_rotation(Rotation.random(random_state=rng), rng.uniform(-reach_mm, reach_mm, 3))

@@ -23,16 +23,16 @@ from jaxtyping import Float64, UInt8
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
-from registration import frames
+from registration import transforms
 from registration.errors import InputError
-from registration.readers.calibration_file import calibration_from, calibration_yaml, read_yaml
-from registration.readers.image_files import decode_image, grey_stack, list_images
-from registration.readers.pose_values import MM_PER_UNIT, require_unit, unit_quaternions
-from registration.readers.sequence import to_mf
-from registration.readers.streams import distinct_times
+from registration.io.atomic import whole_folder
+from registration.readers.plus.calibration_file import calibration_from, calibration_yaml, read_yaml
+from registration.readers.plus.sequence import to_mf
+from registration.readers.streams.checks import distinct_times
+from registration.readers.streams.image_files import decode_image, grey_stack, list_images
+from registration.readers.streams.pose_values import MM_PER_UNIT, require_unit, unit_quaternions
 from registration.sweep import ProbeCalibration, TrackedSweep
 from registration.text_files import parse_number, read_text
-from registration.whole import whole_folder
 
 POSE_COLUMNS = ("timestamp_s", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
 FRAME_COLUMNS = ("file", "timestamp_s")
@@ -136,7 +136,7 @@ def _read_poses(path: Path, scale: float) -> tuple[Float64[np.ndarray, "m"], Flo
             f"{np.linalg.norm(values[off[0], 4:]):.4g} in line {off[0] + 2}"
         )
     rotation = Rotation.from_quat(values[:, 4:])
-    return values[:, 0].copy(), frames.from_rotation(rotation, values[:, 1:4] * scale)
+    return values[:, 0].copy(), transforms.from_rotation(rotation, values[:, 1:4] * scale)
 
 
 def _frame_times(

@@ -12,9 +12,9 @@ from dataset_layouts import (
 )
 from drawn_sweeps import draw_sweeps
 
-from experiments.datasets.about import reported_name
 from experiments.datasets.carotid import Carotid, subject_groups
-from experiments.datasets.stand_in import StandIn
+from experiments.datasets.protocol import reported_name
+from experiments.datasets.simulated import StandIn
 from experiments.errors import InputError
 
 FIRST, SECOND, THIRD = "202201121748100022VAS", "202201121755300023EM VASCULAR", "202202010900000001VAS"

@@ -9,14 +9,14 @@ import pytest
 from drawn_vessels import drawn_frames
 from PIL import Image
 
-from experiments.datasets.about import outside_groups
 from experiments.datasets.export import NnUNetExport, roles_of, safe_names, write_folder
 from experiments.datasets.folder import Folder
 from experiments.datasets.nnunet import NnUNet
+from experiments.datasets.protocol import outside_groups
 from experiments.errors import InputError
-from experiments.group_splits import GroupSplits
 from experiments.outcome import Silent
-from experiments.split_set import SplitSet
+from experiments.splits.group_splits import GroupSplits
+from experiments.splits.split_set import SplitSet
 from models.labelled_frames import LabelledFrames
 
 FRAMES = drawn_frames(24, per_group=2, empty=3)

@@ -7,7 +7,7 @@ from drawn_sweeps import draw_sweeps
 
 from experiments.datasets import vessel_pair
 from experiments.datasets.musv import LABELS, MusV
-from experiments.datasets.stand_in import StandIn
+from experiments.datasets.simulated import StandIn
 from experiments.errors import InputError
 
 SEQUENCES = {"002": ("train", 3, (12, 10)), "001": ("valid", 2, (9, 14)), "010": ("train", 2, (12, 10))}

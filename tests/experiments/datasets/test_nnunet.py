@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from experiments.datasets.about import outside_groups
 from experiments.datasets.nnunet import NnUNet
+from experiments.datasets.protocol import outside_groups
 from experiments.errors import InputError
 
 LABELS = {"background": 0, "nerve": 1, "vessel": 2, "both": [1, 2], "ignore": 3}

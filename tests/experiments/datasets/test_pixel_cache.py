@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from dataset_layouts import grey, speckle
 
-from experiments.datasets import pixel_cache, reading
+from experiments.datasets import pixel_cache
+from experiments.datasets.images import image_files
 from experiments.datasets.pixel_cache import read_pairs
 from experiments.errors import InputError
 
@@ -37,8 +38,8 @@ def same(one: tuple, other: tuple) -> None:
 
 def test_the_second_time_nothing_is_decoded(pairs, tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
     plain, first = read(pairs, None), read(pairs, tmp_path / "cache")
-    monkeypatch.setattr(reading, "read_grey", lambda *_: pytest.fail("decoded again"))
-    monkeypatch.setattr(reading, "read_mask", lambda *_: pytest.fail("decoded again"))
+    monkeypatch.setattr(image_files, "read_grey", lambda *_: pytest.fail("decoded again"))
+    monkeypatch.setattr(image_files, "read_mask", lambda *_: pytest.fail("decoded again"))
     second = read(pairs, tmp_path / "cache")
     same(plain, first)
     same(plain, second)
@@ -90,6 +91,6 @@ def test_another_way_of_reading_is_another_entry(pairs, tmp_path, monkeypatch: p
     # What turns colour into grey lies in another package, and decides the pixels as much as the reader does.
     assert {"reading.py", "grey.py"} <= {source.name for source in pixel_cache.sources()}
     monkeypatch.setattr(pixel_cache, "_source_hash", lambda: "changed")
-    monkeypatch.setattr(reading, "read_grey", lambda path: np.zeros((3, 3), np.uint8))
-    monkeypatch.setattr(reading, "read_mask", lambda *_: np.ones((3, 3), bool))
+    monkeypatch.setattr(image_files, "read_grey", lambda path: np.zeros((3, 3), np.uint8))
+    monkeypatch.setattr(image_files, "read_mask", lambda *_: np.ones((3, 3), bool))
     assert read(pairs, tmp_path / "cache")[0][0].shape == (3, 3)

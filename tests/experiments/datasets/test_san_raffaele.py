@@ -5,9 +5,9 @@ import pytest
 from dataset_layouts import grey, size_of, write_san_raffaele
 from drawn_sweeps import draw_sweeps
 
-from experiments.datasets.report import write_report
+from experiments.datasets.exclusion_report import write_report
 from experiments.datasets.san_raffaele import SanRaffaele
-from experiments.datasets.stand_in import StandIn
+from experiments.datasets.simulated import StandIn
 from experiments.errors import InputError
 
 ROWS = [
@@ -123,7 +123,9 @@ def test_all_configurations_are_tested_on_the_same_frames(root: Path, drawn: dic
 
 def test_images_are_read_once_for_all_configurations(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     configured(root, "full")()
-    monkeypatch.setattr("experiments.datasets.reading.read_grey", lambda *_: pytest.fail("read again"))
+    monkeypatch.setattr(
+        "experiments.datasets.images.image_files.read_grey", lambda *_: pytest.fail("read again")
+    )
     assert configured(root, "single_session", blocks=2)() is configured(root, "single_session", blocks=2)()
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from experiments.datasets.likeness import correlations
+from experiments.datasets.images.image_similarity import correlations
 from experiments.datasets.usgra import Usgra
 from experiments.errors import InputError
 

@@ -14,7 +14,7 @@ from vessels import bent_tube
 
 from experiments.errors import InputError
 from experiments.reporting.scene import CloudLayer, LineLayer, Scene, SurfaceLayer
-from registration.geometry import Mesh
+from registration.geometry.shapes import Mesh
 
 TUBE = bent_tube()
 LINE = LineLayer("centerline", [TUBE.vertices_mm[:4]])

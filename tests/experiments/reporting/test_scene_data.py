@@ -9,9 +9,9 @@ import pytest
 from tubes import straight, tube
 
 from experiments.reporting.scene_data import bounds_of, packed, packed_index, packed_places, thinned
-from registration.geometry import Mesh
-from registration.mesh_topology import borders
-from registration.metrics import surface_residuals
+from registration.geometry.mesh_topology import borders
+from registration.geometry.shapes import Mesh
+from registration.metrics.surface_distance import surface_residuals
 
 TUBE = tube(straight(40.0, 0.4), 4.0, around=64)
 

@@ -11,8 +11,8 @@ from vessels import bent_tube
 
 from experiments.errors import InputError
 from experiments.reporting.scene_layers import CloudLayer, LineLayer, SurfaceLayer
-from registration.geometry import Centerline, Mesh, Polyline
-from registration.metrics import surface_residuals
+from registration.geometry.shapes import Centerline, Mesh, Polyline
+from registration.metrics.surface_distance import surface_residuals
 
 TUBE = bent_tube()
 HEIGHTS_MM = TUBE.vertices_mm[:, 2]

@@ -11,9 +11,9 @@ import pytest
 from experiments.errors import InputError
 from experiments.outcome import Outcome, Silent
 from experiments.studies import calibrate_spatial
-from registration.readers.calibration_file import read_calibration
-from registration.readers.plus_config import read_device_set
-from registration.spatial_calibration import NWireCalibration
+from registration.calibration.spatial import NWireCalibration
+from registration.readers.plus.calibration_file import read_calibration
+from registration.readers.plus.config import read_device_set
 
 RESULTS = "FreehandCalibration3NWires_fCal2.0.results.xml"
 PHANTOM = "PlusDeviceSet_fCal_Sim_SpatialCalibration_2.0.xml"

@@ -12,8 +12,8 @@ from sweeps import CALIBRATION
 
 from experiments.outcome import Silent
 from experiments.studies import calibrate_stylus
-from registration import frames
-from registration.stylus_calibration import PivotCalibration
+from registration import transforms
+from registration.calibration.stylus import PivotCalibration
 from registration.sweep import TrackedSweep
 
 TIP_MM, PIVOT_MM = np.array([210.0, -2.0, 5.0]), np.array([30.0, 400.0, -60.0])
@@ -21,7 +21,7 @@ TIP_MM, PIVOT_MM = np.array([210.0, -2.0, 5.0]), np.array([30.0, 400.0, -60.0])
 
 def test_known_tip(tmp_path: Path) -> None:
     turns = Rotation.from_rotvec(np.deg2rad(np.random.default_rng(0).uniform(-30, 30, (80, 3))))
-    poses = frames.from_rotation(turns, PIVOT_MM - turns.apply(TIP_MM))
+    poses = transforms.from_rotation(turns, PIVOT_MM - turns.apply(TIP_MM))
     poses[7, :3, 3] += 40.0
     sweep = TrackedSweep(np.zeros((0, 0, 0), np.uint8), np.zeros(0), poses, np.arange(80) / 20, CALIBRATION)
     (tmp_path / "recording").mkdir()

@@ -11,11 +11,11 @@ from sweeps import CALIBRATION, world_T_ee
 
 from experiments.outcome import Silent
 from experiments.studies import calibrate_temporal
-from registration import frames
-from registration.line_detection import LineDetector
-from registration.readers.plus import PlusReader
+from registration import transforms
+from registration.calibration.line_detection import LineDetector
+from registration.calibration.temporal import TemporalCalibration
+from registration.readers.plus.reader import PlusReader
 from registration.sweep import TrackedSweep
-from registration.temporal_calibration import TemporalCalibration
 
 
 def test_water_tank_of_plus(real_data: Path, tmp_path: Path) -> None:
@@ -63,7 +63,7 @@ def test_made_up_tank_and_its_offset(tmp_path: Path) -> None:
     )
     written = json.loads((tmp_path / "temporal_calibration.json").read_text())
     assert written["tracker_lag_s"] == pytest.approx(lag_s, abs=2e-3)
-    corrected = frames.interpolate(image_times_s, pose_times_s + written["offset_s"], poses)
+    corrected = transforms.interpolate(image_times_s, pose_times_s + written["offset_s"], poses)
     along_mm = (corrected[:, :3, 3] - corrected[:, :3, 3].mean(axis=0)) @ up
     expected_mm = height_mm(image_times_s) - height_mm(image_times_s).mean()
     np.testing.assert_allclose(along_mm, expected_mm, atol=0.15)

@@ -12,13 +12,13 @@ from sweeps import CALIBRATION, assert_same_sweep, known_sweep
 from experiments.errors import InputError
 from experiments.outcome import Silent
 from experiments.studies import convert
-from registration import frames
-from registration.readers.detect import AutoReader
+from registration import transforms
+from registration.readers.auto import AutoReader
+from registration.readers.chain.graph import TransformGraph
 from registration.readers.folder import write_folder
-from registration.readers.plus import PlusReader
-from registration.readers.plus_config import device_set_xml
-from registration.readers.plus_fields import write_sequence
-from registration.readers.transform_graph import TransformGraph
+from registration.readers.plus.config import device_set_xml
+from registration.readers.plus.fields import write_sequence
+from registration.readers.plus.reader import PlusReader
 from registration.synchronisation import synchronise
 
 
@@ -60,7 +60,7 @@ def test_frames_keep_their_place_through_plus(source: Path, tmp_path: Path, form
 
 def test_calibrations_that_contradict_each_other_are_told(tmp_path: Path) -> None:
     write_sequence(tmp_path / "a.igs.mha", tracked_sequence())
-    moved = frames.translation((0.0, 0.0, 12.0)) @ CALIBRATION.probe_A_pixel
+    moved = transforms.translation((0.0, 0.0, 12.0)) @ CALIBRATION.probe_A_pixel
     (tmp_path / "set.xml").write_text(device_set_xml(TransformGraph({("Image", "Probe"): moved})))
     (tmp_path / "out").mkdir()
     outcome = convert.run(

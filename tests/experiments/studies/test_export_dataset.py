@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 from drawn_vessels import drawn_frames
 
-from experiments.datasets.about import outside_groups
 from experiments.datasets.folder import Folder
 from experiments.datasets.nnunet import NnUNet
+from experiments.datasets.protocol import outside_groups
 from experiments.datasets.usgra import Usgra
 from experiments.errors import InputError
-from experiments.group_splits import GroupSplits
 from experiments.outcome import Outcome, Silent
+from experiments.splits.group_splits import GroupSplits
 from experiments.studies import export_dataset
 from models.labelled_frames import LabelledFrames
 

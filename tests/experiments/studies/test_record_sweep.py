@@ -12,9 +12,9 @@ from sweeps import known_sweep, world_T_ee
 
 from experiments.outcome import Silent
 from experiments.studies import record_sweep
-from registration.live import LiveRecorder
-from registration.readers.calibration_file import calibration_yaml
 from registration.readers.folder import FolderReader
+from registration.readers.live import LiveRecorder
+from registration.readers.plus.calibration_file import calibration_yaml
 
 pyigtl = pytest.importorskip("pyigtl")
 

@@ -12,19 +12,19 @@ import torch
 from drawn_vessels import drawn_frames
 
 from experiments.errors import InputError
-from experiments.group_splits import GroupSplits
 from experiments.outcome import CellResult, Outcome, Silent
-from experiments.splits import Split
+from experiments.splits.group_splits import GroupSplits
+from experiments.splits.split import Split
 from experiments.studies import segmentation
-from models.augmentation import Augmentation
 from models.checkpoint import Checkpoint
 from models.errors import InputError as ModelInputError
 from models.labelled_frames import LabelledFrames
-from models.losses import DiceCrossEntropy
+from models.networks.unet import UNet
 from models.predictor import Predictor
-from models.preprocessing import Preprocessing
-from models.trainer_settings import TrainerSettings
-from models.unet import UNet
+from models.preprocessing.preprocessing import Preprocessing
+from models.training.augmentation import Augmentation
+from models.training.losses import DiceCrossEntropy
+from models.training.settings import TrainerSettings
 
 SOURCE = Path(__file__).resolve().parents[3] / "src"
 
@@ -90,7 +90,7 @@ def sweep(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[CellResult, Ou
 
 
 def config(**changes: object) -> dict[str, object]:
-    split = {"_target_": "experiments.group_splits.GroupSplits", "folds": 3}
+    split = {"_target_": "experiments.splits.group_splits.GroupSplits", "folds": 3}
     dataset = {"_target_": "experiments.datasets.phantom.Phantom"}
     return {"split": split, "dataset": dataset, "outer_fold": None, "fold": None, **changes}
 
@@ -101,7 +101,7 @@ def test_cells_are_all_folds_or_the_one_named() -> None:
 
 
 def test_cells_of_nested_folds() -> None:
-    split = {"_target_": "experiments.group_splits.GroupSplits", "folds": 2, "outer_folds": 3}
+    split = {"_target_": "experiments.splits.group_splits.GroupSplits", "folds": 2, "outer_folds": 3}
     pairs = [{"outer_fold": outer, "fold": fold} for outer in range(3) for fold in range(2)]
     assert segmentation.cells(config(split=split)) == pairs
     assert segmentation.cells(config(split=split, outer_fold=1)) == pairs[2:4]

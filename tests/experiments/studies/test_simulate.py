@@ -12,14 +12,14 @@ from PIL import Image
 from experiments.errors import InputError
 from experiments.outcome import Silent
 from experiments.studies import simulate
-from registration import frames
-from registration.contours import ContourExtractor
-from registration.geometry_io import read_surface
-from registration.metrics import SurfaceDistance
+from registration import transforms
+from registration.io.surfaces import read_surface
+from registration.metrics.surface_distance import SurfaceDistance
 from registration.phantom.acoustics import Scanner
 from registration.phantom.conditions import Deformation, Motion
 from registration.phantom.settings import PhantomSettings
 from registration.readers.folder import FolderReader
+from registration.reconstruction.contours import ContourExtractor
 
 PHANTOM = PhantomSettings(
     subset="vein",
@@ -42,7 +42,9 @@ def test_the_files_hold_the_sweep_and_its_truth(tmp_path: Path) -> None:
     # Contours of the true masks at their true places, taken to the ct frame, lie on the model from CT.
     cloud_mm = ContourExtractor()(masks, truth["world_A_pixel"]).points_mm
     ct_T_world = np.array(json.loads((tmp_path / "truth.json").read_text())["ct_T_world"])
-    distances_mm = SurfaceDistance(read_surface(tmp_path / "model.ply"))(frames.apply(ct_T_world, cloud_mm))
+    distances_mm = SurfaceDistance(read_surface(tmp_path / "model.ply"))(
+        transforms.apply(ct_T_world, cloud_mm)
+    )
     assert np.sqrt((distances_mm**2).mean()) < 0.4
     assert truth["centerline_mm"].shape[1] == 3
     assert len(truth["radius_mm"]) == len(truth["centerline_mm"])

@@ -12,8 +12,8 @@ from mlflow.exceptions import MlflowException
 from mlflow.tracking import MlflowClient
 
 from experiments.cli import main
-from experiments.run_archive import read_archive
 from experiments.tracking import ORIGIN_TAG, Store, loggable, run_writer, store, unanswered
+from experiments.tracking.archive import read_archive
 
 NO_ANSWER = MlflowException(
     "API request to http://x/api/2.0/mlflow/runs/log-batch failed with exception refused"

@@ -3,7 +3,6 @@ import pytest
 import torch
 from torch import Tensor
 
-from models.attention_unet import AttentionUNet
 from models.averaging import (
     BatchEvaluation,
     Member,
@@ -15,10 +14,11 @@ from models.averaging import (
 )
 from models.averaging.channel_ties import ChannelTies
 from models.errors import InputError
-from models.losses import DiceCrossEntropy
-from models.networks import NetworkRecipe
-from models.unet import UNet
-from models.unet3plus import UNet3Plus
+from models.networks.attention_unet import AttentionUNet
+from models.networks.registry import NetworkRecipe
+from models.networks.unet import UNet
+from models.networks.unet3plus import UNet3Plus
+from models.training.losses import DiceCrossEntropy
 
 RECIPES = {
     "unet": UNet(8, 3),

@@ -3,7 +3,7 @@ import torch
 
 from models.averaging import Member, Weights, greedy_average, uniform_average
 from models.errors import InputError
-from models.unet import UNet
+from models.networks.unet import UNet
 
 RECIPE = UNet(width=2, depth=2)
 

@@ -2,12 +2,12 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from models.attention_unet import AttentionUNet
 from models.averaging import reestimate_batch_statistics
 from models.averaging.batch_statistics import PooledStatistics
 from models.errors import InputError
-from models.unet import UNet
-from models.unet3plus import UNet3Plus
+from models.networks.attention_unet import AttentionUNet
+from models.networks.unet import UNet
+from models.networks.unet3plus import UNet3Plus
 
 
 def images(n: int, size: int = 16) -> Tensor:

@@ -3,14 +3,14 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from models.attention_unet import AttentionUNet
 from models.averaging import ChannelTies, channel_ties, permuted
 from models.errors import InputError
-from models.monai_network import MonaiNetwork
-from models.networks import NetworkRecipe
-from models.outputs import SideOutputs
-from models.unet import UNet
-from models.unet3plus import UNet3Plus
+from models.networks.attention_unet import AttentionUNet
+from models.networks.monai_network import MonaiNetwork
+from models.networks.outputs import SideOutputs
+from models.networks.registry import NetworkRecipe
+from models.networks.unet import UNet
+from models.networks.unet3plus import UNet3Plus
 
 RECIPES = {
     "unet": UNet(6, 4),

@@ -5,8 +5,8 @@ from torch import Tensor, nn
 
 from models.averaging import BatchEvaluation, Evaluation, Member, Weights, interpolation_barriers
 from models.errors import InputError
-from models.losses import DiceCrossEntropy
-from models.unet import UNet
+from models.networks.unet import UNet
+from models.training.losses import DiceCrossEntropy
 
 RECIPE = UNet(width=2, depth=2)
 

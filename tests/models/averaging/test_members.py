@@ -4,7 +4,7 @@ import torch
 from models.averaging import Member, require_averageable, weights_digest
 from models.averaging.members import combination
 from models.errors import InputError
-from models.unet import UNet
+from models.networks.unet import UNet
 
 RECIPE = UNet(width=2, depth=2)
 

@@ -4,12 +4,12 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from models.attention_unet import AttentionUNet
 from models.averaging import repair
 from models.averaging.batch_statistics import PooledStatistics
 from models.averaging.members import combination
 from models.errors import InputError
-from models.unet import UNet
+from models.networks.attention_unet import AttentionUNet
+from models.networks.unet import UNet
 
 
 def batches() -> Iterator[Tensor]:

@@ -3,7 +3,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from models.errors import InputError
-from models.metrics import dsc
+from models.metrics.masks import dsc
 from models.postprocessing import PostprocessingGrid, SelectionCase
 from models.postprocessing.component_scores import ComponentScorer, component_table
 

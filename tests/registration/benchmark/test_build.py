@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from registration import frames
+from registration import transforms
 from registration.benchmark.build import CaseSpec, build_case, specs
 from registration.benchmark.cases import BenchmarkCase, CaseTruth, digest
 from registration.errors import InputError
-from registration.metrics import SurfaceDistance, rms
+from registration.metrics.surface_distance import SurfaceDistance, rms
 from registration.phantom.shapes import signed_volume_mm3
 
 Made = tuple[BenchmarkCase, CaseTruth]
@@ -41,7 +41,7 @@ def test_the_subsets_are_24_and_24_anatomies_and_the_symmetric_shapes() -> None:
 
 def test_in_the_true_pose_the_sweep_lies_on_the_model(outliers: Made) -> None:
     case, truth = outliers
-    placed_mm = frames.apply(truth.fixed_T_moving, case.moving_mm)
+    placed_mm = transforms.apply(truth.fixed_T_moving, case.moving_mm)
     away_mm = SurfaceDistance(case.fixed)(placed_mm)
     assert rms(away_mm[~truth.outlier]) < 0.3
     assert truth.outlier.sum() == 300
@@ -58,7 +58,7 @@ def test_counts_frames_and_normals(outliers: Made) -> None:
     assert len(np.unique(case.moving_frame)) > 190
     np.testing.assert_allclose(np.linalg.norm(case.moving_normals, axis=1), 1, atol=1e-9)
     # In the true pose normals point out of the closed model: a step along them leads away from the centerline.
-    placed_mm = frames.apply(truth.fixed_T_moving, case.moving_mm[~truth.outlier])
+    placed_mm = transforms.apply(truth.fixed_T_moving, case.moving_mm[~truth.outlier])
     normals = case.moving_normals[~truth.outlier] @ truth.fixed_T_moving[:3, :3].T
 
     def from_line(points_mm: np.ndarray) -> np.ndarray:
@@ -90,7 +90,7 @@ def test_a_piece_shows_its_share_of_the_frames(piece: Made, outliers: Made) -> N
     assert truth.place == "middle"
     assert 0.2 < truth.covered.mean() < 0.6
     # What was swept is what is near: covered targets have points beside them, others far fewer.
-    placed_mm = frames.apply(truth.fixed_T_moving, case.moving_mm)
+    placed_mm = transforms.apply(truth.fixed_T_moving, case.moving_mm)
     near_mm = np.linalg.norm(placed_mm[:, None] - truth.targets_mm[None], axis=2).min(axis=0)
     assert np.median(near_mm[truth.covered]) < 0.5 * np.median(near_mm[~truth.covered])
     np.testing.assert_allclose(truth.targets_mm, outliers[1].targets_mm, atol=1e-9)
@@ -109,18 +109,18 @@ def test_a_symmetric_case_knows_its_other_right_poses() -> None:
     case, truth = build_case(spec)
     roll, slide = truth.symmetry.screws
     surface = SurfaceDistance(case.fixed)
-    right_mm = rms(surface(frames.apply(truth.fixed_T_moving, case.moving_mm)))
+    right_mm = rms(surface(transforms.apply(truth.fixed_T_moving, case.moving_mm)))
     for motion in (
         roll(np.array([0.3]))[0],
         slide(np.array([0.5 * (slide.low + slide.high)]))[0],
         slide(np.array([slide.low]))[0],
         truth.symmetry.flips[0],
     ):
-        pose = frames.compose(motion, truth.fixed_T_moving)
-        assert rms(surface(frames.apply(pose, case.moving_mm))) < right_mm + 0.1
+        pose = transforms.compose(motion, truth.fixed_T_moving)
+        assert rms(surface(transforms.apply(pose, case.moving_mm))) < right_mm + 0.1
     # One step beyond either end it leaves the model.
-    beyond = frames.compose(
-        frames.translation((0.0, 0.0, slide.low - 6 if slide.low < -6 else slide.high + 6)),
+    beyond = transforms.compose(
+        transforms.translation((0.0, 0.0, slide.low - 6 if slide.low < -6 else slide.high + 6)),
         truth.fixed_T_moving,
     )
-    assert rms(surface(frames.apply(beyond, case.moving_mm))) > right_mm + 0.5
+    assert rms(surface(transforms.apply(beyond, case.moving_mm))) > right_mm + 0.5

@@ -18,7 +18,7 @@ from registration.benchmark.case_files import (
 )
 from registration.benchmark.cases import digest
 from registration.errors import InputError
-from registration.geometry_io import write_surface
+from registration.io.surfaces import write_surface
 
 CASE, TRUTH = drawn_case()
 

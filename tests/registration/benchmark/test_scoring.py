@@ -9,11 +9,11 @@ import pytest
 from benchmark_cases import drawn_case, off_by
 from scipy.spatial.transform import Rotation
 
-from registration import frames
+from registration import transforms
 from registration.benchmark.scoring import PoseScore, roll_and_slide, score_pose
 from registration.benchmark.symmetry import Screw, Symmetry
 from registration.errors import InputError
-from registration.geometry import principal_frame
+from registration.geometry.shapes import principal_frame
 
 CASE, TRUTH = drawn_case()
 
@@ -38,8 +38,8 @@ def test_a_shift_is_an_error_of_its_length_everywhere() -> None:
 def test_covered_and_uncovered_targets_are_told_apart() -> None:
     # A turn about the first target leaves it in place: what is far from it errs most.
     first = TRUTH.targets_mm[0]
-    turn = frames.rotate_about(Rotation.from_rotvec([0.0, 0.0, np.deg2rad(10)]), first)
-    score = score_pose(frames.compose(turn, TRUTH.fixed_T_moving), TRUTH)
+    turn = transforms.rotate_about(Rotation.from_rotvec([0.0, 0.0, np.deg2rad(10)]), first)
+    score = score_pose(transforms.compose(turn, TRUTH.fixed_T_moving), TRUTH)
     assert score.tre_covered_mm < score.tre_mm < score.tre_uncovered_mm <= score.tre_max_mm
     assert np.isnan(score.rmse_mm)
     assert not score.success
@@ -50,12 +50,12 @@ def test_covered_and_uncovered_targets_are_told_apart() -> None:
 def test_roll_and_slide_are_about_and_along_the_longest_axis() -> None:
     targets_mm = np.outer(np.linspace(0, 50, 40), [0.0, 1.0, 0.0]) + np.array([3.0, 0.0, 7.0])
     axis = principal_frame(targets_mm).axes[:, 0]
-    rolled = frames.rotate_about(Rotation.from_rotvec(np.deg2rad(35) * axis), targets_mm[5])
-    moved = frames.compose(frames.translation(tuple(-4.0 * axis)), rolled)
+    rolled = transforms.rotate_about(Rotation.from_rotvec(np.deg2rad(35) * axis), targets_mm[5])
+    moved = transforms.compose(transforms.translation(tuple(-4.0 * axis)), rolled)
     assert roll_and_slide(moved, np.eye(4), targets_mm) == pytest.approx((35.0, 4.0))
-    across = frames.rotate_about(Rotation.from_rotvec([np.pi, 0.0, 0.0]), targets_mm.mean(axis=0))
+    across = transforms.rotate_about(Rotation.from_rotvec([np.pi, 0.0, 0.0]), targets_mm.mean(axis=0))
     assert roll_and_slide(across, np.eye(4), targets_mm) == pytest.approx((0.0, 0.0), abs=1e-6)
-    over = frames.rotate_about(Rotation.from_rotvec(np.pi * axis), targets_mm[0])
+    over = transforms.rotate_about(Rotation.from_rotvec(np.pi * axis), targets_mm[0])
     assert roll_and_slide(over, np.eye(4), targets_mm)[0] == pytest.approx(180.0)
 
 

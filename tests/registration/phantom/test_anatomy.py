@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from registration import frames
+from registration import transforms
 from registration.errors import InputError
-from registration.geometry import Mesh
+from registration.geometry.shapes import Mesh
 from registration.phantom.anatomy import anatomy_of, from_lines, from_mesh, is_closed
 from registration.phantom.random_anatomy import draw_lines
 from registration.phantom.settings import PhantomSettings
@@ -60,11 +60,11 @@ def test_mesh_is_laid_along_the_sweep_and_back_exactly(tmp_path: Path) -> None:
     import open3d as o3d
 
     line = spline_line(np.array([[0.0, 0, -30], [4, 1, 0], [0, 0, 30]]), np.full(3, 4.0), 1.4)
-    ct_T_own = frames.from_rotation(
+    ct_T_own = transforms.from_rotation(
         Rotation.from_euler("xyz", (70, 20, 130), degrees=True), np.array([200.0, -90.0, 40.0])
     )
     surface = surround((line,))
-    there = Mesh(frames.apply(ct_T_own, surface.vertices_mm), surface.triangles)
+    there = Mesh(transforms.apply(ct_T_own, surface.vertices_mm), surface.triangles)
     path = tmp_path / "vessel.ply"
     o3d.io.write_triangle_mesh(
         str(path),
@@ -75,7 +75,7 @@ def test_mesh_is_laid_along_the_sweep_and_back_exactly(tmp_path: Path) -> None:
     anatomy = from_mesh(path)
     size_mm = np.ptp(anatomy.surface.vertices_mm, axis=0)
     assert size_mm[2] > size_mm[0] > size_mm[1]
-    back_mm = frames.apply(anatomy.ct_T_bed, anatomy.surface.vertices_mm)
+    back_mm = transforms.apply(anatomy.ct_T_bed, anatomy.surface.vertices_mm)
     np.testing.assert_allclose(np.sort(back_mm, axis=0), np.sort(there.vertices_mm, axis=0), atol=1e-4)
 
 

@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
-from registration import frames
+from registration import transforms
 from registration.phantom.acoustics import Artefacts, Scanner, Tissue
 from registration.phantom.anatomy import Anatomy, from_lines
 from registration.phantom.bmode import BMode
@@ -47,7 +47,7 @@ def above(x_mm: float = 0.0, z_mm: float = 0.0, turn_deg: float = 0.0, depth_mm:
     """The view of a probe on the skin that looks to the back, turned about the depth axis."""
     upright = Rotation.from_matrix([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
     turned = upright * Rotation.from_euler("z", turn_deg, degrees=True)
-    return View(frames.from_rotation(turned, np.array([x_mm, depth_mm - 20.0, z_mm])) @ PROBE_T_IMAGE)
+    return View(transforms.from_rotation(turned, np.array([x_mm, depth_mm - 20.0, z_mm])) @ PROBE_T_IMAGE)
 
 
 def contact(imager: BMode) -> np.ndarray:

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from registration import frames
+from registration import transforms
 from registration.phantom.deformation import Bend, Press, SweepDeformation, View, draw_bend
 
 GUIDE_MM = np.column_stack([3 * np.sin(np.linspace(0, 3, 40)), np.zeros(40), np.linspace(-40, 40, 40)])
-POSE = frames.from_rotation(
+POSE = transforms.from_rotation(
     Rotation.from_euler("xyz", (85, 10, -5), degrees=True), np.array([2.0, -17.0, 5.0])
 )
 PRESS = Press(
@@ -52,7 +52,7 @@ def test_view_and_its_inverse_agree() -> None:
 def test_fields_do_not_fold_the_tissue() -> None:
     view = View(POSE, bend(5.0), PRESS)
     rng = np.random.default_rng(0)
-    points_mm = frames.apply(POSE, rng.uniform([-20, 0, -3], [20, 40, 3], (400, 3)))
+    points_mm = transforms.apply(POSE, rng.uniform([-20, 0, -3], [20, 40, 3], (400, 3)))
     step = 1e-4
     columns = [
         (view.to_image(points_mm + step * axis) - view.to_image(points_mm - step * axis)) / (2 * step)
@@ -86,7 +86,7 @@ def test_block_holds_all_that_is_seen() -> None:
     block = view.slab(low_mm, high_mm)
     rng = np.random.default_rng(0)
     material_mm = view.to_tissue(rng.uniform(low_mm, high_mm, (4000, 3)))
-    inside_mm = frames.apply(frames.invert_rigid(block.tissue_T_image), material_mm)
+    inside_mm = transforms.apply(transforms.invert_rigid(block.tissue_T_image), material_mm)
     assert (inside_mm > block.low_mm).all()
     assert (inside_mm < block.high_mm).all()
     assert (block.high_mm - block.low_mm)[2] < 16
@@ -94,7 +94,7 @@ def test_block_holds_all_that_is_seen() -> None:
 
 def test_precision_of_the_input_is_kept_and_enough() -> None:
     view = View(POSE, bend(), PRESS)
-    points_mm = frames.apply(POSE, np.random.default_rng(0).uniform([-20, 0, -3], [20, 40, 3], (200, 3)))
+    points_mm = transforms.apply(POSE, np.random.default_rng(0).uniform([-20, 0, -3], [20, 40, 3], (200, 3)))
     single = view.to_image(points_mm.astype(np.float32))
     assert single.dtype == np.float32
     np.testing.assert_allclose(single, view.to_image(points_mm), atol=1e-4)
@@ -102,12 +102,12 @@ def test_precision_of_the_input_is_kept_and_enough() -> None:
 
 def test_truth_takes_the_frame_that_passes_nearest() -> None:
     views = tuple(
-        View(frames.translation((0, 0, z)) @ POSE, None, Press(depth, 25.0, 20.0, 0.0, (0.0, 0.0), 1.0))
+        View(transforms.translation((0, 0, z)) @ POSE, None, Press(depth, 25.0, 20.0, 0.0, (0.0, 0.0), 1.0))
         for z, depth in ((-20.0, 1.0), (20.0, 2.0))
     )
-    ct_T_bed = frames.from_rotation(Rotation.from_euler("z", 40, degrees=True), np.array([5.0, 6.0, 7.0]))
+    ct_T_bed = transforms.from_rotation(Rotation.from_euler("z", 40, degrees=True), np.array([5.0, 6.0, 7.0]))
     truth = SweepDeformation(views, ct_T_bed)
-    in_plane_mm = frames.apply(ct_T_bed @ views[1].tissue_T_image, np.array([[0.0, 5.0, 0.0]]))
+    in_plane_mm = transforms.apply(ct_T_bed @ views[1].tissue_T_image, np.array([[0.0, 5.0, 0.0]]))
     shown_mm = truth.as_swept(in_plane_mm)
     np.testing.assert_allclose(shown_mm, truth.displaced(in_plane_mm, 1))
     assert np.linalg.norm(shown_mm - in_plane_mm) == pytest.approx(2 * np.exp(-7 / 25), rel=1e-6)
@@ -115,14 +115,14 @@ def test_truth_takes_the_frame_that_passes_nearest() -> None:
 
 
 def test_what_was_swept_goes_back_to_its_place_in_the_tissue() -> None:
-    poses = [POSE @ frames.translation((0.0, 0.0, 0.5 * index)) for index in range(21)]
-    ct_T_bed = frames.from_rotation(
+    poses = [POSE @ transforms.translation((0.0, 0.0, 0.5 * index)) for index in range(21)]
+    ct_T_bed = transforms.from_rotation(
         Rotation.from_euler("xyz", (10, 20, 30), degrees=True), np.array([5.0, 0, 9])
     )
     field = bend()
     deformation = SweepDeformation(tuple(View(pose, field, PRESS) for pose in poses), ct_T_bed)
     local_mm = np.random.default_rng(0).uniform([-10, 5, -0.2], [10, 30, 0.2], (200, 3))
-    seen_mm = frames.apply(ct_T_bed @ poses[10], local_mm)
+    seen_mm = transforms.apply(ct_T_bed @ poses[10], local_mm)
     material_mm = deformation.material(seen_mm)
     assert np.linalg.norm(material_mm - seen_mm, axis=1).mean() > 1.0
     np.testing.assert_allclose(deformation.displaced(material_mm, 10), seen_mm, atol=5e-3)

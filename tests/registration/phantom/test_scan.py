@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_dilation, binary_erosion
 
-from registration import frames
-from registration.contours import ContourExtractor
+from registration import transforms
 from registration.errors import InputError
 from registration.phantom.acoustics import Scanner, Tissue
 from registration.phantom.conditions import Deformation, Motion
@@ -18,6 +17,7 @@ from registration.phantom.distance import distance_grid
 from registration.phantom.scan import SimulatedSweep, simulate_sweep
 from registration.phantom.settings import PhantomSettings
 from registration.phantom.simulator import SweepSimulator
+from registration.reconstruction.contours import ContourExtractor
 from registration.synchronisation import synchronise
 
 STIFF = Deformation(bend_mm=0.0, pressure_mm=0.0)
@@ -42,7 +42,7 @@ def soft() -> SimulatedSweep:
 def test_true_contours_lie_on_the_anatomy(stiff: SimulatedSweep) -> None:
     cloud = ContourExtractor()(stiff.masks, stiff.world_A_pixel)
     assert len(cloud.points_mm) > 500
-    apart_mm = distance_grid(stiff.anatomy).at(frames.apply(stiff.ct_T_world, cloud.points_mm))
+    apart_mm = distance_grid(stiff.anatomy).at(transforms.apply(stiff.ct_T_world, cloud.points_mm))
     # Pixels measure 0.31 mm; a binary mask knows its border to about half of that.
     assert abs(apart_mm.mean()) < 0.05
     assert np.percentile(np.abs(apart_mm), 95) < 0.2
@@ -52,7 +52,7 @@ def test_deformed_contours_lie_on_the_displaced_anatomy(soft: SimulatedSweep) ->
     from scipy.spatial import cKDTree
 
     cloud = ContourExtractor()(soft.masks, soft.world_A_pixel)
-    in_ct_mm = frames.apply(soft.ct_T_world, cloud.points_mm)
+    in_ct_mm = transforms.apply(soft.ct_T_world, cloud.points_mm)
     rigid_mm = np.abs(distance_grid(soft.anatomy).at(in_ct_mm))
     assert np.percentile(rigid_mm, 90) > 0.5
     for frame in (1, 5):
@@ -77,7 +77,7 @@ def test_recorded_poses_lead_to_the_same_place_within_their_noise(stiff: Simulat
     assert len(posed.kept) == len(stiff.masks)
     corner_mm = np.array([64.0, 64.0, 0.0])
     there, truth = (
-        np.stack([frames.apply(matrix, corner_mm) for matrix in stack])
+        np.stack([transforms.apply(matrix, corner_mm) for matrix in stack])
         for stack in (posed.world_A_pixel, stiff.world_A_pixel)
     )
     error_mm = np.linalg.norm(there - truth, axis=1)
@@ -100,9 +100,9 @@ def test_calibration_error_has_the_size_asked_for() -> None:
         simulate_sweep(replace(SMALL, motion=replace(STILL, calibration_mm=size, calibration_deg=size)), 0)
         for size in (0.0, 1.0)
     )
-    off = frames.invert_rigid(exact.sweep.calibration.ee_T_probe) @ wrong.sweep.calibration.ee_T_probe
+    off = transforms.invert_rigid(exact.sweep.calibration.ee_T_probe) @ wrong.sweep.calibration.ee_T_probe
     assert np.linalg.norm(off[:3, 3]) == pytest.approx(1.0)
-    assert frames.rotation_angle_deg(off) == pytest.approx(1.0)
+    assert transforms.rotation_angle_deg(off) == pytest.approx(1.0)
     np.testing.assert_allclose(wrong.world_A_pixel, exact.world_A_pixel)
     np.testing.assert_array_equal(wrong.sweep.world_T_ee, exact.sweep.world_T_ee)
 
@@ -160,13 +160,13 @@ def test_a_users_mesh_keeps_its_own_frame(real_data: Path) -> None:
     path = real_data / "vmtk" / "aorta-surface.stl"
     settings = replace(SMALL, subset="mesh", mesh=str(path), motion=STILL)
     made = simulate_sweep(settings, 0)
-    from registration.geometry_io import read_surface
+    from registration.io.surfaces import read_surface
 
     mesh = read_surface(path)
     np.testing.assert_allclose(made.anatomy.vertices_mm, mesh.vertices_mm, atol=1e-6)
     assert made.centerline is None
     cloud = ContourExtractor()(made.masks, made.world_A_pixel)
-    apart_mm = distance_grid(made.anatomy).at(frames.apply(made.ct_T_world, cloud.points_mm))
+    apart_mm = distance_grid(made.anatomy).at(transforms.apply(made.ct_T_world, cloud.points_mm))
     assert np.percentile(np.abs(apart_mm), 95) < 0.2
 
 

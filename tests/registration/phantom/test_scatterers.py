@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from registration import frames
+from registration import transforms
 from registration.phantom.scatterers import Slab, cells_in, place
 
 PITCH_MM = 0.5
 
 
 def block(angles_deg: tuple, centre_mm: tuple = (3.0, -7.0, 12.0)) -> Slab:
-    pose = frames.from_rotation(Rotation.from_euler("xyz", angles_deg, degrees=True), np.array(centre_mm))
+    pose = transforms.from_rotation(Rotation.from_euler("xyz", angles_deg, degrees=True), np.array(centre_mm))
     return Slab(pose, np.array([-6.0, -1.0, -1.5]), np.array([6.0, 9.0, 1.5]))
 
 
 def inside(slab: Slab, positions_mm: np.ndarray) -> np.ndarray:
-    local_mm = frames.apply(frames.invert_rigid(slab.tissue_T_image), positions_mm)
+    local_mm = transforms.apply(transforms.invert_rigid(slab.tissue_T_image), positions_mm)
     return ((local_mm > slab.low_mm) & (local_mm < slab.high_mm)).all(axis=1)
 
 

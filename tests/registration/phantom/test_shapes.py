@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from registration.errors import InputError
-from registration.geometry import Mesh
-from registration.phantom.designs import DESIGNS, SKIN_Y_MM
+from registration.geometry.shapes import Mesh
+from registration.phantom.designed_shapes import DESIGNS, SKIN_Y_MM
 from registration.phantom.shapes import (
     VesselLine,
     implicit_mm,

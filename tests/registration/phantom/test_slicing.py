@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from registration import frames
-from registration.geometry import Mesh
+from registration import transforms
+from registration.geometry.shapes import Mesh
 from registration.phantom.slicing import cut, mask_of_plane, rasterise, section
 
 SPACING_MM = 0.05
@@ -39,14 +39,14 @@ def image_plane(rotation: Rotation, centre_mm: tuple[float, float, float]) -> np
     middle = 0.5 * (SIZE_PX - 1)
     scale = np.diag([SPACING_MM, SPACING_MM, 1.0, 1.0])
     scale[:2, 3] = -middle * SPACING_MM
-    return frames.from_rotation(rotation, np.array(centre_mm)) @ scale
+    return transforms.from_rotation(rotation, np.array(centre_mm)) @ scale
 
 
 def inside_ellipse(mesh_A_pixel: np.ndarray, radius_x_mm: float, radius_y_mm: float) -> np.ndarray:
     """Signed distance-like test at each pixel centre, in mm of the smaller radius."""
     rows, columns = np.mgrid[:SIZE_PX, :SIZE_PX].astype(float)
     pixels = np.stack([columns, rows, np.zeros_like(rows)], axis=-1).reshape(-1, 3)
-    places_mm = frames.apply(mesh_A_pixel, pixels)
+    places_mm = transforms.apply(mesh_A_pixel, pixels)
     scaled = np.hypot(places_mm[:, 0] / radius_x_mm, places_mm[:, 1] / radius_y_mm)
     return ((scaled - 1.0) * min(radius_x_mm, radius_y_mm)).reshape(SIZE_PX, SIZE_PX)
 

@@ -1,0 +1,108 @@
+"""Figures of a benchmark: risk against coverage, predicted against true error, and success by kind of case."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from experiments.analysis.registration.risk_coverage import risk_coverage
+from experiments.statistics import wilson_interval
+from registration.metrics.surface_distance import SUCCESS_TRE_MM
+from registration.rigid.result import VERDICTS
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+RIGHT = "success_tre_symmetric"
+SMALLEST_SHOWN_MM, LARGEST_SHOWN_MM = 5e-2, 2e2
+ORDERS = (("tre_high_mm", 1.0, "-"), ("ambiguity_gap", -1.0, "--"))
+COLORS = dict(zip(VERDICTS, ("tab:blue", "tab:orange", "tab:red", "tab:gray"), strict=True))
+
+
+def benchmark_figures(cases: pd.DataFrame) -> dict[str, Figure]:
+    """One figure with three parts; the middle one is empty where no method predicts its error."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(16, 4.6), layout="constrained")
+    simulated = " (simulated)" if "simulated" in cases and bool(np.all(cases["simulated"])) else ""
+    figure.suptitle(f"Rigid benchmark{simulated}: {cases['case'].nunique()} cases")
+    left, middle, right = figure.subplots(1, 3)
+    _risk(left, cases)
+    _predicted(middle, cases)
+    _by_kind(right, cases)
+    return {"rigid_benchmark": figure}
+
+
+def _risk(axes: Axes, cases: pd.DataFrame) -> None:
+    for place, (name, own) in enumerate(cases.groupby("method", sort=False)):
+        wrong = ~own[RIGHT].to_numpy(bool)
+        color = f"C{place}"
+        known = [order for order in ORDERS if own[order[0]].notna().any()]
+        for column, sign, style in known:
+            curve = risk_coverage(wrong, sign * own[column].to_numpy(float))
+            label = f"{name} by {column}, area {curve.area:.4f}"
+            axes.plot(curve.coverage, curve.risk, style, color=color, label=label)
+        accepted = (own["verdict"] == "accepted").to_numpy()
+        if accepted.any():
+            label = f"{name}, as accepted"
+            axes.plot(accepted.mean(), wrong[accepted].mean(), "o", color=color, label=label)
+    axes.set(
+        xlabel="share of answers accepted",
+        ylabel=f"share of these with TRE above {SUCCESS_TRE_MM:g} mm",
+        xlim=(0, 1.02),
+        title="Risk against coverage",
+    )
+    axes.set_ylim(bottom=-0.005)
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
+
+
+def _predicted(axes: Axes, cases: pd.DataFrame) -> None:
+    known = cases[cases["tre_high_mm"].notna()]
+    for verdict, own in known.groupby("verdict", sort=False):
+        predicted, true = (
+            own[name].clip(SMALLEST_SHOWN_MM, LARGEST_SHOWN_MM)
+            for name in ("tre_high_mm", "tre_symmetric_mm")
+        )
+        axes.scatter(predicted, true, s=14, alpha=0.6, color=COLORS[str(verdict)], label=str(verdict))
+    line = [SMALLEST_SHOWN_MM, LARGEST_SHOWN_MM]
+    axes.plot(line, line, color="grey", linewidth=0.8)
+    axes.axhline(SUCCESS_TRE_MM, color="grey", linestyle=":")
+    axes.axvline(SUCCESS_TRE_MM, color="grey", linestyle=":")
+    axes.set(
+        xscale="log",
+        yscale="log",
+        xlabel="tre_high_mm, upper end of the predicted 90 % interval",
+        ylabel="tre_mm (up to symmetry)",
+        title="Predicted against true error",
+    )
+    axes.grid(alpha=0.3)
+    if len(known):
+        axes.legend(fontsize=8)
+
+
+def _by_kind(axes: Axes, cases: pd.DataFrame) -> None:
+    kinds = cases["kind"].drop_duplicates().tolist()
+    methods = list(cases.groupby("method", sort=False))
+    for number, (name, own) in enumerate(methods):
+        shown = [(place, own[own["kind"] == kind]) for place, kind in enumerate(kinds)]
+        shares = [
+            (place, wilson_interval(int(part[RIGHT].sum()), len(part))) for place, part in shown if len(part)
+        ]
+        places = np.array([place for place, _ in shares], dtype=float)
+        places += (number - (len(methods) - 1) / 2) * 0.6 / max(len(methods), 2)
+        rates = np.array([share.rate for _, share in shares])
+        reach = np.array([[share.rate - share.low, share.high - share.rate] for _, share in shares]).T
+        axes.errorbar(places, rates, np.maximum(reach, 0), fmt="o", capsize=3, label=str(name))
+    axes.set_xticks(range(len(kinds)), kinds, rotation=30, ha="right")
+    axes.set(
+        ylim=(-0.03, 1.03),
+        ylabel=f"share of cases with TRE up to {SUCCESS_TRE_MM:g} mm",
+        title="Success by kind of case (Wilson 95 %)",
+    )
+    axes.grid(alpha=0.3)
+    # Beside the axes: six methods leave no room within.
+    axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1.0))

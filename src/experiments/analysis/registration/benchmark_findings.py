@@ -1,0 +1,110 @@
+"""What the scores of a benchmark say, in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from experiments.analysis.registration.benchmark_tables import (
+    RIGHT,
+    benchmark_metrics,
+    beside_each_other,
+    doubted,
+    each_method,
+    judges,
+    over_cautious,
+    success_interval,
+)
+from registration.metrics.surface_distance import SUCCESS_TRE_MM
+from registration.rigid.result import ACCEPTED, FAILED
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+NAMED_AT_MOST = 8
+
+
+def describe_benchmark(cases: pd.DataFrame) -> tuple[str, ...]:
+    """What was found, in sentences: some for each method, one for each pair with the most successful one."""
+    methods = list(each_method(cases))
+    said = [sentence for name, own in methods for sentence in _describe(name, own)]
+    beside = beside_each_other(cases)
+    if beside is not None:
+        best = max(methods, key=lambda one: int(one[1][RIGHT].sum()))[0]
+        for row in beside[(beside["first"] == best) | (beside["second"] == best)].itertuples(index=False):
+            said.append(
+                f"{row.first} is right alone in {row.first_only} cases, {row.second} in {row.second_only} (McNemar's "
+                f"test by anatomy: p = {row.p:.2g}, at least {row.least_p:.2g} with {row.anatomies} anatomies; Holm "
+                f"{row.p_holm:.2g})."
+            )
+    return tuple(said)
+
+
+def _describe(name: str, cases: pd.DataFrame) -> Iterator[str]:
+    found, interval = benchmark_metrics(cases), success_interval(cases)
+    symmetric = ", up to symmetry" if cases["symmetric"].any() else ""
+    bounds = ""
+    if interval.units > 1:  # one anatomy has no interval
+        bounds = f", 95 % interval over {interval.units} anatomies {interval.low:.1%} to {interval.high:.1%}"
+    yield (
+        f"{name}: {int(cases[RIGHT].sum())} of {len(cases)} {'case' if len(cases) == 1 else 'cases'} within "
+        f"{SUCCESS_TRE_MM:g} mm TRE{symmetric} "
+        f"({interval.estimate:.1%}{bounds})."
+    )
+    if not judges(cases):
+        yield f"{name}: its answers are not judged."
+    else:
+        yield from _of_verdicts(name, cases, found)
+    if "interval_coverage_rate" in found:
+        yield (
+            f"{name}: {_percent(found, 'interval_coverage')} of the predicted 90 % intervals hold the error"
+            + (
+                f", {_percent(found, 'interval_coverage_accepted')} of those of accepted answers."
+                if "interval_coverage_accepted_rate" in found
+                else "."
+            )
+        )
+    unanswered = cases.loc[cases["error"] != "", "error"]
+    if len(unanswered):
+        yield (
+            f"{name} gave no answer to {len(unanswered)} of {len(cases)} cases, which count as failed (first: "
+            f"{unanswered.iloc[0]})."
+        )
+
+
+def _of_verdicts(name: str, cases: pd.DataFrame, found: dict[str, float]) -> Iterator[str]:
+    accepted = cases[cases["verdict"] == ACCEPTED]
+    wrong = accepted[~accepted[RIGHT].astype(bool)]
+    among = f"; of these {_percent(found, 'success_accepted')} are right" if len(accepted) else ""
+    yield f"{name} accepts {_percent(found, 'acceptance')} of its answers{among}{_named(wrong, 'wrong')}."
+    symmetric = accepted[accepted["symmetric"]]
+    if len(symmetric):
+        yield f"{name} is sure of {len(symmetric)} shapes that have more than one right pose{_named(symmetric)}."
+    unsure = cases[doubted(cases)]
+    if not len(unsure):
+        return
+    judged, failed = unsure["ambiguous_rightly"].notna(), int((unsure["verdict"] == FAILED).sum())
+    rightly = int((unsure["ambiguous_rightly"] == 1).sum())
+    yield (
+        f"{name} doubts {len(unsure)} of {len(cases)} answers (declared failed: {failed}; right all the same: "
+        f"{int(unsure[RIGHT].sum())})"
+        + (
+            f"; in {rightly} of {int(judged.sum())} a second pose explains the clouds within their noise, and "
+            f"right answers that were doubted without one: {len(over_cautious(cases))}{_named(over_cautious(cases))}."
+            if judged.any()
+            else "."
+        )
+    )
+
+
+def _percent(found: dict[str, float], name: str) -> str:
+    rate, low, high = (100 * found[f"{name}_rate{end}"] for end in ("", "_low", "_high"))
+    return f"{rate:.1f} % (Wilson 95 % interval {low:.1f} to {high:.1f})"
+
+
+def _named(cases: pd.DataFrame, what: str = "") -> str:
+    names = cases["case"].tolist()
+    if not names:
+        return ""
+    more = f" and {len(names) - NAMED_AT_MOST} more" if len(names) > NAMED_AT_MOST else ""
+    return f" ({what}{': ' if what else ''}{', '.join(names[:NAMED_AT_MOST])}{more})"

@@ -1,0 +1,73 @@
+"""The truth of a simulated sweep as a file: the pose to be found, and where the error of an answer is measured."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.errors import InputError
+from experiments.studies.robustness.problem import MOST_TARGETS
+
+if TYPE_CHECKING:
+    from registration.phantom.scan import SimulatedSweep
+
+TARGETS, FRAME = "targets_mm", "targets_frame"
+# The model from CT stays, the sweep in its world moves.
+FIXED_FRAME = "ct"
+
+
+def targets_of(truth: SimulatedSweep) -> np.ndarray:
+    """Where the error is measured, (t, 3) in mm in the ct frame: the centerline, or the surface where there is none.
+
+    They are the same whatever the seed of a run, so that two answers are measured at the same places.
+    """
+    if truth.centerline is not None:
+        return truth.centerline.even_points(MOST_TARGETS)
+    return truth.anatomy.sample(MOST_TARGETS, np.random.default_rng(0))
+
+
+def truth_record(truth: SimulatedSweep) -> dict[str, Any]:
+    """The content of truth.json, under the names that a registration's answer has."""
+    return {
+        "fixed_T_moving": truth.ct_T_world.tolist(),
+        "moving_frame": "world",
+        "fixed_frame": FIXED_FRAME,
+        "units": {"length": "mm"},
+        TARGETS: np.asarray(targets_of(truth), dtype=np.float64).round(6).tolist(),
+        FRAME: FIXED_FRAME,
+        "simulated": True,
+    }
+
+
+def read_targets(path: Path) -> tuple[np.ndarray, str] | None:
+    """The targets (t, 3) in mm in such a file and the name of their frame; None for a file of another kind.
+
+    Raises InputError for targets that are no points, or that lie in a frame other than that of the fixed model.
+    """
+    try:
+        told = json.loads(path.read_text(encoding="utf-8")) if path.suffix.lower() == ".json" else None
+    except (OSError, ValueError) as refusal:
+        raise InputError(f"reference: {path}: expected JSON, received {refusal}") from refusal
+    # The truth of a benchmark's case has targets too, and its symmetry, and is read whole.
+    if not isinstance(told, dict) or TARGETS not in told or "symmetry" in told:
+        return None
+    try:
+        targets_mm = np.array(told[TARGETS], dtype=np.float64)
+    except (TypeError, ValueError):
+        targets_mm = np.empty(0)
+    if (
+        targets_mm.ndim != 2
+        or targets_mm.shape[1] != 3
+        or not len(targets_mm)
+        or not np.isfinite(targets_mm).all()
+    ):
+        raise InputError(f"reference: {path}: expected {TARGETS} as points (t, 3), received others")
+    fixed, frame = told.get("fixed_frame", FIXED_FRAME), told.get(FRAME, FIXED_FRAME)
+    if frame != fixed:
+        raise InputError(
+            f"reference: {path}: expected {TARGETS} in the frame of the fixed side ({fixed}), received {frame}"
+        )
+    return targets_mm, str(frame)

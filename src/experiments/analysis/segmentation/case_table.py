@@ -1,0 +1,138 @@
+"""The per-case table of the segmentation studies: pooled over jobs, one row a case, in groups that belong together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from experiments.analysis.variants import varying_choices, with_choices
+from experiments.errors import InputError
+from experiments.outcome import CellResult
+from models.metrics.scoring import CaseScore
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+DISTANCES = ("hd95_mm", "hd95_px")
+# What a case is, and what tells repeated scores of it apart.
+CASE = ("model", "train_dataset", "dataset", "simulated", "group", "case_id")
+REPETITION = ("seed", "outer_fold", "fold")
+SIMULATED = " (simulated)"
+# What the name of a network begins with that trainer=smoke trained. It stands in every row, sentence and figure.
+SMOKE = "smoke-trained "
+
+
+def pool(cells: Sequence[CellResult], factors: Sequence[str] = ()) -> pd.DataFrame:
+    """The cases of all jobs, with models and data sets named apart by what was chosen for them.
+
+    Two widths of one network, or one network with two augmentations, become two models (``unet model.width=8``, ``unet
+    augmentation=strong``), and two folders or subsets of one kind of data set become two data sets (``folder
+    dataset.root=/data/a``), so that their cases are never mixed. Folds and seeds are repetitions of one model;
+    ``factors`` are settings that the cases have a column of their own for.
+    """
+    import pandas as pd
+
+    kept = [cell for cell in cells if cell.cases is not None and len(cell.cases)]
+    if not kept:
+        raise InputError("cells: expected at least one job with cases, received none")
+    kinds = [_kind(_cases(cell)) for cell in kept]
+    varying = varying_choices(kept, kinds, (*REPETITION, *factors))
+    return pd.concat(
+        [_named(_cases(cell), choices) for cell, choices in zip(kept, varying, strict=True)],
+        ignore_index=True,
+    )
+
+
+def _kind(cases: pd.DataFrame) -> tuple[str, ...]:
+    """What a job's cases are called before choices are added: jobs that share it have to be told apart.
+
+    Where each network is tested on several data sets, jobs that share one of them would mix: the model is all.
+    """
+    names = ["model"] if "train_dataset" in cases else ["model", "dataset"]
+    return tuple(cases[names].iloc[0].astype(str))
+
+
+def _named(cases: pd.DataFrame, choices: Mapping[str, str]) -> pd.DataFrame:
+    """The cases with what was chosen for their data set in its name, and everything else in that of the model."""
+    of_data = {key: value for key, value in choices.items() if key.split(".")[0] == "dataset"}
+    of_model = {key: value for key, value in choices.items() if key not in of_data}
+    return cases.assign(
+        model=[with_choices(str(name), of_model) for name in cases["model"]],
+        dataset=[with_choices(str(name), of_data) for name in cases["dataset"]],
+    )
+
+
+def groups(cases: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
+    """Model, data set (marked where simulated) and cases of each pair of the two."""
+    for key, group in cases.groupby(["model", "dataset", "simulated"], sort=False):
+        model, dataset, simulated = key
+        yield str(model), dataset_label(str(dataset), bool(simulated)), group
+
+
+def dataset_label(dataset: str, simulated: bool) -> str:
+    """The name of a data set as everything that is shown has it."""
+    return f"{dataset}{SIMULATED}" if simulated else dataset
+
+
+def place_of(label: str) -> str:
+    """The name of a data set as metrics have it: without the mark of a simulated one."""
+    return label.removesuffix(SIMULATED)
+
+
+def distances(cases: pd.DataFrame) -> list[str]:
+    """The penalised HD95 in mm, in px or in both, as the cases have it."""
+    return [name for name in DISTANCES if name in cases and cases[name].notna().any()]
+
+
+def distance(cases: pd.DataFrame) -> str:
+    """The penalised HD95 in mm where the cases have one, else in px."""
+    return next(iter(distances(cases)), DISTANCES[-1])
+
+
+def scores(cases: pd.DataFrame) -> list[str]:
+    """The columns that hold scores."""
+    return [name for name in CaseScore.__dataclass_fields__ if name in cases]
+
+
+def is_smoke(cases: pd.DataFrame) -> pd.Series:
+    """Which rows are of networks whose training shows that all works and not how well."""
+    return cases["model"].astype(str).str.startswith(SMOKE)
+
+
+def smoke_note(cases: pd.DataFrame) -> tuple[str, ...]:
+    """What such networks are good for, in a sentence; nothing where there are none."""
+    if not is_smoke(cases).any():
+        return ()
+    return (
+        "trainer=smoke shows that all works and not how well a network segments: the smoke-trained networks are "
+        "compared with nothing.",
+    )
+
+
+def seeds(cases: pd.DataFrame) -> list[object]:
+    """The seeds that the cases were scored with; none where they have no such column."""
+    return sorted(cases["seed"].unique()) if "seed" in cases else []
+
+
+def once_each(cases: pd.DataFrame) -> pd.DataFrame:
+    """One row for each case and model: scores of several seeds, or of the networks of several folds, are averaged.
+
+    A score that is undefined in some repetitions is averaged over the others. ``missed`` and ``false_alarm`` become
+    the share of repetitions. Raises InputError when one network scored a case twice: two settings under one name.
+    """
+    keys = [name for name in CASE if name in cases]
+    again = cases.duplicated([*keys, *(name for name in REPETITION if name in cases)])
+    if again.any():
+        row = cases[again].iloc[0]
+        raise InputError(
+            f"cases: expected each case once for a model, a seed and a fold, received {row['case_id']!r} of "
+            f"{row['model']} on {row['dataset']} more than once"
+        )
+    if not cases.duplicated(keys).any():
+        return cases
+    return cases.groupby(keys, sort=False, as_index=False, dropna=False)[scores(cases)].mean()
+
+
+def _cases(cell: CellResult) -> pd.DataFrame:
+    assert cell.cases is not None
+    return cell.cases

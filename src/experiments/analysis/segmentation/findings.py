@@ -1,0 +1,78 @@
+"""What the segmentation study says of each model, in sentences; and all that its report is made of, by one name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from experiments.analysis.segmentation.case_table import distance, groups, pool, seeds
+from experiments.analysis.segmentation.comparison import compare_models
+from experiments.analysis.segmentation.comparison_findings import (
+    comparison_metrics,
+    comparison_table,
+    describe_comparison,
+)
+from experiments.analysis.segmentation.figures import overlays, spread, training_curves
+from experiments.analysis.segmentation.summary import bounded_summary, pooled_metrics
+from experiments.analysis.segmentation.tables import intervals, table, tables
+from experiments.studies.domain_transfer.transfer_table import describe_transfer, transfer_map, transfer_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = [
+    "compare_models",
+    "comparison_metrics",
+    "comparison_table",
+    "describe",
+    "describe_comparison",
+    "describe_transfer",
+    "intervals",
+    "overlays",
+    "pool",
+    "pooled_metrics",
+    "spread",
+    "table",
+    "tables",
+    "training_curves",
+    "transfer_map",
+    "transfer_table",
+]
+
+# Below, an interval over groups is too narrow (see Bootstrap), and the sentence says so.
+FEW_GROUPS = 5
+FEW = f" From fewer than {FEW_GROUPS} groups, such intervals are too narrow."
+
+
+def describe(cases: pd.DataFrame) -> tuple[str, ...]:
+    """One sentence for each model and data set."""
+    sentences = []
+    for model, label, group in groups(cases):
+        folds = ", ".join(str(fold) for fold in sorted(group["fold"].unique()))
+        repeated = f", {len(seeds(group))} seeds" if len(seeds(group)) > 1 else ""
+        numbers, measure = bounded_summary(group), distance(group)
+        shown, empty = group["missed"].notna().sum(), group["false_alarm"].notna().sum()
+        where = f"{model} on {label}, fold {folds}{repeated}"
+        if not shown:
+            sentences.append(f"{where}: no case with a vessel{_alarms(group)}.")
+            continue
+        of = "predictions for unseen cases with a vessel" if repeated else "unseen cases with a vessel"
+        sentences.append(
+            f"{where}: mean DSC {numbers['dsc_mean']:.3f}{_bounds(numbers, 'dsc', 3)} and mean {measure} "
+            f"{numbers[f'{measure}_mean']:.2f}{_bounds(numbers, measure, 2)} over {shown} {of} in "
+            f"{group.loc[group['missed'].notna(), 'group'].nunique()} groups, "
+            f"{int(group['missed'].sum())} of them missed{_alarms(group) if empty else ''}."
+            f"{FEW if 'dsc_ci_low' in numbers and group['group'].nunique() < FEW_GROUPS else ''}"
+        )
+    return tuple(sentences)
+
+
+def _alarms(cases: pd.DataFrame) -> str:
+    return f"; {int(cases['false_alarm'].sum())} false alarms in {cases['false_alarm'].notna().sum()} without one"
+
+
+def _bounds(numbers: Mapping[str, float], score: str, digits: int) -> str:
+    low, high = numbers.get(f"{score}_ci_low"), numbers.get(f"{score}_ci_high")
+    if low is None or high is None:
+        return ""
+    return f" (95 % interval {low:.{digits}f} to {high:.{digits}f})"

@@ -1,0 +1,141 @@
+"""One fold trained and used: what the studies that train networks have in common."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from experiments.analysis.segmentation.case_table import SMOKE
+from experiments.datasets.protocol import DataSet, reported_name
+from experiments.errors import InputError
+from experiments.outcome import Progress
+from experiments.paths import project_root
+from experiments.splits.group_splits import GroupSplits
+from experiments.splits.split import Split
+from models.labelled_frames import LabelledFrames
+
+if TYPE_CHECKING:
+    import numpy as np
+    import pandas as pd
+
+    from models.networks.registry import NetworkRecipe
+    from models.preprocessing.preprocessing import Preprocessing
+    from models.training.augmentation import Augmentation
+    from models.training.fold import TrainedFold
+    from models.training.losses import Loss
+    from models.training.settings import TrainerSettings
+
+
+def fold_cells(split: GroupSplits, outer_fold: object, fold: object) -> list[dict[str, int]]:
+    """A cell for each fold of ``split``, or for those that ``outer_fold`` and ``fold`` name (null: all)."""
+    pairs = split.pairs()
+    nested = any(outer is not None for outer, _ in pairs)
+    if not nested and outer_fold is not None:
+        raise InputError(
+            f"outer_fold: expected null, as the split has no outer folds, received {outer_fold!r}"
+        )
+    for place, (name, asked) in enumerate((("outer_fold", outer_fold), ("fold", fold))):
+        numbers = sorted({number for pair in pairs if (number := pair[place]) is not None})
+        if asked is not None and (isinstance(asked, bool) or asked not in numbers):
+            raise InputError(f"{name}: expected 0 to {numbers[-1]}, or null for all, received {asked!r}")
+        pairs = tuple(pair for pair in pairs if asked is None or pair[place] == asked)
+    return [{"fold": f} if o is None else {"outer_fold": o, "fold": f} for o, f in pairs]
+
+
+@dataclass(frozen=True)
+class FoldRun:
+    """The settings that train and use a network in one fold, and where it stands among the folds."""
+
+    model: NetworkRecipe
+    preprocessing: Preprocessing
+    trainer: TrainerSettings
+    augmentation: Augmentation
+    loss: Loss
+    seed: int
+    fold: int
+    outer_fold: int | None = None
+
+    @property
+    def model_name(self) -> str:
+        """What tables call the network; one that was trained for a look alone is called so on every line."""
+        name = str(getattr(self.model, "label", self.model.name))
+        return f"{SMOKE}{name}" if self.trainer.smoke else name
+
+    def train(self, frames: LabelledFrames, split: Split, workspace: Path, progress: Progress) -> TrainedFold:
+        """Train on the fold's ``train`` and ``validation`` cases; leaves ``model.pt`` in ``workspace``.
+
+        What an interrupted training is gone on with from lies in the project's cache: the workspace goes when the job
+        fails.
+        """
+        from models.training.fold import train_fold
+        from models.training.spec import FoldTraining
+
+        training = FoldTraining(
+            model=self.model,
+            train=split.of(frames, "train"),
+            validation=split.of(frames, "validation"),
+            preprocessing=self.preprocessing,
+            trainer=self.trainer,
+            augmentation=self.augmentation,
+            loss=self.loss,
+            seed=self.seed,
+            fold=self.fold,
+        )
+        state = project_root() / ".cache" / "training" / training.fingerprint[:16]
+        most = self.trainer.max_epochs + self.trainer.extend_epochs
+        epochs = _bar(progress, most, f"{split.place}: epochs")
+
+        def advance(_: Mapping[str, float]) -> None:
+            next(epochs, None)
+
+        trained = train_fold(training, directory=workspace, state_directory=state, on_epoch=advance)
+        for _ in epochs:
+            pass
+        return trained
+
+    def score(
+        self, trained: TrainedFold, dataset: DataSet, frames: LabelledFrames, progress: Progress, **about: Any
+    ) -> tuple[pd.DataFrame, dict[str, np.ndarray]]:
+        """A row for each of ``frames`` with its scores at native resolution, and the masks by case."""
+        import pandas as pd
+
+        from models.evaluation import predict, score_cases
+        from models.predictor import Predictor
+
+        predictor = Predictor.load(
+            trained.checkpoint, batch_size=self.trainer.batch_size, device=_device(self.trainer.accelerator)
+        )
+        bar = progress.track(predict(predictor, frames), f"fold {self.fold}: cases", len(frames))
+        predictions = dict(bar)
+        nested = {} if self.outer_fold is None else {"outer_fold": self.outer_fold}
+        known = {**nested, "fold": self.fold, "model": self.model_name, "dataset": reported_name(dataset)}
+        rows = score_cases(frames, predictions, {**known, "seed": self.seed, **about})
+        return pd.DataFrame(rows), predictions
+
+
+def training_metrics(trained: TrainedFold) -> dict[str, float]:
+    """How a training went, as scalars: the median epoch's images a second, the most memory of any."""
+    return {
+        "validation_dsc_best": trained.best_validation_dsc,
+        "best_epoch": float(trained.best_epoch),
+        "epochs": float(len(trained.history)),
+        "training_s": trained.runtime_s,
+        "images_per_s": float(statistics.median(epoch["images_per_s"] for epoch in trained.history)),
+        "peak_memory_mb": max(epoch["peak_memory_mb"] for epoch in trained.history),
+    }
+
+
+def _bar(progress: Progress, most: int, description: str) -> Iterator[int]:
+    # A bar advances when the next item is asked for, so the first is asked for before the work begins.
+    epochs = iter(progress.track(range(most), description, most))
+    next(epochs)
+    return epochs
+
+
+def _device(accelerator: str) -> str:
+    import torch
+
+    return "cuda" if accelerator != "cpu" and torch.cuda.is_available() else "cpu"

@@ -1,0 +1,85 @@
+"""What tells apart rows of several jobs that have one name: the choices by which the jobs' points of a sweep differ."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Collection, Hashable, Mapping, Sequence
+from pathlib import Path, PurePath
+
+from experiments.outcome import CellResult
+from experiments.running.config_hash import NEVER_PART, NOT_PART_OF_THE_JOB, flatten, job_config
+
+# What stands for the choices of jobs that no command line made.
+SETTINGS = "settings"
+MOST_SETTINGS = 3
+
+
+def varying_choices(
+    cells: Sequence[CellResult], names: Sequence[Hashable], alike_but_for: Collection[str] = ()
+) -> list[dict[str, str]]:
+    """For each job the choices that vary among the jobs of its name, as the command line has them.
+
+    ``alike_but_for`` are settings that tell rows apart by columns of their own, such as folds. Jobs that come without
+    any choices are told apart by the settings in which they differ, or by a digest of these where they are many.
+    """
+    choices = [_choices(cell, alike_but_for) for cell in cells]
+    found = []
+    for name, own in zip(names, choices, strict=True):
+        others = [other for kind, other in zip(names, choices, strict=True) if kind == name]
+        found.append({key: value for key, value in own.items() if any(o.get(key) != value for o in others)})
+    settings = [{} if cell.choices else _settings(cell, alike_but_for) for cell in cells]
+    for name, own, mine in zip(names, found, settings, strict=True):
+        alike = [other for kind, other in zip(names, settings, strict=True) if kind == name]
+        differing = {key: value for key, value in mine.items() if any(o.get(key) != value for o in alike)}
+        own |= differing if len(differing) <= MOST_SETTINGS else {SETTINGS: _digest(differing)}
+    return found
+
+
+def with_choices(name: str, choices: Mapping[str, str]) -> str:
+    """A name with the choices that tell it from others of the same name: ``unet augmentation=strong``."""
+    return " ".join([name, *(f"{key}={value}" for key, value in choices.items())])
+
+
+def told_apart(
+    cells: Sequence[CellResult], names: Sequence[str], alike_but_for: Collection[str] = ()
+) -> list[str]:
+    """The name of each job with the choices that vary among the jobs of that name."""
+    varying = varying_choices(cells, names, alike_but_for)
+    return [with_choices(name, choices) for name, choices in zip(names, varying, strict=True)]
+
+
+def names_of_files(paths: Sequence[str]) -> list[str]:
+    """A short name for each file: its name without suffix, with as much of its path as tells it from the others."""
+    whole = {path: PurePath(Path(path).expanduser().absolute()) for path in paths}
+    names = {path: file.stem for path, file in whole.items()}
+    for depth in range(1, max((len(file.parts) for file in whole.values()), default=0) + 1):
+        shared = [path for path, name in names.items() if list(names.values()).count(name) > 1]
+        # Files of one name are told apart by their suffixes first, then by the folders around them.
+        names |= {path: "/".join(whole[path].parts[-depth:]) for path in shared}
+    return [names[path] for path in paths]
+
+
+def _choices(cell: CellResult, alike_but_for: Collection[str]) -> dict[str, str]:
+    left_out = {*alike_but_for, *NOT_PART_OF_THE_JOB}
+    return {
+        name: value
+        for name, value in cell.choices.items()
+        if name not in left_out
+        and name.split(".")[0] not in left_out
+        and name.rsplit(".", 1)[-1] not in NEVER_PART
+    }
+
+
+def _settings(cell: CellResult, alike_but_for: Collection[str]) -> dict[str, str]:
+    """The settings of a job but for those that have columns of their own."""
+    left_out = {*alike_but_for, *NEVER_PART}
+    return {
+        name: str(value)
+        for name, value in flatten(job_config(cell.config)).items()
+        if name.rsplit(".", 1)[-1] not in left_out and name.split(".")[0] not in alike_but_for
+    }
+
+
+def _digest(settings: Mapping[str, str]) -> str:
+    return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:6]

@@ -1,0 +1,106 @@
+"""The help pages, read from the configuration files without Hydra, so that they answer at once."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from pathlib import Path
+
+from experiments.command_line.options import Choices, chosen, option_text
+from experiments.errors import InputError, did_you_mean
+from experiments.paths import conf_dir
+
+# The folder of the presets: see experiments.command_line.words on why it is not called sweep.
+PRESETS = "preset"
+
+_USAGE = """\
+ctus: CT-ultrasound registration of vessels, as tracked experiments
+
+  ctus study=<name> [setting=value ...]            one call, all jobs of the study
+  ctus -m study=<name> model=a,b seed=0,1,2 ...    a sweep over every combination
+  ctus -m +sweep=<preset> [setting=value ...]      all that a published figure needs
+  ctus study=<name> [model=<option> ...] --help    the settings of a study with these options
+"""
+
+_AFTER = """\
+Settings of every study
+  out=<folder>             where the results go
+  resume=true              skip the jobs that have a finished run
+  seed=<number>            of every random choice; null where a study makes none
+  jobs=<number>            jobs at the same time, each in a process of its own
+  tracking.uri=<address>   an MLflow server; tracking.enabled=false tracks nothing
+  --cfg job                print the composed configuration and stop
+  --config-dir <folder>    options of your own, in folders named as those of the project
+  --version                the version of ctus
+  --shell-completion install=bash|zsh|fish   completion for the shell (see the README)
+"""
+
+
+def help_text(words: Sequence[str]) -> str:
+    """The page for the study that the words of a call choose, with their options; the overview if they choose none.
+
+    Raises InputError for a study or an option that there is not.
+    """
+    folders = [conf_dir(), *_own_folders(words)]
+    names = _studies(folders)
+    # A study's bare name is what somebody types who has not read the overview.
+    words = [f"study={word}" if word in names else word for word in words]
+    choices = chosen([word for word in words if not word.startswith("-")], folders)
+    if choices.study is None:
+        return _overview()
+    if choices.study not in names:
+        raise InputError(
+            f"study: expected one of {', '.join(names)}, received {choices.study!r}"
+            f"{did_you_mean(choices.study, names)}"
+        )
+    return _study_page(choices, folders)
+
+
+def description(path: Path) -> str:
+    """What a configuration file says of itself: its first comment that is not a Hydra directive."""
+    for line in path.read_text(encoding="utf-8").splitlines():
+        if line.startswith("#") and "@package" not in line:
+            return line.lstrip("# ").strip()
+        if line.strip() and not line.startswith("#"):
+            break
+    return ""
+
+
+def _overview() -> str:
+    names = sorted((conf_dir() / "study").glob("*.yaml"))
+    width = max((len(path.stem) for path in names), default=0)
+    studies = "\n".join(f"  {path.stem:<{width}}  {description(path)}" for path in names)
+    groups = "\n".join(
+        f"  {folder.name}={'|'.join(path.stem for path in sorted(folder.glob('*.yaml')))}"
+        for folder in sorted(conf_dir().iterdir())
+        if folder.is_dir() and folder.name not in ("study", PRESETS) and any(folder.glob("*.yaml"))
+    )
+    presets = "\n".join(
+        f"  +sweep={path.stem}  {description(path)}" for path in sorted((conf_dir() / PRESETS).glob("*.yaml"))
+    )
+    return f"{_USAGE}\nStudies\n{studies}\n\nPresets\n{presets}\n\nChoices\n{groups}\n\n{_AFTER}"
+
+
+def _study_page(choices: Choices, folders: Sequence[Path]) -> str:
+    parts = [f"ctus study={choices.study} [setting=value ...]"]
+    if choices.preset is not None:
+        parts.append(f"# +sweep={choices.preset}\n{option_text('preset', choices.preset, '', folders)}")
+    parts.append(option_text("study", str(choices.study), "", folders))
+    for group, package, option in choices.options:
+        others = sorted({path.stem for folder in folders for path in (folder / group).glob("*.yaml")})
+        key = group if package == group else f"{group}@{package}"
+        parts.append(
+            f"# {key}={option}   (of {'|'.join(others)})\n{option_text(group, option, package, folders)}"
+        )
+    return "\n\n".join(part.rstrip("\n") for part in parts) + f"\n\n{_AFTER}"
+
+
+def _own_folders(words: Sequence[str]) -> list[Path]:
+    """The folder that ``--config-dir`` names, in either spelling."""
+    found = [word.partition("=")[2] for word in words if word.startswith("--config-dir=")]
+    found += [after for word, after in itertools.pairwise(words) if word in ("--config-dir", "-cd")]
+    return [Path(each).expanduser() for each in found]
+
+
+def _studies(folders: Sequence[Path]) -> list[str]:
+    return sorted({path.stem for folder in folders for path in (folder / "study").glob("*.yaml")})

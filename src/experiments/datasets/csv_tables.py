@@ -1,0 +1,35 @@
+"""Tables that come with a data set: CSV files with a line of column names."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+from experiments.errors import InputError
+from experiments.unicode_names import same_name
+
+
+def read_table(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
+    """The rows of a table that has at least ``columns``; a cell that is not there is empty, blanks around are cut.
+
+    All cells are text as it stands, in the form of ``same_name``. InputError for a file that is missing, is no text, or
+    lacks a column.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: expected a table with columns {', '.join(columns)}, found no file")
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            table = csv.DictReader(file)
+            found = [name.strip() for name in table.fieldnames or ()]
+            table.fieldnames = found
+            rows = list(table)
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(
+            f"{path}: expected a table in UTF-8, received a file that can't be read as one"
+        ) from error
+    if not set(columns) <= set(found):
+        raise InputError(
+            f"{path}: expected columns {', '.join(columns)}, received {', '.join(found) or 'none'}"
+        )
+    return [{name: same_name((row[name] or "").strip()) for name in found} for row in rows]

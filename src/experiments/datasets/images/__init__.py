@@ -1,0 +1,1 @@
+"""Images and masks of data sets: decoded by meaning, compared, and measured."""

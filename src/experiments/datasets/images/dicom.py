@@ -1,0 +1,200 @@
+"""Ultrasound frames from DICOM files: grey values, pixel size and region of the picture, through pydicom.
+
+Attributes and their meaning: DICOM PS3.3, C.7.6.3 (Image Pixel).
+"""
+
+from __future__ import annotations
+
+import struct
+import warnings
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import UInt8
+
+from experiments.datasets.images.dicom_geometry import region_of, spacing_mm_of
+from experiments.datasets.images.dicom_grey import GreyDisplay, has_window
+from experiments.errors import InputError
+from models.preprocessing.grey import echo_grey
+
+if TYPE_CHECKING:
+    from pydicom import Dataset
+
+SUFFIX = ".dcm"
+# What pydicom raises for a file that it can't read, by how far it gets.
+_UNREADABLE = (
+    OSError,
+    EOFError,
+    ValueError,
+    KeyError,
+    IndexError,
+    TypeError,
+    AttributeError,
+    NotImplementedError,
+    RuntimeError,
+    MemoryError,
+    struct.error,
+    zlib.error,
+)
+_GREY = ("MONOCHROME1", "MONOCHROME2")
+_INSTALL_DECODERS = "pip install pylibjpeg pylibjpeg-libjpeg pylibjpeg-openjpeg"
+
+
+# A file for exchange begins with 128 bytes of anything and this (DICOM PS3.10, 7.1).
+_PREAMBLE, _MAGIC = 128, b"DICM"
+
+
+@dataclass(frozen=True)
+class DicomFrames:
+    """The frames of one file: ``images`` (n, height, width) uint8, n from 1.
+
+    ``spacing_mm`` is (vertical, horizontal), None where the file doesn't say. ``region_px`` is the box of the 2-D
+    tissue picture (top, left, bottom, right; the last two exclusive), None where the file has none.
+    """
+
+    images: UInt8[np.ndarray, "n h w"]
+    spacing_mm: tuple[float, float] | None
+    region_px: tuple[int, int, int, int] | None
+
+    @property
+    def sector(self) -> tuple[tuple[float, float], ...] | None:
+        """The region's corners as shares of height and width, as ``models.preprocessing`` takes a sector."""
+        if self.region_px is None:
+            return None
+        height, width = self.images.shape[1:]
+        top, left, bottom, right = self.region_px
+        corners = ((top, left), (bottom, left), (bottom, right), (top, right))
+        return tuple((row / height, column / width) for row, column in corners)
+
+
+def is_dicom(path: Path) -> bool:
+    """Whether a file is DICOM, by its suffix or by its content; the directory of a medium (DICOMDIR) is not."""
+    if path.suffix.lower() == SUFFIX:
+        return True
+    if path.name.casefold() == "dicomdir":
+        return False
+    try:
+        with path.open("rb") as stream:
+            return stream.read(_PREAMBLE + len(_MAGIC))[_PREAMBLE:] == _MAGIC
+    except OSError:
+        return False
+
+
+def read_dicom(path: Path) -> DicomFrames:
+    """Read a single- or multi-frame file.
+
+    Colour (RGB, YBR, palette) becomes grey as colour frames do anywhere; grey values go through the file's window, else
+    by the bits stored (see ``GreyDisplay``); MONOCHROME1 is inverted. The pixel size is that of the largest 2-D tissue
+    region in cm, else PixelSpacing, also where the functional groups of an enhanced file have it, else unknown.
+    Raises InputError for a missing, damaged or truncated file, one without pixels, signed pixels without a window,
+    frames of different pixel sizes, and a compression that no installed package reads.
+    """
+    try:
+        import pydicom  # noqa: F401
+    except ModuleNotFoundError as missing:
+        raise InputError(
+            f"{path}: expected the package pydicom to read DICOM, found none; pip install pydicom"
+        ) from missing
+    if not path.is_file():
+        raise InputError(f"{path}: expected a DICOM file, found none")
+    with warnings.catch_warnings():
+        # What pydicom warns of either does no harm or ends in a refusal here.
+        warnings.simplefilter("ignore")
+        return _read(path)
+
+
+def _read(path: Path) -> DicomFrames:
+    import pydicom
+
+    try:
+        content = pydicom.dcmread(path)
+    except (pydicom.errors.InvalidDicomError, *_UNREADABLE) as error:
+        raise InputError(f"{path}: expected a DICOM file, received one that can't be read as one") from error
+    _require_pixels(path, content)
+    try:
+        images = _images(path, content)
+        spacing_mm, box = spacing_mm_of(content), region_of(content, *images.shape[1:])
+    except _UNREADABLE as error:
+        raise InputError(
+            f"{path}: expected whole frames that can be decoded, received {_first_line(error)}"
+        ) from error
+    return DicomFrames(images, spacing_mm, box)
+
+
+def _require_pixels(path: Path, content: Dataset) -> None:
+    """Raise InputError unless there are pixels in a form, and a compression, that can be read."""
+    from pydicom.pixels.decoders.base import get_decoder
+
+    if "PixelData" not in content:
+        raise InputError(
+            f"{path}: expected a DICOM file with frames, received one of modality "
+            f"{content.get('Modality', 'unknown')} without pixels"
+        )
+    if content.get("PixelRepresentation", 0) != 0 and not has_window(content):
+        raise InputError(
+            f"{path}: expected unsigned pixels, or a window (WindowCenter, WindowWidth), received signed ones without"
+        )
+    syntax = getattr(getattr(content, "file_meta", None), "TransferSyntaxUID", None)
+    if syntax is None:
+        raise InputError(
+            f"{path}: expected a DICOM file that names its transfer syntax, received one without"
+        )
+    try:
+        available = get_decoder(syntax).is_available
+    except NotImplementedError as error:
+        raise InputError(
+            f"{path}: expected frames that pydicom can decode, received {syntax.name}; "
+            "convert the file to another transfer syntax first"
+        ) from error
+    if not available:
+        raise InputError(
+            f"{path}: expected a package that decodes {syntax.name}, found none; {_INSTALL_DECODERS}"
+        )
+
+
+def _images(path: Path, content: Dataset) -> np.ndarray:
+    """Grey frames (n, height, width), decoded one by one: a film in colour would fill the memory."""
+    count = int(content.get("NumberOfFrames") or 1)
+    images = np.empty((count, int(content.Rows), int(content.Columns)), dtype=np.uint8)
+    if images.size == 0:
+        raise ValueError(f"{count} frames of {content.Rows} x {content.Columns} pixels")
+    display = GreyDisplay(content)
+    read = 0
+    for read, frame in enumerate(_decoded(content), start=1):
+        if read <= count:
+            images[read - 1] = _grey(frame, content, display, read - 1)
+    if read != count:
+        raise ValueError(f"{read} frames where {count} are announced")
+    display.require_plausible(path)
+    return images
+
+
+def _decoded(content: Dataset) -> Iterator[np.ndarray]:
+    from pydicom.pixels.utils import iter_pixels
+
+    # Colour comes as RGB, whatever colour space the file is in.
+    return iter_pixels(content)
+
+
+def _grey(frame: np.ndarray, content: Dataset, display: GreyDisplay, number: int) -> np.ndarray:
+    from pydicom.pixels.processing import apply_color_lut
+
+    interpretation = str(content.PhotometricInterpretation)
+    if interpretation in _GREY:
+        frame = display(frame, number)
+        return 255 - frame if interpretation == "MONOCHROME1" else frame
+    largest = 2 ** int(content.BitsStored) - 1
+    if interpretation == "PALETTE COLOR":
+        frame = apply_color_lut(frame, content)
+        largest = np.iinfo(frame.dtype).max
+    if largest != 255:
+        frame = np.rint(np.minimum(frame, largest) * (255.0 / largest))
+    return echo_grey(frame.astype(np.uint8))
+
+
+def _first_line(error: BaseException) -> str:
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]

@@ -1,0 +1,113 @@
+"""Simulated stand-ins for real data sets that are not there, made only when the user asks for them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from experiments.datasets.sweep_cache import SweepRecipe, cache_folder, labelled_sweep, prepare
+from registration.checks import require_count, require_positive
+from registration.phantom.acoustics import Scanner
+from registration.phantom.conditions import Motion
+from registration.phantom.random_anatomy import TEST_SEEDS_FROM
+from registration.phantom.session_variation import SessionVariation
+from registration.phantom.settings import RANDOM, PhantomSettings
+
+# A poor recording: the array hardly touches, hard spots throw shadows, noise drowns the depth.
+POOR_STRENGTH = 1.5
+POOR_CONTACT_LOSS_MM = 14.0
+POOR_SHADOWS = 16
+POOR_NOISE_DB = 10.0
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """One simulated recording: ``images`` (n, h, w) uint8, ``masks`` (n, h, w), the side of a pixel in mm."""
+
+    images: np.ndarray
+    masks: np.ndarray
+    side_mm: float
+
+    @property
+    def spacing_mm(self) -> tuple[float, float]:
+        """Vertical and horizontal size of a pixel."""
+        return self.side_mm, self.side_mm
+
+
+@dataclass(frozen=True)
+class StandIn:
+    """How large a stand-in is and how much its recordings differ.
+
+    Each of ``subjects`` has a vessel of their own, drawn from the anatomies for development, and is recorded
+    ``recordings`` times, ``frames`` each, ``size_px`` high and wide. ``strength`` (above 0, at most 1.5) scales what
+    differs between sessions: scanner, depth, gain, speckle, contrast. ``workers`` processes share what is to be made;
+    it is kept in the folder ``cache``, taken from the project's where it is relative. All is decided by ``seed``.
+    """
+
+    subjects: int = 8
+    recordings: int = 2
+    frames: int = 10
+    size_px: int = 256
+    strength: float = 1.0
+    seed: int = 0
+    workers: int = 1
+    cache: str = ".cache/phantom"
+
+    def __post_init__(self) -> None:
+        least = {"subjects": 2, "recordings": 1, "frames": 2, "size_px": 16, "seed": 0, "workers": 1}
+        for name, smallest in least.items():
+            require_count(name, getattr(self, name), smallest)
+        require_positive("strength", self.strength, POOR_STRENGTH)
+
+    def recipe(
+        self,
+        subject: int,
+        session: int,
+        *,
+        sweep: int = 0,
+        times: int = 1,
+        district: str = "",
+        poor: bool = False,
+    ) -> SweepRecipe:
+        """One recording of a subject (from 0); recordings of one ``session`` share the scanner and its settings.
+
+        It has ``times`` the usual number of frames. ``district`` puts an artery and a vein side by side. A ``poor``
+        one has little contact, many shadows and much noise.
+        """
+        anatomies = np.random.default_rng([self.seed, 60]).permutation(TEST_SEEDS_FROM)
+        base = PhantomSettings(
+            subset=RANDOM,
+            seed=self.seed,
+            anatomy_seed=int(anatomies[subject % TEST_SEEDS_FROM]),
+            scanner=Scanner(height_px=self.size_px, width_px=self.size_px),
+            motion=Motion(frames=times * self.frames),
+        )
+        varied = SessionVariation(shape=False, strength=POOR_STRENGTH if poor else self.strength)
+        settings = varied(base, session)
+        if poor:
+            settings = replace(
+                settings,
+                scanner=replace(settings.scanner, noise_db=settings.scanner.noise_db + POOR_NOISE_DB),
+                artefacts=replace(
+                    settings.artefacts, contact_loss_mm=POOR_CONTACT_LOSS_MM, shadows=POOR_SHADOWS
+                ),
+            )
+        return SweepRecipe(settings, sweep, district)
+
+    def __call__(self, recipes: Sequence[SweepRecipe]) -> tuple[Recorded, ...]:
+        """The recordings of these recipes: simulated now, or read from the cache."""
+        cache = cache_folder(self.cache)
+        prepare(recipes, cache, self.workers)
+        return tuple(
+            Recorded(*labelled_sweep(recipe, cache), recipe.settings.scanner.pixel_mm) for recipe in recipes
+        )
+
+    def note(self, dataset: str) -> str:
+        """The sentence that stands beside every result of it."""
+        return (
+            f"Simulated: no image of {dataset} was used, but a stand-in by the built-in simulator "
+            f"(subjects: {self.subjects}, recordings: {self.recordings}, frames: {self.frames}, "
+            f"strength of variation: {self.strength:g})."
+        )

@@ -1,0 +1,1 @@
+"""From a plan of jobs to finished jobs: in this process, or in processes of their own."""

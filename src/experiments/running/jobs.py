@@ -1,0 +1,184 @@
+"""From a resolved configuration to the jobs in it: one for each cell that the study names."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from experiments import registry
+from experiments.errors import InputError
+from experiments.files import write_text
+from experiments.paths import conf_dir, project_root
+from experiments.running.config_hash import config_hash
+from experiments.running.content_hash import content_digest
+from experiments.running.job_names import choices_of, distinct_labels, folder_names
+from experiments.running.path_settings import named_paths
+from models.value_types import mismatch, parameter_types
+
+# What the shell hands to a study beside its configuration.
+INJECTED = frozenset({"workspace", "progress", "store"})
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One job: its whole configuration, its hash, and a short label that tells it from its neighbours.
+
+    ``choices`` are the words of the command line by which its point of the sweep differs from others.
+    """
+
+    config: dict[str, Any]
+    hash: str
+    label: str
+    choices: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All cells of one call of the command line, by hash, and the run that stands above them, if there is one.
+
+    ``contents`` are the digests of all that the jobs read, as they were when the call began.
+    """
+
+    study: str
+    labels: dict[str, str]
+    out: str
+    parent_id: str | None = None
+    contents: dict[str, str] = field(default_factory=dict)
+
+    def folder_of(self, key: str) -> Path:
+        """Where the job of that hash leaves its files: in ``out`` itself if it is alone, else in a folder there."""
+        out = Path(self.out)
+        return out if len(self.labels) == 1 else out / folder_names(self.labels)[key]
+
+    def write(self, path: Path) -> None:
+        """Write as JSON, for the processes that a launcher starts."""
+        write_text(path, json.dumps(asdict(self)))
+
+    @staticmethod
+    def read(path: Path) -> Plan:
+        """Read what ``write`` wrote."""
+        return Plan(**json.loads(path.read_text(encoding="utf-8")))
+
+
+def study_names() -> list[str]:
+    """The studies there are, by their configurations."""
+    return sorted(path.stem for path in (conf_dir() / "study").glob("*.yaml"))
+
+
+def study_module(name: str) -> ModuleType:
+    """The module of a study."""
+    if name not in study_names():
+        raise InputError(f"study: expected one of {', '.join(study_names())}, received {name!r}")
+    return importlib.import_module(f"experiments.studies.{name}")
+
+
+def cell_configs(config: Mapping[str, Any]) -> list[tuple[dict[str, Any], str]]:
+    """The configuration of every cell of one point of a sweep, and the label of what sets it apart."""
+    module = study_module(config["study"])
+    changes = module.cells(config) if hasattr(module, "cells") else [{}]
+    if not changes:
+        raise InputError(f"study={config['study']}: expected at least one job, the configuration names none")
+    return [
+        ({**config, **change}, ",".join(f"{k}={_short(v)}" for k, v in change.items())) for change in changes
+    ]
+
+
+def arguments(config: Mapping[str, Any]) -> dict[str, Any]:
+    """The arguments of the study's ``run`` that come from the configuration, with every ``_target_`` built.
+
+    Raises InputError where the configuration has no value for one, or a class refuses its settings.
+    """
+    return _arguments(study_module(config["study"]).run, config)
+
+
+def check(config: Mapping[str, Any]) -> None:
+    """Raise InputError for what can be known to be wrong before any job starts.
+
+    A study that reads files has a function ``check``, whose parameters are settings as those of ``run`` are.
+    """
+    arguments(config)
+    module = study_module(config["study"])
+    if hasattr(module, "check"):
+        module.check(**_arguments(module.check, config))
+
+
+def _arguments(function: Callable[..., object], config: Mapping[str, Any]) -> dict[str, Any]:
+    parameters = inspect.signature(function).parameters
+    wanted = [name for name in parameters if name not in INJECTED]
+    missing = [
+        name for name in wanted if name not in config and parameters[name].default is inspect.Parameter.empty
+    ]
+    if missing:
+        raise InputError(f"study={config['study']}: expected a value for {', '.join(missing)}, received none")
+    built = {name: registry.build(config[name], name) for name in wanted if name in config}
+    types = parameter_types(function)
+    for name, value in built.items():
+        if (wrong := mismatch(name, value, types.get(name, Any))) is not None:
+            raise InputError(wrong)
+    return built
+
+
+def cells_of(
+    points: list[tuple[Mapping[str, Any], str]], contents: dict[str, str] | None = None
+) -> list[Cell]:
+    """Every cell of every point (its configuration and label), each once, with labels that are all different.
+
+    ``contents`` are digests of paths that are known already; those of further paths are added to it.
+    """
+    known = {} if contents is None else contents
+    cells: dict[str, Cell] = {}
+    for config, label in points:
+        for cell, change in cell_configs(config):
+            key = config_hash(cell, _contents_of(cell, known))
+            cells.setdefault(key, Cell(cell, key, ",".join(filter(None, (label, change))), choices_of(label)))
+    labels = distinct_labels({key: cell.label for key, cell in cells.items()})
+    return [replace(cell, label=labels[key]) for key, cell in cells.items()]
+
+
+def hash_now(config: Mapping[str, Any]) -> str:
+    """The hash of a job by what it would read at this moment."""
+    return config_hash(config, _contents_of(config, {}))
+
+
+def read_paths(config: Mapping[str, Any]) -> list[str]:
+    """Every path that a job reads: what its settings name, and what its study finds beside that.
+
+    A study that reads files which no setting names has a function ``beside`` that yields them for a configuration.
+    """
+    module = study_module(config["study"])
+    takers = [getattr(module, name) for name in ("run", "check") if hasattr(module, name)]
+    named = list(named_paths(config, takers).values())
+    return named + [str(path) for path in (module.beside(config) if hasattr(module, "beside") else ())]
+
+
+def _contents_of(config: Mapping[str, Any], known: dict[str, str]) -> dict[str, str]:
+    """The digest of what lies under each path of a job; ``known`` ones are taken, the others added to it."""
+    paths = read_paths(config)
+    # What this project writes is nobody's input only because it lies inside a folder that is.
+    written = [project_root() / name for name in ("outputs", "mlruns")]
+    written += [Path(str(config["out"])).expanduser()] if config.get("out") else []
+    for path in paths:
+        if path not in known:
+            known[path] = content_digest(Path(path).expanduser(), written)
+    return {path: known[path] for path in paths}
+
+
+def out_folder(config: Mapping[str, Any], key: str) -> Path:
+    """Where results go: ``out`` as the user gave it (from the current folder), else a folder of the study's own."""
+    if config.get("out"):
+        return Path(str(config["out"])).expanduser().absolute()
+    return project_root() / "outputs" / str(config["study"]) / key[:12]
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "+".join(str(key) for key in value) or "none"
+    if isinstance(value, (list, tuple)):
+        return "+".join(_short(item) for item in value)
+    return str(value)

@@ -1,0 +1,263 @@
+"""One job, tracked: run a cell of a study, keep its results as files, log them, and say how it ended."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import json
+import math
+import sys
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from experiments import files
+from experiments.errors import InputError
+from experiments.outcome import CellResult, Outcome
+from experiments.reporting.figure_files import save_figure
+from experiments.running import jobs, terminal
+from experiments.running.config_hash import flatten
+from experiments.running.jobs import Cell, Plan
+from experiments.tracking import HASH_TAG, RunWriter, Store, ending
+
+# In place of a run's hash where its inputs changed under it: it is never taken for the result of any of them.
+CHANGED = "inputs changed while it ran"
+
+
+@dataclass(frozen=True)
+class Report:
+    """How a cell ended: ``finished``, ``resumed`` (a finished run of it was there), ``refused`` (the user's input is
+    at fault) or ``failed``; with the run's id and what went wrong."""
+
+    hash: str
+    label: str
+    status: str
+    folder: str
+    run_id: str | None = None
+    message: str = ""
+    findings: tuple[str, ...] = ()
+
+    def write(self, path: Path) -> None:
+        """Write as JSON, so that the process that waits for all jobs can read it."""
+        files.write_text(path, json.dumps(self.__dict__))
+
+    @staticmethod
+    def read(path: Path) -> Report:
+        """Read what ``write`` wrote."""
+        content = json.loads(path.read_text(encoding="utf-8"))
+        return Report(**{**content, "findings": tuple(content["findings"])})
+
+
+def report_file(folder: Path, key: str) -> Path:
+    """Where the report of the job of that hash lies while a sweep is under way."""
+    return folder / f"{key}.json"
+
+
+def user_errors() -> tuple[type[Exception], ...]:
+    """The exceptions that mean the user's input is at fault, of every package."""
+    import models.errors
+    import registration.errors
+
+    return InputError, models.errors.InputError, registration.errors.InputError
+
+
+def is_tracked(study: str, store: Store) -> bool:
+    """Whether the jobs of a study become runs: not if tracking is off, nor for studies that measure nothing."""
+    return store.enabled and getattr(jobs.study_module(study), "TRACKED", True)
+
+
+def run_cell(
+    cell: Cell, plan: Plan, store: Store, progress: terminal.TerminalProgress
+) -> tuple[Report, Outcome | None]:
+    """Run one cell to its end, whatever that is; only a stop by signal or keyboard passes through."""
+    tracked = is_tracked(plan.study, store)
+    run_id = None
+    try:
+        if tracked and cell.config.get("resume") and (done := _resumable(cell, plan, store)) is not None:
+            return _report(cell, plan, "resumed", run_id=done), None
+        arguments = jobs.arguments(cell.config)
+        if not tracked:
+            return _report(cell, plan, "finished"), _compute(cell, plan, store, progress, arguments, None)
+        run = store.start(
+            plan.study, cell.label or plan.study, {HASH_TAG: cell.hash, "ctus.kind": "job"}, plan.parent_id
+        )
+        run_id = run.run_id
+        with ending(run):
+            outcome = _compute(cell, plan, store, progress, arguments, run)
+        if run.lost:
+            _keep_for_later(cell, plan, run, outcome)
+        return _report(cell, plan, "finished", run_id=run_id, findings=outcome.findings), outcome
+    except user_errors() as refusal:
+        return _report(cell, plan, "refused", run_id=run_id, message=str(refusal)), None
+    except Exception as failure:
+        message = f"{type(failure).__name__}: {failure}\n{traceback.format_exc()}"
+        return _report(cell, plan, "failed", run_id=run_id, message=message), None
+
+
+def _keep_for_later(cell: Cell, plan: Plan, run: RunWriter, outcome: Outcome) -> None:
+    """Write a finished run that the tracking server did not get as files that ``study=import_runs`` reads."""
+    from experiments.tracking.archive import write_archive
+    from experiments.tracking.run_record import finished_run
+
+    folder = plan.folder_of(cell.hash) / "untracked"
+    write_archive([finished_run(run, cell.config, outcome)], folder)
+    print(
+        f"The tracking server did not come back. Once it answers, ctus study=import_runs archive={folder} tracks "
+        f"{cell.label or plan.study}.",
+        file=sys.stderr,
+    )
+
+
+def load_result(report: Report, cell: Cell, store: Store) -> CellResult:
+    """A finished cell as the summary sees it: from its folder where that is, else from the tracker."""
+    import pandas as pd
+
+    folder = Path(report.folder)
+    table = folder / "cases.parquet"
+    if _holds(folder, cell):
+        metrics = _read_metrics(folder / "metrics.json")
+        cases = pd.read_parquet(table) if table.is_file() else None
+    else:
+        metrics, cases = store.metrics(str(report.run_id)), store.cases(str(report.run_id))
+    return CellResult(cell.config, metrics, cases, folder, report.run_id, cell.choices)
+
+
+def write_outcome(outcome: Outcome, folder: Path) -> None:
+    """Keep metrics, per-case table, result tables and figures as files in ``folder``."""
+    files.write_text(
+        folder / "metrics.json", json.dumps({k: _json_number(v) for k, v in outcome.metrics.items()})
+    )
+    if outcome.cases is not None:
+        outcome.cases.to_parquet(folder / "cases.parquet", index=False)
+    if outcome.tables:
+        files.write_text(folder / "summary.md", terminal.markdown(dict(outcome.tables)))
+    for name, figure in outcome.figures.items():
+        save_figure(figure, folder / name)
+
+
+def log_results(run: RunWriter, outcome: Outcome, folder: Path, names: Sequence[str]) -> None:
+    """Log what the dashboard shows of an outcome, and the files ``names`` of ``folder``, which are written already.
+
+    What the tracker refuses is said and left out: by now the results are there, and nothing of them may be lost.
+    """
+    parts: dict[str, Callable[[], None]] = {
+        "the history": lambda: run.history(outcome.history),
+        "the metrics": lambda: run.metrics(outcome.metrics),
+        "the tags": lambda: run.tags(outcome.tags),
+        "the data sets": lambda: run.inputs(outcome.inputs),
+        "the files": lambda: run.files(folder, names),
+    }
+    for part, log in parts.items():
+        try:
+            log()
+        except Exception as refusal:
+            print(
+                f"The tracker refused {part} of run {run.run_id} ({_first_line(refusal)}); "
+                f"all results are in {folder}.",
+                file=sys.stderr,
+            )
+
+
+def log_config(run: RunWriter, config: Mapping[str, Any]) -> None:
+    """Log the resolved configuration as an artifact and as flat parameters."""
+    run.text(yaml.safe_dump(dict(config), sort_keys=False), "config.yaml")
+    run.params(flatten(config))
+
+
+def _compute(
+    cell: Cell,
+    plan: Plan,
+    store: Store,
+    progress: terminal.TerminalProgress,
+    arguments: dict[str, Any],
+    run: RunWriter | None,
+) -> Outcome:
+    """Run the study in a folder beside the final one; nothing appears under the final name unless all went well."""
+    module = jobs.study_module(plan.study)
+    if run is not None:
+        log_config(run, cell.config)
+    folder = plan.folder_of(cell.hash)
+    with files.staged(folder) as workspace:
+        arguments = {**arguments, **_injected(module.run, workspace, progress, store)}
+        outcome: Outcome = module.run(**arguments)
+        write_outcome(outcome, workspace)
+        files.write_text(workspace / "job.json", json.dumps({"study": plan.study, "config_hash": cell.hash}))
+        written = files.names_in(workspace)
+    # Only now: whatever the tracker does with them, the files are where the user looks for them.
+    if run is not None:
+        changed = jobs.hash_now(cell.config) != cell.hash
+        tags = {**outcome.tags, **({HASH_TAG: CHANGED} if changed else {})}
+        log_results(run, dataclasses.replace(outcome, tags=tags), folder, written)
+        if changed:
+            print(
+                f"{cell.label or plan.study}: what it reads has changed since the call began; its result may mix old "
+                "and new, and resume=true will run it again.",
+                file=sys.stderr,
+            )
+    return outcome
+
+
+def _injected(
+    function: Any, workspace: Path, progress: terminal.TerminalProgress, store: Store
+) -> dict[str, Any]:
+    offered = {"workspace": workspace, "progress": progress, "store": store}
+    return {name: offered[name] for name in inspect.signature(function).parameters if name in offered}
+
+
+def _resumable(cell: Cell, plan: Plan, store: Store) -> str | None:
+    """The finished run that a job need not repeat, with its files brought back where they are missing; or none.
+
+    A run whose files can't be had any more is not one: what reads them would find an empty folder.
+    """
+    done = store.finished(plan.study, cell.hash)
+    folder = plan.folder_of(cell.hash)
+    if done is None or _holds(folder, cell):
+        return done
+    try:
+        with files.staged(folder) as stage:
+            store.restore_files(done, stage)
+            if not files.names_in(stage):
+                raise LookupError("the tracker has none")
+    except Exception as failure:
+        print(
+            f"{cell.label or plan.study}: the files of its finished run {done} can't be brought back "
+            f"({_first_line(failure)}); it is run again.",
+            file=sys.stderr,
+        )
+        return None
+    return done
+
+
+def _holds(folder: Path, cell: Cell) -> bool:
+    """Whether the files in ``folder`` are those of this very job, not of one that used the same folder before."""
+    record = folder / "job.json"
+    return record.is_file() and json.loads(record.read_text(encoding="utf-8"))["config_hash"] == cell.hash
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0]
+
+
+def _report(
+    cell: Cell,
+    plan: Plan,
+    status: str,
+    *,
+    run_id: str | None = None,
+    message: str = "",
+    findings: tuple[str, ...] = (),
+) -> Report:
+    return Report(cell.hash, cell.label, status, str(plan.folder_of(cell.hash)), run_id, message, findings)
+
+
+def _json_number(value: float) -> float | str:
+    # JSON has no NaN or infinity; as text they survive, and nobody takes them for a number.
+    return float(value) if math.isfinite(value) else str(float(value))
+
+
+def _read_metrics(path: Path) -> dict[str, float]:
+    return {key: float(value) for key, value in json.loads(path.read_text(encoding="utf-8")).items()}

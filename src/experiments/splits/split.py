@@ -1,0 +1,113 @@
+"""Which cases train, which stop the training, which are scored, and which stay outside all folds: by whole groups.
+
+A group has one of three roles: cross-validation, ``selection`` (on which every choice made from the folds' models is
+fitted) or ``test`` (scored once). A fold divides the cross-validation groups into ``train``, ``validation`` (early
+stopping) and ``test`` (its left-out part, scored out-of-fold). To tell the two apart, the cases of the groups whose
+role is test are called ``held_out`` everywhere in the program.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from experiments.errors import InputError
+from experiments.files import write_text
+from experiments.unicode_names import same_name
+from models.labelled_frames import LabelledFrames
+
+FOLD_SIDES = ("train", "validation", "test")
+OUTSIDE = ("selection", "held_out")
+
+
+@dataclass(frozen=True)
+class Split:
+    """The case ids of one fold, with the group of each.
+
+    ``train``, ``validation`` and ``test`` are the fold's own; ``selection`` and ``held_out`` lie outside all folds and
+    may be empty. ``outer_fold`` is set where folds are nested: its groups are then ``held_out``. Raises InputError for
+    an empty side of the fold, a case named twice, and a group on two sides, which it names.
+    """
+
+    fold: int
+    folds: int
+    train: tuple[str, ...]
+    validation: tuple[str, ...]
+    test: tuple[str, ...]
+    groups: dict[str, str]
+    selection: tuple[str, ...] = ()
+    held_out: tuple[str, ...] = ()
+    outer_fold: int | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.fold < self.folds:
+            raise InputError(f"fold: expected 0 to {self.folds - 1}, received {self.fold}")
+        side_of: dict[str, str] = {}
+        for side in (*FOLD_SIDES, *OUTSIDE):
+            cases: tuple[str, ...] = getattr(self, side)
+            if not cases and side in FOLD_SIDES:
+                raise InputError(f"{side}: expected at least one case in {self.place}, received none")
+            if len(set(cases)) != len(cases):
+                raise InputError(f"{side}: expected each case once in {self.place}, received one twice")
+            for case in cases:
+                group = self.groups[case]
+                if side_of.setdefault(group, side) != side:
+                    raise InputError(
+                        f"groups: expected group {group!r} on one side of {self.place}, "
+                        f"found it in {side_of[group]} and {side}"
+                    )
+
+    @property
+    def place(self) -> str:
+        """Which fold this is, in words."""
+        return f"fold {self.fold}" + ("" if self.outer_fold is None else f" of outer fold {self.outer_fold}")
+
+    def of(self, frames: LabelledFrames, side: str) -> LabelledFrames:
+        """The frames of one side; InputError if a case is not among ``frames``."""
+        place = {case: index for index, case in enumerate(frames.case_ids)}
+        cases: tuple[str, ...] = getattr(self, side)
+        missing = next((case for case in cases if case not in place), None)
+        if missing is not None:
+            raise InputError(f"split: expected cases of the data set, received {missing!r}, which it has not")
+        return frames.subset(place[case] for case in cases)
+
+    def sides(self) -> Iterator[tuple[str, str]]:
+        """Every case with the side it is on."""
+        for side in (*FOLD_SIDES, *OUTSIDE):
+            for case in getattr(self, side):
+                yield case, side
+
+    def write(self, path: Path) -> None:
+        """Write this fold as JSON, as ``python -m models.train`` reads it."""
+        write_text(path, json.dumps(asdict(self), indent=1))
+
+    @staticmethod
+    def read(path: Path) -> Split:
+        """Read what ``write`` wrote; InputError if it is not that."""
+        content = read_json(path)
+        try:
+            return from_json(content)
+        except (KeyError, TypeError, AttributeError) as error:
+            raise InputError(f"{path}: expected a split written as JSON, received another file") from error
+
+
+def read_json(path: Path) -> Any:
+    """The content of a JSON file; InputError if it can't be read as one."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"{path}: expected a split written as JSON, received another file ({error})"
+        ) from error
+
+
+def from_json(content: dict[str, Any]) -> Split:
+    """A fold of the content of a file; KeyError or TypeError if it is not one."""
+    sides = {side: tuple(map(same_name, content[side])) for side in FOLD_SIDES}
+    # A file that knows no groups outside the folds says nothing of them.
+    outside = {side: tuple(map(same_name, content.get(side, ()))) for side in OUTSIDE}
+    groups = {same_name(case): same_name(group) for case, group in content["groups"].items()}
+    return Split(**{**content, **sides, **outside, "groups": groups})

@@ -1,0 +1,160 @@
+"""Study ``consistency``: repeated sweeps of a phantom, reconstructed, compared with each other and with the truth."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from experiments.analysis.variants import told_apart
+from experiments.errors import InputError
+from experiments.outcome import CellResult, Outcome, Progress
+from experiments.paths import PathSetting
+from experiments.studies.consistency.repeats import common, pair, tried
+from experiments.studies.consistency.report import PAIR, describe, figures, metrics, tables
+from registration.phantom.scan import simulate_sweep
+from registration.phantom.settings import MESH, PhantomSettings
+from registration.pipeline import CloudFilter, Reconstruction
+from registration.reconstruction.contours import ContourExtractor
+from registration.reconstruction.mask_outliers import MaskOutliers
+from registration.reconstruction.surface import SurfaceMethod
+from registration.reconstruction.taubin import TaubinSmoothing
+from registration.reconstruction.vessel_pieces import VesselPieces
+
+if TYPE_CHECKING:
+    from models.predictor import Predictor
+
+MASKS = ("exact", "model")
+
+
+def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """One cell for each phantom."""
+    phantoms = config.get("phantoms")
+    if not isinstance(phantoms, Sequence) or isinstance(phantoms, str) or not phantoms:
+        raise InputError(f"phantoms: expected a list of phantoms, received {phantoms!r}")
+    return [{"phantoms": [name]} for name in phantoms]
+
+
+def check(
+    *,
+    phantom: PhantomSettings,
+    phantoms: Sequence[str],
+    sweeps: int,
+    masks: str,
+    model_path: PathSetting | None,
+) -> None:
+    """Raise InputError for settings that allow no comparison."""
+    _settings(phantom, phantoms)
+    if isinstance(sweeps, bool) or not isinstance(sweeps, int) or sweeps < 2:
+        raise InputError(f"sweeps: expected a whole number of at least 2, received {sweeps!r}")
+    if masks not in MASKS:
+        raise InputError(f"masks: expected {' or '.join(MASKS)}, received {masks!r}")
+    if (masks == "model") != (model_path is not None):
+        raise InputError(f"model_path: expected a network with masks=model only, received {model_path!r}")
+    if model_path is not None and not Path(model_path).is_file():
+        raise InputError(
+            f"model_path: expected a network trained by study=segmentation (model.pt), received {model_path!r}"
+        )
+
+
+def run(
+    *,
+    phantom: PhantomSettings,
+    phantoms: Sequence[str],
+    mask_outliers: MaskOutliers,
+    contours: ContourExtractor,
+    filters: Mapping[str, CloudFilter],
+    surface: SurfaceMethod,
+    pieces: VesselPieces,
+    smoothing: TaubinSmoothing,
+    sweeps: int,
+    masks: str,
+    model_path: PathSetting | None,
+    max_gap_s: float,
+    samples: int,
+    seed: int,
+    workspace: Path,
+    progress: Progress,
+) -> Outcome:
+    """Reconstruct ``sweeps`` simulated sweeps of one phantom and compare all pairs, and each with the anatomy.
+
+    Pairs are compared as tracked, without any registration, as the sweeps share their world; and once more with the
+    known deformation taken out. The truth is the undeformed anatomy, so what is compared with it is each place of the
+    tissue. A sweep that cannot be reconstructed is infinitely far from all others. Raises InputError for settings that
+    allow no comparison, and where no sweep can be reconstructed.
+    """
+    import pandas as pd
+
+    del workspace
+    check(phantom=phantom, phantoms=phantoms, sweeps=sweeps, masks=masks, model_path=model_path)
+    settings = _settings(phantom, phantoms)
+    chain = Reconstruction(contours, filters, surface, smoothing, None, mask_outliers, pieces)
+    predictor = _predictor(model_path)
+    repeats = []
+    for number in progress.track(range(sweeps), f"{settings.subset}: sweeps", sweeps):
+        truth = simulate_sweep(settings, number, pictures=predictor is not None)
+        repeats.append(tried(truth, chain, predictor, max_gap_s, (samples, seed)))
+    known = [repeat for repeat in repeats if repeat.row["error"] == ""]
+    if not known:
+        raise InputError(
+            f"sweeps: expected some that can be reconstructed, received none ({repeats[0].row['error']})"
+        )
+    pairs = list(itertools.combinations(range(sweeps), 2))
+    rows = [{**repeat.row, "first": number} for number, repeat in enumerate(repeats)]
+    rows.append(common([repeat.offset_mm for repeat in known]))
+    for first, second in progress.track(pairs, f"{settings.subset}: pairs", len(pairs)):
+        numbers = {"kind": PAIR, "first": first, "second": second}
+        rows.append(numbers | pair(repeats[first], repeats[second], (samples, seed)))
+    cases = pd.DataFrame(rows).assign(phantom=settings.subset, masks=masks, simulated=True)
+    return Outcome(
+        metrics=metrics(cases),
+        cases=cases,
+        tables=tables(cases),
+        figures=figures(cases),
+        findings=describe(cases),
+        tags={"phantom": settings.subset, "masks": masks, "simulated": "true"},
+    )
+
+
+def summarise(cells: list[CellResult]) -> Outcome:
+    """Set all phantoms side by side."""
+    import pandas as pd
+
+    kept = [cell for cell in cells if cell.cases is not None and len(cell.cases)]
+    if not kept:
+        return Outcome(findings=("No job has sweeps to compare.",))
+    # Sweeps of one phantom that were made or reconstructed otherwise are not repeats of each other.
+    tables_of = [cell.cases for cell in kept if cell.cases is not None]
+    phantoms = told_apart(kept, [str(rows["phantom"].iloc[0]) for rows in tables_of], ("phantoms",))
+    cases = pd.concat(
+        [rows.assign(phantom=phantom) for rows, phantom in zip(tables_of, phantoms, strict=True)],
+        ignore_index=True,
+    )
+    return Outcome(
+        metrics=metrics(cases),
+        cases=cases,
+        tables=tables(cases),
+        figures=figures(cases),
+        findings=describe(cases),
+    )
+
+
+def _settings(phantom: PhantomSettings, phantoms: Sequence[str]) -> PhantomSettings:
+    if len(phantoms) != 1:
+        raise InputError(f"phantoms: expected one phantom a job, received {len(phantoms)}")
+    if bool(phantom.mesh) != (phantoms[0] == MESH):
+        raise InputError(
+            f"phantoms: expected [{MESH}] with phantom.mesh and only then, received {phantoms[0]!r} "
+            f"and phantom.mesh={phantom.mesh!r}"
+        )
+    return replace(phantom, subset=phantoms[0])
+
+
+def _predictor(model_path: PathSetting | None) -> Predictor | None:
+    if model_path is None:
+        return None
+    from models.predictor import Predictor
+
+    return Predictor.load(model_path)

@@ -1,0 +1,167 @@
+"""What a network trained on one data set is worth on another: each fold scored on the unseen cases of both."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from experiments import registry
+from experiments.analysis.segmentation.case_table import place_of, smoke_note
+from experiments.analysis.segmentation.findings import (
+    describe_transfer,
+    pool,
+    pooled_metrics,
+    training_curves,
+    transfer_map,
+    transfer_table,
+)
+from experiments.analysis.segmentation.fold_run import FoldRun, fold_cells, training_metrics
+from experiments.datasets.protocol import (
+    DataSet,
+    input_data,
+    name_of,
+    notes_of,
+    outside_groups,
+    reported_name,
+    require_root,
+)
+from experiments.errors import InputError
+from experiments.outcome import CellResult, Outcome, Progress
+from experiments.splits.group_splits import GroupSplits
+from experiments.studies import segmentation
+
+if TYPE_CHECKING:
+    from models.networks.registry import NetworkRecipe
+    from models.preprocessing.preprocessing import Preprocessing
+    from models.training.augmentation import Augmentation
+    from models.training.losses import Loss
+    from models.training.settings import TrainerSettings
+
+DOMAINS = ("first", "second")
+
+
+def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """One cell for each data set to train on and each fold, or for those that ``train_on`` and ``fold`` name."""
+    for domain in DOMAINS:
+        if not isinstance(config[domain], Mapping):
+            raise InputError(
+                f"{domain}: expected a data set, as dataset@{domain}=phantom gives it, received {config[domain]!r}"
+            )
+    split = registry.build(config["split"], "split")
+    if split.outer_folds is not None or split.file is not None:
+        raise InputError("split: expected folds of both data sets alike, received outer_folds or a file")
+    asked = config.get("train_on")
+    if asked is not None and asked not in DOMAINS:
+        raise InputError(f"train_on: expected first, second, or null for both, received {asked!r}")
+    return [
+        {"train_on": domain, **cell}
+        for domain in (DOMAINS if asked is None else (asked,))
+        for cell in fold_cells(split, None, config.get("fold"))
+    ]
+
+
+def check(*, first: DataSet, second: DataSet, model: NetworkRecipe, preprocessing: Preprocessing) -> None:
+    """Raise InputError if a data set is not there, the two can't be told apart, or the image size does not fit."""
+    segmentation.check(model=model, preprocessing=preprocessing)
+    for place, dataset in (("first", first), ("second", second)):
+        with _at(place):
+            require_root(dataset)
+    if name_of(first) == name_of(second):
+        raise InputError(
+            f"second: expected a data set of another name than first, received {name_of(second)!r} twice"
+        )
+
+
+@contextmanager
+def _at(place: str) -> Iterator[None]:
+    """Name a data set's settings by their place here: there is no ``dataset.root`` to pass, but a ``first.root``."""
+    try:
+        yield
+    except InputError as refusal:
+        raise InputError(re.sub(r"\bdataset\.(?=\w+=)", f"{place}.", str(refusal))) from refusal
+
+
+def run(
+    *,
+    first: DataSet,
+    second: DataSet,
+    split: GroupSplits,
+    model: NetworkRecipe,
+    preprocessing: Preprocessing,
+    trainer: TrainerSettings,
+    augmentation: Augmentation,
+    loss: Loss,
+    train_on: str,
+    fold: int,
+    seed: int,
+    workspace: Path,
+    progress: Progress,
+) -> Outcome:
+    """Train one fold of one data set; score that fold's unseen cases of both.
+
+    Over all folds, every case of both data sets is scored once by networks of either, so that the table's columns
+    are about the same cases. Leaves ``model.pt`` and ``split.json`` in ``workspace``.
+    """
+    import pandas as pd
+
+    sets = {"first": first, "second": second}
+    progress.note(f"reading {name_of(first)} and {name_of(second)}")
+    frames = {}
+    for domain, dataset in sets.items():
+        with _at(domain):
+            frames[domain] = dataset()
+    folds = {
+        domain: split(frames[domain], **outside_groups(dataset)).fold(fold)
+        for domain, dataset in sets.items()
+    }
+    folds[train_on].write(workspace / "split.json")
+    one = FoldRun(model, preprocessing, trainer, augmentation, loss, seed, fold)
+    trained = one.train(frames[train_on], folds[train_on], workspace, progress)
+    source = {
+        "train_dataset": reported_name(sets[train_on]),
+        "train_simulated": frames[train_on].simulated,
+    }
+    cases = pd.concat(
+        [
+            one.score(trained, dataset, folds[domain].of(frames[domain], "test"), progress, **source)[0]
+            for domain, dataset in sets.items()
+        ],
+        ignore_index=True,
+    )
+    return Outcome(
+        metrics={**pooled_metrics(cases), **training_metrics(trained)},
+        cases=cases,
+        history=trained.history,
+        tables={"transfer": transfer_table(cases)},
+        figures={
+            "training_curves": training_curves(
+                trained.history, trained.best_epoch, f"{one.model_name} on {source['train_dataset']}"
+            )
+        },
+        findings=smoke_note(cases) + tuple(note for dataset in sets.values() for note in notes_of(dataset)),
+        tags={"model": one.model_name, "train_dataset": str(source["train_dataset"])},
+        inputs=tuple(input_data(dataset, frames[domain]) for domain, dataset in sets.items()),
+    )
+
+
+def summarise(cells: list[CellResult]) -> Outcome:
+    """The table of train and test domain over all folds, as a figure too, and what the other domain costs."""
+    cases = pool(cells, factors=("train_on",))
+    transfer = transfer_table(cases)
+    several = len(set(transfer["model"])) > 1
+    metrics = {}
+    for row in transfer.to_dict("records"):
+        place = f"{place_of(row['trained_on'])}_to_{place_of(row['tested_on'])}"
+        metrics[f"{row['model']}/dsc_mean/{place}" if several else f"dsc_mean/{place}"] = float(
+            row["dsc_mean"]
+        )
+    return Outcome(
+        metrics=metrics,
+        cases=cases,
+        tables={"transfer": transfer},
+        figures={"transfer": transfer_map(transfer)} if len(transfer) else {},
+        findings=(*describe_transfer(cases), *smoke_note(cases)),
+    )

@@ -1,0 +1,264 @@
+"""Anyone's masks beside reference masks: which files belong together, and a row of scores for each case."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.datasets.images.image_files import image_files, read_labels, read_mask
+from experiments.errors import InputError
+from experiments.outcome import Progress
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# Without a label, masks hold 0 and 1, or 0 and 255.
+VESSEL, BACKGROUND = (1, 255), (0,)
+ANY_LABEL = range(256)
+QUOTED = (
+    "cases",
+    "cases_missing",
+    "dsc_mean",
+    "dsc_median",
+    "hd95_mm_mean",
+    "hd95_mm_median",
+    "hd95_px_mean",
+    "hd95_px_median",
+    "hd95_surfel_mm_mean",
+    "missed_rate",
+    "false_alarm_rate",
+)
+
+
+@dataclass(frozen=True)
+class MaskLabels:
+    """Which values of the masks are the vessel.
+
+    ``reference`` and ``prediction`` are the labels that are scored, None for masks of 0 and 1, or 0 and 255.
+    ``ignored`` is what the reference calls pixels that nobody labelled: they are scored neither way.
+    """
+
+    reference: tuple[int, ...] | None = None
+    prediction: tuple[int, ...] | None = None
+    ignored: int | None = None
+
+    @staticmethod
+    def of(label: Any, prediction_label: Any, ignore_label: Any) -> MaskLabels:
+        """From the settings: a number or several, or None; InputError for any other."""
+        reference = _labels("label", label)
+        prediction = _labels("prediction_label", prediction_label)
+        ignored = _labels("ignore_label", ignore_label)
+        if reference is None and (prediction is not None or ignored is not None):
+            raise InputError(
+                "label: expected the vessel's label beside prediction_label or ignore_label, received none"
+            )
+        if ignored is not None and (len(ignored) > 1 or ignored[0] in (reference or ())):
+            raise InputError(
+                f"ignore_label: expected one label, and not the vessel's, received {ignore_label!r}"
+            )
+        return MaskLabels(reference, prediction or reference, None if ignored is None else ignored[0])
+
+
+@dataclass(frozen=True)
+class MaskPairs:
+    """Reference masks by name, predicted masks of the same names, and predictions that have no reference.
+
+    ``spacing_mm`` is (vertical, horizontal), None where it is not known. ``labels`` says what is scored.
+    """
+
+    references: Mapping[str, Path]
+    predictions: Mapping[str, Path]
+    unused: tuple[str, ...]
+    spacing_mm: tuple[float, float] | None
+    labels: MaskLabels = MaskLabels()
+
+    @property
+    def missing(self) -> list[str]:
+        """The references without a prediction."""
+        return [name for name in self.references if name not in self.predictions]
+
+
+def pair_masks(
+    prediction: Path, reference: Path, spacing_mm: Any, labels: MaskLabels = MaskLabels()
+) -> MaskPairs:
+    """Say which prediction belongs to which reference, by name; one file goes with one file whatever their names.
+
+    Raises InputError for paths that are not there, a folder against a file, folders that share no name, or a spacing
+    that is none.
+    """
+    spacing = require_spacing(spacing_mm)
+    if reference.is_file() and prediction.is_file():
+        return MaskPairs({reference.stem: reference}, {reference.stem: prediction}, (), spacing, labels)
+    if reference.is_file() or prediction.is_file():
+        kinds = {True: "a file", False: "a folder"}
+        raise InputError(
+            f"prediction: expected {kinds[reference.is_file()]}, as reference is, received "
+            f"{kinds[prediction.is_file()]} {prediction}"
+        )
+    references, found = image_files(reference), image_files(prediction)
+    predictions = {name: path for name, path in found.items() if name in references}
+    if not predictions:
+        raise InputError(
+            f"prediction: expected masks named as those in {reference} ({next(iter(references))}, ...), "
+            f"received none of these names in {prediction}"
+        )
+    unused = tuple(name for name in found if name not in references)
+    return MaskPairs(references, predictions, unused, spacing, labels)
+
+
+def require_spacing(value: Any) -> tuple[float, float] | None:
+    """A pixel's size in mm, (vertical, horizontal), from one number or two; None if it is not known."""
+    if value is None:
+        return None
+    sides = list(value) if isinstance(value, (list, tuple)) else [value, value]
+    known = all(isinstance(side, (int, float)) and not isinstance(side, bool) for side in sides)
+    if len(sides) != 2 or not known or not all(np.isfinite(side) and side > 0 for side in sides):
+        raise InputError(
+            f"spacing_mm: expected one positive number, two (vertical, horizontal) or null, received {value!r}"
+        )
+    return float(sides[0]), float(sides[1])
+
+
+def mask_rows(pairs: MaskPairs, progress: Progress) -> Iterator[dict[str, Any]]:
+    """A row a reference, in order of name.
+
+    A missing prediction is an empty mask, which misses the vessel; where there is no vessel to miss it has no score.
+    Pixels that the reference calls not labelled count in neither mask. Raises InputError for masks of different size or
+    with other labels.
+    """
+    from models.metrics.scoring import CaseScore, columns_for, score_case
+
+    columns = columns_for([pairs.spacing_mm])
+    _require_labels(pairs)
+    for name, path in progress.track(pairs.references.items(), "scoring masks", len(pairs.references)):
+        reference = _mask(path, pairs.labels.reference)
+        given = pairs.predictions.get(name)
+        if given is not None:
+            predicted = _prediction(given, path, reference.shape, pairs)
+            if pairs.labels.ignored is not None:
+                predicted &= ~_mask(path, (pairs.labels.ignored,))
+            score = score_case(predicted, reference, pairs.spacing_mm)
+        elif reference.any():
+            score = score_case(np.zeros_like(reference), reference, pairs.spacing_mm)
+        else:
+            score = CaseScore()
+        yield {
+            "case_id": name,
+            "missing": given is None,
+            **{column: getattr(score, column) for column in columns},
+        }
+
+
+def mask_metrics(cases: pd.DataFrame) -> dict[str, float]:
+    """The summary of all scores, and how many predictions were missing."""
+    from models.metrics.scoring import CaseScore, summarise
+
+    scores = {name: cases[name].tolist() for name in CaseScore.__dataclass_fields__ if name in cases}
+    return summarise(scores) | {"cases": float(len(cases)), "cases_missing": float(cases["missing"].sum())}
+
+
+def describe_masks(cases: pd.DataFrame, metrics: Mapping[str, float], pairs: MaskPairs) -> tuple[str, ...]:
+    """What was found, in sentences."""
+    unit = "px" if pairs.spacing_mm is None else "mm"
+    shown = int(cases["missed"].notna().sum())
+    said = []
+    if shown:
+        said.append(
+            f"{shown} masks with a vessel: mean DSC {metrics['dsc_mean']:.3f} (median {metrics['dsc_median']:.3f}), "
+            f"mean HD95 {metrics[f'hd95_{unit}_mean']:.2f} {unit}, {int(cases['missed'].sum())} vessels missed."
+        )
+    empty = int(cases["false_alarm"].notna().sum())
+    if empty:
+        said.append(f"{empty} masks without a vessel: {int(cases['false_alarm'].sum())} false alarms.")
+    if pairs.missing:
+        said.append(
+            f"{len(pairs.missing)} of {len(cases)} predictions are missing and count as misses "
+            f"(first: {pairs.missing[0]})."
+        )
+    if pairs.unused:
+        said.append(
+            f"{len(pairs.unused)} predictions have no reference and are not scored (first: {pairs.unused[0]})."
+        )
+    if pairs.labels.reference is not None:
+        said.append(f"The vessel is label {_listed(pairs.labels.reference)} of the reference masks.")
+    if pairs.spacing_mm is None:
+        said.append("Distances are in pixels: pass spacing_mm=<mm a pixel> to have them in millimetres.")
+    return tuple(said)
+
+
+def mask_table(metrics: Mapping[str, float]) -> pd.DataFrame:
+    """One row: the means that are quoted."""
+    import pandas as pd
+
+    return pd.DataFrame([{name: metrics[name] for name in QUOTED if name in metrics}])
+
+
+def _labels(setting: str, value: Any) -> tuple[int, ...] | None:
+    if value is None:
+        return None
+    labels = tuple(value) if isinstance(value, (list, tuple)) else (value,)
+    whole = all(isinstance(one, int) and not isinstance(one, bool) and one > 0 for one in labels)
+    if not labels or not whole:
+        raise InputError(f"{setting}: expected a label from 1, several, or null, received {value!r}")
+    return tuple(dict.fromkeys(labels))
+
+
+def _require_labels(pairs: MaskPairs) -> None:
+    """Raise InputError where no reference has the label that is scored, or predictions have other labels than these.
+
+    Predictions with labels that references do not hold, or with others alone, were written in another way: they would
+    be scored as empty.
+    """
+    wanted, predicted = pairs.labels.reference, pairs.labels.prediction
+    if wanted is None or predicted is None:
+        return
+    held = _held(pairs.references.values(), wanted)
+    if not held & set(wanted):
+        raise InputError(
+            f"label: expected one that the reference masks hold ({_listed(held)}), received {_listed(wanted)}"
+        )
+    found = _held(pairs.predictions.values(), predicted)
+    foreign = found - {0, *predicted} - held
+    others = found - {0, *predicted}
+    if foreign or (others and not found & set(predicted)):
+        raise InputError(
+            f"prediction: expected masks with the label {_listed(predicted)} and other labels of the reference "
+            f"({_listed(held)}), received {_listed(found)}; pass prediction_label=<label of the vessel there>"
+        )
+
+
+def _held(paths: Collection[Path], vessel: tuple[int, ...]) -> set[int]:
+    """The values that masks hold, each decoded as a label image."""
+    held: set[int] = set()
+    for path in paths:
+        held |= set(np.unique(read_labels(path, vessel, ANY_LABEL)).tolist())
+    return held
+
+
+def _listed(labels: Collection[int]) -> str:
+    return ", ".join(map(str, sorted(labels)))
+
+
+def _mask(path: Path, labels: tuple[int, ...] | None) -> np.ndarray:
+    if labels is not None:
+        return np.isin(read_labels(path, labels, ANY_LABEL), labels)
+    try:
+        return read_mask(path, VESSEL, BACKGROUND)
+    except InputError as refusal:
+        if "expected labels" not in str(refusal):
+            raise
+        raise InputError(f"{refusal}; pass label=<the vessel's> for masks of several labels") from refusal
+
+
+def _prediction(path: Path, reference: Path, size: tuple[int, ...], pairs: MaskPairs) -> np.ndarray:
+    found = _mask(path, pairs.labels.prediction)
+    if found.shape != size:
+        raise InputError(
+            f"{path}: expected the size of its reference {reference}, {size[1]}x{size[0]}, "
+            f"received {found.shape[1]}x{found.shape[0]}"
+        )
+    return found

@@ -1,0 +1,255 @@
+"""The page of a sweep: frames to scrub through, the probe's path with the image planes, timing, dropped frames.
+
+One HTML file with everything in it: scripts, pictures and plots.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.outcome import Progress
+from registration import transforms
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from registration.sweep import PosedFrames, TrackedSweep
+
+# So many outlines of image planes still let the path be seen.
+_MOST_PLANES = 40
+_JPEG_QUALITY = 80
+_BAR = {"title": "time_s", "len": 0.7, "y": 0.4, "thickness": 14}
+_KEPT, _DROPPED, _CHOSEN = "#2a6f97", "#d1495b", "#f2a541"
+
+
+def page(
+    name: str,
+    sweep: TrackedSweep,
+    posed: PosedFrames,
+    reasons: np.ndarray,
+    table: pd.DataFrame,
+    shown_frames: int,
+    shown_px: int,
+    progress: Progress,
+) -> str:
+    """The whole page as text; ``reasons`` (n,) says why each frame has no pose, empty where it has one."""
+    from plotly.offline import get_plotlyjs  # type: ignore[import-untyped]
+
+    corners_mm = _corners_mm(sweep, posed)
+    shown = _evenly(len(sweep.images), shown_frames)
+    viewer = [
+        _viewed(sweep, posed, reasons, corners_mm, frame, shown_px)
+        for frame in progress.track(shown.tolist(), "frames", total=len(shown))
+    ]
+    plots = {
+        "space": _space(sweep, corners_mm),
+        "intervals": _intervals(sweep),
+        "timeline": _timeline(sweep, reasons),
+    }
+    content = {
+        "name": escape(name),
+        "rows": "\n".join(
+            f"<tr><th>{escape(what)}</th><td>{escape(value)}</td></tr>" for what, value in table.values
+        ),
+        "plotly": get_plotlyjs(),
+        "frames": _script_json(viewer),
+        "plots": _script_json({key: json.loads(figure.to_json()) for key, figure in plots.items()}),
+        "last": str(max(0, len(viewer) - 1)),
+    }
+    filled = _TEMPLATE
+    for key, text in content.items():
+        filled = filled.replace(f"@@{key}@@", text)
+    return filled
+
+
+def _evenly(count: int, most: int) -> np.ndarray:
+    """At most ``most`` indices of ``count`` things, evenly chosen, first and last among them."""
+    return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(int))
+
+
+def _viewed(
+    sweep: TrackedSweep,
+    posed: PosedFrames,
+    reasons: np.ndarray,
+    corners_mm: np.ndarray,
+    frame: int,
+    shown_px: int,
+) -> dict[str, Any]:
+    """What the viewer shows of a frame: its picture, what is said of it, and its outline where it has a pose."""
+    at = np.flatnonzero(posed.kept == frame)
+    dropped = f", dropped: {reasons[frame]}" if reasons[frame] else ""
+    return {
+        "picture": _picture(sweep.images[frame], shown_px),
+        "label": f"frame {frame}, {sweep.image_times_s[frame]:.4f} s{dropped}",
+        "outline": corners_mm[at[0]].T.tolist() if len(at) else None,
+    }
+
+
+def _script_json(value: Any) -> str:
+    """JSON that can stand inside a script element whatever text it holds."""
+    return json.dumps(value).replace("</", "<\\/")
+
+
+def _picture(image: np.ndarray, shown_px: int) -> str:
+    """A frame as the address of an embedded JPEG."""
+    from PIL import Image
+
+    picture = Image.fromarray(image)
+    picture.thumbnail((shown_px, shown_px))
+    stream = io.BytesIO()
+    picture.save(stream, "JPEG", quality=_JPEG_QUALITY)
+    return "data:image/jpeg;base64," + base64.b64encode(stream.getvalue()).decode()
+
+
+def _corners_mm(sweep: TrackedSweep, posed: PosedFrames) -> np.ndarray:
+    """The closed outline (k, 5, 3) of every posed image in the world, from its first pixel around."""
+    height, width = sweep.images.shape[1:]
+    right, bottom = max(width - 1, 0), max(height - 1, 0)
+    around = np.array(
+        [[0, 0, 0], [right, 0, 0], [right, bottom, 0], [0, bottom, 0], [0, 0, 0]], dtype=np.float64
+    )
+    return np.array([transforms.apply(matrix, around) for matrix in posed.world_A_pixel]).reshape(-1, 5, 3)
+
+
+def _space(sweep: TrackedSweep, corners_mm: np.ndarray) -> Any:
+    """The end effector's path and image planes; the last trace is the plane of the frame that is looked at."""
+    import plotly.graph_objects as go  # type: ignore[import-untyped]
+
+    path = sweep.world_T_ee[:, :3, 3]
+    some = _evenly(len(corners_mm), _MOST_PLANES)
+    gaps = np.full((len(some), 1, 3), np.nan)
+    planes = np.concatenate([corners_mm[some], gaps], axis=1).reshape(-1, 3)
+    figure = go.Figure()
+    elapsed_s = sweep.pose_times_s - sweep.pose_times_s[:1]
+    figure.add_scatter3d(
+        **_xyz(path),
+        mode="lines+markers",
+        name="end effector",
+        marker={"size": 2, "color": elapsed_s, "colorscale": "Viridis", "colorbar": _BAR},
+        line={"color": "#888888", "width": 2},
+    )
+    figure.add_scatter3d(**_xyz(planes), mode="lines", name="image planes", line={"color": _KEPT, "width": 1})
+    figure.add_scatter3d(
+        **_xyz(corners_mm[:1].reshape(-1, 3)),
+        mode="lines",
+        name="this frame",
+        line={"color": _CHOSEN, "width": 7},
+    )
+    axes = {f"{axis}axis": {"title": f"{axis}_mm"} for axis in "xyz"}
+    figure.update_layout(
+        scene={"aspectmode": "data", "camera": {"eye": {"x": 1.6, "y": 1.6, "z": 1.1}}, **axes},
+        margin={"l": 0, "r": 0, "t": 0, "b": 0},
+        legend={"x": 0, "y": 1},
+    )
+    return figure
+
+
+def _intervals(sweep: TrackedSweep) -> Any:
+    """How far apart in time frames and poses are."""
+    from plotly.subplots import make_subplots  # type: ignore[import-untyped]
+
+    figure = make_subplots(rows=1, cols=2, subplot_titles=("between frames", "between poses"))
+    for column, times_s in enumerate((sweep.image_times_s, sweep.pose_times_s), start=1):
+        # Clocks are read to a microsecond at best: finer differences are rounding.
+        intervals_ms = np.diff(times_s).round(6) * 1e3
+        low_ms, high_ms = (intervals_ms.min(), intervals_ms.max()) if len(intervals_ms) else (0.0, 1.0)
+        # A steady clock gives one bar, which needs room on both sides to be seen.
+        margin_ms = max(0.05 * (high_ms - low_ms), 0.05 * high_ms)
+        counts, edges_ms = np.histogram(
+            intervals_ms, bins=60, range=(low_ms - margin_ms, high_ms + margin_ms)
+        )
+        centres_ms = (edges_ms[:-1] + edges_ms[1:]) / 2
+        figure.add_bar(
+            x=centres_ms.tolist(), y=counts.tolist(), width=float(edges_ms[1] - edges_ms[0]),
+            marker_color=_KEPT, row=1, col=column,
+        )  # fmt: skip
+        figure.update_xaxes(title="interval_ms", row=1, col=column)
+        figure.update_yaxes(title="count", type="log", row=1, col=column)
+    figure.update_layout(showlegend=False, margin={"l": 50, "r": 10, "t": 30, "b": 40})
+    return figure
+
+
+def _timeline(sweep: TrackedSweep, reasons: np.ndarray) -> Any:
+    """When each frame was taken and what became of it, with the poses below."""
+    import plotly.graph_objects as go
+
+    figure = go.Figure()
+    start_s = min([*sweep.image_times_s[:1], *sweep.pose_times_s[:1]])
+    for reason in ["", *sorted({str(reason) for reason in reasons} - {""})]:
+        chosen = reasons == reason
+        label = f"dropped: {reason}" if reason else "frames with a pose"
+        figure.add_scatter(
+            x=(sweep.image_times_s[chosen] - start_s).tolist(),
+            y=[label] * int(chosen.sum()),
+            mode="markers",
+            name=label,
+            marker={"color": _DROPPED if reason else _KEPT, "symbol": "line-ns-open", "size": 10},
+        )
+    figure.add_scatter(
+        x=(sweep.pose_times_s - start_s).tolist(),
+        y=["poses"] * len(sweep.pose_times_s),
+        mode="markers",
+        name="poses",
+        marker={"color": "#888888", "symbol": "line-ns-open", "size": 10},
+    )
+    figure.update_xaxes(title="time_s")
+    figure.update_layout(showlegend=False, margin={"l": 10, "r": 10, "t": 10, "b": 40})
+    figure.update_yaxes(automargin=True)
+    return figure
+
+
+def _xyz(points_mm: np.ndarray) -> dict[str, list[float | None]]:
+    """Coordinates as plotly takes them, where None breaks a line."""
+    return {
+        axis: [None if np.isnan(value) else round(float(value), 3) for value in points_mm[:, index]]
+        for index, axis in enumerate("xyz")
+    }
+
+
+_TEMPLATE = """<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><title>@@name@@</title>
+<style>
+body { font-family: system-ui, sans-serif; margin: 1.2rem; color: #222; max-width: 1500px; }
+h1 { font-size: 1.3rem; } h2 { font-size: 1.05rem; margin: 1.2rem 0 .4rem; }
+table { border-collapse: collapse; font-size: .9rem; } th { text-align: left; font-weight: 600; }
+th, td { padding: .15rem .8rem .15rem 0; vertical-align: top; }
+.pair { display: grid; grid-template-columns: minmax(320px, 1fr) minmax(420px, 1.4fr); gap: 1.2rem; }
+#picture { width: 100%; max-height: 520px; object-fit: contain; background: #000; }
+#scrub { width: 100%; } #label { font-variant-numeric: tabular-nums; }
+#space { height: 560px; } #intervals { height: 300px; } #timeline { height: 260px; }
+</style></head><body>
+<h1>@@name@@</h1>
+<table>@@rows@@</table>
+<div class="pair">
+<div><h2>Frames</h2><img id="picture" alt="ultrasound frame">
+<input id="scrub" type="range" min="0" max="@@last@@" value="0" aria-label="frame"><div id="label"></div></div>
+<div><h2>Probe path and image planes (world, mm)</h2><div id="space"></div></div>
+</div>
+<h2>Timing</h2><div id="intervals"></div>
+<h2>Frames kept and dropped</h2><div id="timeline"></div>
+<script>@@plotly@@</script>
+<script>
+const frames = @@frames@@;
+const plots = @@plots@@;
+for (const [name, plot] of Object.entries(plots)) {
+  Plotly.newPlot(name, plot.data, plot.layout, {responsive: true, displaylogo: false});
+}
+const scrub = document.getElementById("scrub");
+function show() {
+  const frame = frames[Number(scrub.value)];
+  if (!frame) { document.getElementById("label").textContent = "no frames"; return; }
+  document.getElementById("picture").src = frame.picture;
+  document.getElementById("label").textContent = frame.label;
+  const [x, y, z] = frame.outline || [[], [], []];
+  Plotly.restyle("space", {x: [x], y: [y], z: [z]}, [plots.space.data.length - 1]);
+}
+scrub.addEventListener("input", show);
+show();
+</script></body></html>
+"""

@@ -1,0 +1,136 @@
+"""Masks of a tracked sweep from a user's files: one for each frame, binary or as probabilities."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from experiments.datasets.images.image_files import image_files, read_mask_values
+from experiments.errors import InputError
+from experiments.unicode_names import natural_key, same_name
+from registration.readers.folder import frame_names
+
+if TYPE_CHECKING:
+    from registration.sweep import TrackedSweep
+
+
+def read_masks(path: Path, sweep_path: Path, sweep: TrackedSweep) -> np.ndarray:
+    """The masks of all frames of a sweep (n, height, width): bool, or float32 probabilities between 0 and 1.
+
+    ``path`` is a folder with an image or a .npy array for each frame, or one .npy file of all. The frames of a plain
+    folder have names: their masks have the same ones, or the same numbers in them. Frames of other files are in order:
+    masks follow in the order of their names, numbers compared as numbers. What an image's colours, bits and
+    transparency mean is said in ``label_values``; grey values of 0 and 1, or of 0 and white, are masks; others are
+    probabilities in parts of white. Raises InputError for a count, name, size or value that
+    does not fit, and for masks without any vessel.
+    """
+    if path.is_file():
+        stack = _array(path)
+        if stack.shape != sweep.images.shape:
+            raise InputError(
+                f"masks: expected an array of shape {sweep.images.shape} as the frames in {path}, "
+                f"received {stack.shape}"
+            )
+    elif path.is_dir():
+        stack = _read_folder(path, sweep_path, sweep)
+    else:
+        raise InputError(f"masks: expected a folder of masks or a .npy file, received {str(path)!r}")
+    values = _values(stack, path)
+    if not (values >= 0.5).any():
+        raise InputError(f"masks: expected masks with a vessel, received {len(values)} empty ones in {path}")
+    return values
+
+
+def _read_folder(path: Path, sweep_path: Path, sweep: TrackedSweep) -> np.ndarray:
+    arrays = {same_name(file.stem): file for file in path.glob("*.npy")}
+    files = arrays or image_files(path)
+    if len(files) != len(sweep.images):
+        lost = sweep.frames_dropped
+        hint = f" ({lost} more were dropped on reading)" if lost else ""
+        raise InputError(
+            f"masks: expected one for each of {len(sweep.images)} frames{hint}, received {len(files)} in {path}"
+        )
+    height, width = sweep.images.shape[1:]
+    stack = []
+    for name in _in_order_of(files, frame_names(sweep_path), path):
+        values = _array(files[name]) if arrays else read_mask_values(files[name])
+        if values.shape != (height, width):
+            size = "x".join(str(side) for side in values.shape[::-1])
+            raise InputError(
+                f"{files[name]}: expected a mask of its frame's {width}x{height}, received {size}"
+            )
+        stack.append(values)
+    return _stacked(stack)
+
+
+def _stacked(masks: Sequence[np.ndarray]) -> np.ndarray:
+    """Masks of one kind in one array; black-and-white ones go with grey ones of any depth."""
+    grey = {mask.dtype for mask in masks if mask.dtype != np.bool_}
+    if len(grey) != 1:
+        return np.stack([np.asarray(mask, dtype=np.float32) for mask in masks] if grey else masks)
+    kind = grey.pop()
+    by_one = kind.kind == "f" or max(mask.max() for mask in masks) <= 1
+    white = 1 if by_one else np.iinfo(kind).max
+    return np.stack([mask * kind.type(white) if mask.dtype == np.bool_ else mask for mask in masks])
+
+
+def _in_order_of(files: dict[str, Path], frames: tuple[str, ...] | None, path: Path) -> list[str]:
+    """The masks' names in the order of the frames, whose names are None where they have none."""
+    if frames is None:
+        return sorted(files, key=natural_key)
+    frames = tuple(same_name(name) for name in frames)
+    if set(frames) == set(files):
+        return list(frames)
+    numbered = {_number(name): name for name in files}
+    missing = next((name for name in frames if _number(name) not in numbered), None)
+    if missing is not None or None in numbered or len(numbered) < len(files):
+        raise InputError(
+            f"masks: expected one of the same name or number as frame {missing or frames[0]} in {path}, received none"
+        )
+    return [numbered[_number(name)] for name in frames]
+
+
+def _number(name: str) -> int | None:
+    """The last number in a name."""
+    found = re.findall(r"\d+", name)
+    return int(found[-1]) if found else None
+
+
+def _array(path: Path) -> np.ndarray:
+    try:
+        values: np.ndarray = np.load(path, allow_pickle=False)
+    except (OSError, ValueError, EOFError) as refusal:
+        raise InputError(f"{path}: expected a .npy file of numbers, received {refusal}") from refusal
+    if values.dtype != np.bool_ and values.dtype != np.uint8 and values.dtype.kind != "f":
+        raise InputError(f"{path}: expected bool, uint8 or float values, received {values.dtype}")
+    return values
+
+
+def _from_grey(stack: np.ndarray, path: Path) -> np.ndarray:
+    full = int(np.iinfo(stack.dtype).max)
+    found = np.flatnonzero(np.bincount(stack.ravel(), minlength=full + 1))
+    if set(found) <= {0, 1} or set(found) <= {0, full}:
+        return stack > 0
+    if found[-1] <= full // 2 or set(found) <= {0, 1, full}:
+        raise InputError(
+            f"masks: expected values 0 and 1, 0 and {full}, or probabilities up to {full} in {path}, "
+            f"received {'1 and ' if found[-1] > full // 2 else 'labels up to '}{found[-1]}"
+        )
+    return stack.astype(np.float32) / full
+
+
+def _values(stack: np.ndarray, path: Path) -> np.ndarray:
+    """Grey values or floats as masks or probabilities."""
+    if stack.dtype == np.bool_:
+        return stack
+    if stack.dtype.kind == "u":
+        return _from_grey(stack, path)
+    if not (np.isfinite(stack).all() and stack.min() >= 0 and stack.max() <= 1):
+        raise InputError(f"masks: expected probabilities from 0 to 1 in {path}, received others")
+    # Without a value in between there is no contour below a pixel to be found, and a mask is what it is.
+    binary = bool(((stack == 0) | (stack == 1)).all())
+    return stack > 0 if binary else stack.astype(np.float32)

@@ -1,0 +1,219 @@
+"""What is said of a reconstructed sweep: its record, tables, metrics, sentences and page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.analysis.registration.reconstruction_faults import (
+    mask_record,
+    numbers,
+    sentences,
+    steps_along,
+    surface_record,
+)
+from experiments.inputs.paths import describe_dropped
+from experiments.reporting.scene import CloudLayer, Layer, LineLayer, Scene, SurfaceLayer
+from registration.geometry.mesh_quality import mesh_quality
+from registration.metrics.surface_distance import SurfaceDistance
+from registration.sweep import count_frames
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from registration.pipeline import Reconstructed
+    from registration.sweep import PosedFrames, TrackedSweep
+
+# Places on the surface that are asked for a measured point nearby, always the same ones.
+SAMPLES = 20_000
+# A surface that fewer points are near has left a part of what was seen out.
+MOST_POINTS_NEAR = 0.95
+
+
+def record(found: Reconstructed, posed: PosedFrames, sweep: TrackedSweep, near_mm: float) -> dict[str, Any]:
+    """What goes into ``reconstruction.json``: counts, what was left out, coverage, seconds, quality."""
+    contours = found.contours
+    return {
+        "units": {"length": "mm", "time": "s"},
+        "space": "world of the sweep, written as LPS",
+        "frames": {
+            "recorded": len(sweep.images) + sweep.frames_dropped,
+            "with_pose": len(posed.kept),
+            "dropped": dict(posed.dropped),
+            "with_vessel": len(np.unique(contours.frame_index)),
+        },
+        "mask_check": mask_record(found, posed.kept),
+        "contours": {
+            "contours": len(np.unique(contours.contour_index)),
+            "open_contours": len(np.unique(contours.contour_index[contours.is_open])),
+            "points": len(contours),
+        },
+        "removed_points": dict(found.removed),
+        "points": len(found.cloud),
+        "coverage": _coverage(found, near_mm),
+        "surface": surface_record(found, posed.kept),
+        "quality": asdict(mesh_quality(found.surface)),
+        "smoothing": {
+            "volume_change": found.smoothed.volume_change,
+            "moved_max_mm": found.smoothed.moved_max_mm,
+        },
+        "centerline": _centerline(found),
+        "seconds": {**found.seconds, "total": sum(found.seconds.values())},
+    }
+
+
+def _coverage(found: Reconstructed, near_mm: float) -> dict[str, float]:
+    """How much of the sweep shows the vessel, how wide its gaps are, and how much of the surface was measured."""
+    steps_mm = steps_along(found)[1]
+    samples_mm = found.surface.sample(SAMPLES, np.random.default_rng(0))
+    apart_mm = SurfaceDistance(found.cloud.points_mm)(samples_mm)
+    fit_mm = SurfaceDistance(found.surface)(found.cloud.points_mm)
+    shown = len(np.unique(found.contours.frame_index))
+    return {
+        "frames_share": shown / len(found.contours.world_A_pixel),
+        "frame_step_mm_median": float(np.median(steps_mm)) if len(steps_mm) else 0.0,
+        "frame_step_mm_max": float(steps_mm.max(initial=0.0)),
+        "near_mm": near_mm,
+        "surface_near_points": float((apart_mm <= near_mm).mean()),
+        "points_near_surface": float((fit_mm <= near_mm).mean()),
+        "points_to_surface_mm_median": float(np.median(fit_mm)),
+        "points_to_surface_mm_p95": float(np.percentile(fit_mm, 95)),
+    }
+
+
+def _centerline(found: Reconstructed) -> dict[str, Any]:
+    if found.centerline is None:
+        return {"refused": found.refusal}
+    radius_mm = np.concatenate([line.radius_mm for line in found.centerline.lines])
+    return {
+        "lines": len(found.centerline.lines),
+        "lengths_mm": [line.length_mm for line in found.centerline.lines],
+        "radius_min_mm": float(radius_mm.min()),
+        "radius_median_mm": float(np.median(radius_mm)),
+        "radius_max_mm": float(radius_mm.max()),
+    }
+
+
+def cases(found: Reconstructed, posed: PosedFrames, sweep: TrackedSweep) -> pd.DataFrame:
+    """A row a frame with a pose: why its mask was rejected (empty: it was not), its contours, its points twice.
+
+    ``excess`` is by what factor the mask passed its limit; points are those before and after the filters.
+    """
+    import pandas as pd
+
+    count = len(posed.kept)
+    first = np.unique(found.contours.contour_index, return_index=True)[1]
+    return pd.DataFrame(
+        {
+            "frame": posed.kept,
+            "time_s": sweep.image_times_s[posed.kept],
+            "rejected": found.checked.reason,
+            "excess": found.checked.excess,
+            "speck_removed": found.checked.specks > 0,
+            "contours": np.bincount(found.contours.frame_index[first], minlength=count),
+            "points": np.bincount(found.contours.frame_index, minlength=count),
+            "points_left": np.bincount(found.cloud.frame_index, minlength=count),
+        }
+    )
+
+
+def metrics(told: Mapping[str, Any]) -> dict[str, float]:
+    """Scalars for the tracker; those of a centerline that there is none of are NaN."""
+    frames, line, quality = told["frames"], told["centerline"], told["quality"]
+    refused = "refused" in line
+    return {
+        "frames_with_pose": float(frames["with_pose"]),
+        "frames_with_vessel": float(frames["with_vessel"]),
+        "frames_dropped": float(count_frames(frames["dropped"])),
+        **numbers(told["mask_check"], told["surface"]),
+        "points": float(told["points"]),
+        **{f"removed_{name}": float(count) for name, count in told["removed_points"].items()},
+        **{
+            name: float(told["coverage"][name])
+            for name in ("frames_share", "surface_near_points", "points_near_surface")
+        },
+        **{name: float(quality[name]) for name in ("triangles", "open_ends", "holes", "volume_mm3")},
+        **{name: float(quality[name]) for name in ("watertight", "manifold", "oriented")},
+        "volume_change": told["smoothing"]["volume_change"],
+        "centerline_lines": float("nan") if refused else float(line["lines"]),
+        "centerline_length_mm": float("nan") if refused else float(sum(line["lengths_mm"])),
+        **{f"{stage}_s": seconds for stage, seconds in told["seconds"].items()},
+    }
+
+
+def table(told: Mapping[str, Any]) -> pd.DataFrame:
+    """The reconstruction in a few lines."""
+    import pandas as pd
+
+    frames, contours, quality, line = (told[key] for key in ("frames", "contours", "quality", "centerline"))
+    removed = ", ".join(f"{count} by {name}" for name, count in told["removed_points"].items()) or "none"
+    volume = (
+        f"{quality['volume_mm3']:.1f} mm3, changed by {told['smoothing']['volume_change']:+.2%} in smoothing"
+    )
+    ends = f"{quality['open_ends']} open ends, {quality['holes']} holes"
+    lines = [
+        ("frames", f"{frames['with_vessel']} with the vessel of {frames['with_pose']} with a pose"),
+        ("frames dropped", describe_dropped(frames["dropped"])),
+        ("masks left out", _left_out(told["mask_check"])),
+        (
+            "contours",
+            f"{contours['contours']}, {contours['open_contours']} of them cut by the picture's edge",
+        ),
+        ("points", f"{told['points']} of {contours['points']}; left out: {removed}"),
+        ("surface", f"{quality['triangles']} triangles in {quality['pieces']} pieces, {ends}"),
+        (
+            "left out",
+            f"{told['surface']['area_share_left_out']:.1%} of the area in {told['surface']['pieces_left_out']} pieces; "
+            f"{len(told['surface']['gaps'])} gaps, {told['surface']['gap_share']:.1%} of the way",
+        ),
+        ("volume", volume),
+    ]
+    if "refused" not in line:
+        lengths = ", ".join(f"{length:.1f}" for length in line["lengths_mm"])
+        lines.append(("centerline", f"{line['lines']} lines of {lengths} mm"))
+    seconds = ", ".join(f"{stage} {value:.2f} s" for stage, value in told["seconds"].items())
+    return pd.DataFrame([*lines, ("time", seconds)], columns=["what", "value"])
+
+
+def _left_out(masks: Mapping[str, Any]) -> str:
+    found = ", ".join(
+        f"{count} by {reason}" for reason, count in masks["rejected_by_reason"].items() if count
+    )
+    return f"{found or 'none'}; {len(masks['empty_between_others'])} empty between others"
+
+
+def remarks(found: Reconstructed, told: Mapping[str, Any]) -> tuple[str, ...]:
+    """What a user has to know of the reconstruction, in sentences."""
+    frames, quality, coverage = (told[key] for key in ("frames", "quality", "coverage"))
+    said = [
+        f"{frames['with_vessel']} of {frames['with_pose']} frames with a pose show the vessel; the surface has "
+        f"{quality['triangles']} triangles and a measured point within {coverage['near_mm']:g} mm on "
+        f"{coverage['surface_near_points']:.1%} of its area."
+    ]
+    if coverage["points_near_surface"] < MOST_POINTS_NEAR:
+        said.append(
+            f"{1 - coverage['points_near_surface']:.1%} of the points lie farther than {coverage['near_mm']:g} mm from "
+            f"the surface: they belong to pieces that were left out, or to none."
+        )
+    said += sentences(told["mask_check"], told["surface"])
+    if quality["holes"]:
+        said.append(f"The surface has {quality['holes']} holes in its wall.")
+    if not (quality["manifold"] and quality["oriented"]):
+        said.append("The surface crosses or doubles itself: what lies inside is not certain everywhere.")
+    if found.centerline is None:
+        said.append(f"There is no centerline: {found.refusal}.")
+    return tuple(said)
+
+
+def scene(found: Reconstructed, told: Mapping[str, Any], name: str) -> Scene:
+    """The page: cloud, surface and centerline in the sweep's world frame."""
+    layers: list[Layer] = [
+        SurfaceLayer("surface", found.surface),
+        CloudLayer("points", found.cloud.points_mm, shown=False),
+    ]
+    if found.centerline is not None:
+        layers.append(LineLayer.of("centerline", found.centerline))
+    return Scene(layers, f"Reconstruction of {name}", remarks(found, told), space="world")

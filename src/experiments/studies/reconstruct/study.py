@@ -1,0 +1,142 @@
+"""Study ``reconstruct``: a tracked sweep and its masks become the vessel's surface and centerline."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments import files
+from experiments.errors import InputError
+from experiments.inputs.paths import SweepReader, describe_dropped, input_data, require_exists
+from experiments.outcome import InputData, Outcome, Progress
+from experiments.paths import PathSetting
+from experiments.studies.reconstruct.masks import read_masks
+from experiments.studies.reconstruct.report import cases, metrics, record, remarks, scene, table
+from registration.centerline.extractor import CenterlineExtractor
+from registration.io.centerlines import write_centerline
+from registration.io.patient_space import write_model
+from registration.io.point_clouds import write_cloud
+from registration.pipeline import CloudFilter, Reconstruction
+from registration.reconstruction.contours import ContourExtractor
+from registration.reconstruction.mask_outliers import MaskOutliers
+from registration.reconstruction.surface import SurfaceMethod
+from registration.reconstruction.taubin import TaubinSmoothing
+from registration.reconstruction.vessel_pieces import VesselPieces
+from registration.synchronisation import synchronise
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from registration.pipeline import Reconstructed
+    from registration.sweep import TrackedSweep
+
+WHERE = "The files are in mm in the sweep's world frame; open scene.html in a browser to look at them."
+
+
+def check(*, sweep: PathSetting, masks: PathSetting | None, model_path: PathSetting | None) -> None:
+    """Raise InputError for files that are not there, and unless either masks or a network is given."""
+    require_exists(sweep, "sweep")
+    if (masks is None) == (model_path is None):
+        received = "neither" if masks is None else "both"
+        raise InputError(f"masks and model_path: expected one of them, received {received}")
+    if masks is not None:
+        require_exists(masks, "masks")
+    elif not Path(str(model_path)).is_file():
+        raise InputError(
+            f"model_path: expected a network trained by study=segmentation (model.pt), received {model_path!r}"
+        )
+
+
+def run(
+    *,
+    sweep: PathSetting,
+    acquisition: SweepReader,
+    masks: PathSetting | None,
+    model_path: PathSetting | None,
+    mask_outliers: MaskOutliers,
+    contours: ContourExtractor,
+    filters: Mapping[str, CloudFilter],
+    surface: SurfaceMethod,
+    pieces: VesselPieces,
+    smoothing: TaubinSmoothing,
+    centerline: CenterlineExtractor,
+    max_gap_s: float,
+    offset_s: float,
+    near_mm: float,
+    workspace: Path,
+    progress: Progress,
+) -> Outcome:
+    """Reconstruct the vessel in the sweep's world frame, in mm.
+
+    Leaves ``cloud.ply``, ``surface.ply``, ``surface.stl``, ``centerline.vtp``, ``centerline.csv``,
+    ``centerline.mrk.json``, ``reconstruction.json`` and ``scene.html`` in ``workspace``. Frames without a pose are
+    dropped and counted. Raises InputError for masks that do not fit the frames or show no vessel.
+    """
+    check(sweep=sweep, masks=masks, model_path=model_path)
+    chain = Reconstruction(contours, filters, surface, smoothing, centerline, mask_outliers, pieces)
+    path = require_exists(sweep, "sweep")
+    progress.note(f"reading {path}")
+    recorded = acquisition(path)
+    posed = synchronise(recorded, max_gap_s, offset_s)
+    if not len(posed.kept):
+        raise InputError(
+            f"sweep: expected frames with a pose in {path}, received none; dropped: {describe_dropped(posed.dropped)}"
+        )
+    values, source = _masks(masks, model_path, path, recorded, progress)
+    found = chain(values[posed.kept], posed.world_A_pixel, progress.note)
+    _write(workspace, found)
+    told = record(found, posed, recorded, near_mm) | {
+        "sweep": str(path),
+        "masks": source.source,
+        "remarks": list(recorded.remarks),
+    }
+    text = json.dumps(told, indent=2, allow_nan=False)
+    files.write_text(workspace / "reconstruction.json", text + "\n")
+    scene(found, told, path.name).write(workspace / "scene.html")
+    return _outcome(found, told, cases(found, posed, recorded), (input_data(path), source))
+
+
+def _masks(
+    masks: PathSetting | None,
+    model_path: PathSetting | None,
+    sweep_path: Path,
+    sweep: TrackedSweep,
+    progress: Progress,
+) -> tuple[np.ndarray, InputData]:
+    """Masks or probabilities of all frames, and where they are from."""
+    if masks is not None:
+        progress.note(f"reading masks of {len(sweep.images)} frames")
+        path = require_exists(masks, "masks")
+        return read_masks(path, sweep_path, sweep), input_data(path)
+    from models.predictor import Predictor
+
+    progress.note(f"segmenting {len(sweep.images)} frames")
+    return Predictor.load(str(model_path)).probability(sweep.images), input_data(Path(str(model_path)))
+
+
+def _write(workspace: Path, found: Reconstructed) -> None:
+    write_cloud(workspace / "cloud.ply", found.cloud)
+    for suffix in ("ply", "stl"):
+        write_model(workspace / f"surface.{suffix}", found.surface)
+    if found.centerline is not None:
+        for suffix in ("vtp", "csv", "mrk.json"):
+            write_centerline(workspace / f"centerline.{suffix}", found.centerline)
+
+
+def _outcome(
+    found: Reconstructed,
+    told: Mapping[str, Any],
+    table_of_frames: pd.DataFrame,
+    inputs: tuple[InputData, ...],
+) -> Outcome:
+    return Outcome(
+        metrics=metrics(told),
+        cases=table_of_frames,
+        tables={"reconstruction": table(told)},
+        findings=(*told["remarks"], *remarks(found, told), WHERE),
+        inputs=inputs,
+    )

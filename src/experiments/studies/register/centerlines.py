@@ -1,0 +1,101 @@
+"""Centerlines that go with a user's surfaces: named, or found beside the surface's file under its name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from experiments.errors import InputError
+from experiments.inputs.surfaces import MM_PER_UNIT, naming, points_of
+from registration.geometry.shapes import LINE_SHARE, Centerline, Polyline, diagonal_mm, principal_frame
+from registration.io.centerlines import read_centerline_table
+from registration.io.patient_space import lps_from, stated_space
+from registration.io.surfaces import read_centerline
+from registration.metrics.surface_distance import Surface
+
+# The value of the setting that keeps a centerline beside the surface's file from being taken.
+NO_CENTERLINE = "none"
+SUFFIXES = (".vtp", ".csv")
+# A centerline lies inside its vessel; one that is farther out than this share of the vessel's size is another's.
+NEAR_SHARE = 0.1
+# So many points of a line are enough to see whether it belongs to a surface.
+PROBES = 200
+
+
+@dataclass(frozen=True)
+class CenterlineSource:
+    """The surface a centerline belongs to, as it was read: ``surface`` in mm, from ``path``, ``unit`` and ``space``."""
+
+    name: str
+    path: Path
+    surface: Surface
+    unit: str | None
+    space: str
+
+
+def centerline_of(source: CenterlineSource, named: str | None) -> tuple[Centerline | None, Path | None]:
+    """A surface's centerline in mm in LPS, and its file: the ``named`` one, or one that lies beside it, or neither.
+
+    A centerline has the unit of its surface and, unless its own header says otherwise, its axes. Raises InputError for
+    a named one that cannot be read or lies elsewhere; one found beside the surface that does not fit is left alone.
+    """
+    if named == NO_CENTERLINE:
+        return None, None
+    if named is not None:
+        line = _line_mm(Path(named), source)
+        if not _fits(line, source.surface):
+            raise InputError(
+                f"{source.name}_centerline: expected the centerline of {source.path}, "
+                f"received one that lies elsewhere in {named}"
+            )
+        return line, Path(named)
+    for beside in centerlines_beside(source.path):
+        line = _line_mm(beside, source)
+        if _fits(line, source.surface):
+            return line, beside
+    return None, None
+
+
+def centerlines_beside(path: Path) -> list[Path]:
+    """The files that hold a surface's centerline by their names.
+
+    ``centerline`` stands in place of ``surface`` or ``cloud``, or is added: ``aorta-surface.stl`` goes with
+    ``aorta-centerline.vtp``, ``surface.ply`` and ``cloud.ply`` with ``centerline.csv``, ``iliac.ply`` with
+    ``iliac-centerline.csv``.
+    """
+    stems = [path.stem.replace(word, "centerline") for word in ("surface", "cloud") if word in path.stem]
+    stems.append(f"{path.stem}-centerline")
+    named = [path.with_name(stem + suffix) for stem in stems for suffix in SUFFIXES]
+    return [beside for beside in named if beside.is_file()]
+
+
+def bends(points_mm: np.ndarray) -> bool:
+    """Whether the points (n, 3) of a centerline leave its straight line, by more than what rounding does."""
+    spread_mm = principal_frame(points_mm).spread_mm
+    return bool(spread_mm[1] > LINE_SHARE * spread_mm[0])
+
+
+def _line_mm(path: Path, source: CenterlineSource) -> Centerline:
+    if path.suffix.lower() not in SUFFIXES:
+        raise InputError(
+            f"{source.name}_centerline: {path}: expected a centerline as .vtp or .csv, received {path.suffix or 'none'}"
+        )
+    with naming(f"{source.name}_centerline"):
+        line = read_centerline_table(path) if path.suffix.lower() == ".csv" else read_centerline(path)
+        space = (stated_space(path) if path.suffix.lower() == ".vtp" else None) or source.space
+    scale = MM_PER_UNIT[source.unit or "mm"]
+    return Centerline(
+        tuple(
+            Polyline(scale * lps_from(part.points_mm, space), scale * part.radius_mm) for part in line.lines
+        )
+    )
+
+
+def _fits(line: Centerline, surface: Surface) -> bool:
+    """Whether the line lies within the surface's bounding box, or out of it by no more than a share of its size."""
+    points_mm, vertices_mm = line.even_points(max(PROBES, 2 * len(line.lines))), points_of(surface)
+    reach_mm = NEAR_SHARE * diagonal_mm(vertices_mm)
+    low_mm, high_mm = vertices_mm.min(axis=0) - reach_mm, vertices_mm.max(axis=0) + reach_mm
+    return bool(np.all((points_mm >= low_mm) & (points_mm <= high_mm)))

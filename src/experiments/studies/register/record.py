@@ -1,0 +1,128 @@
+"""A finished registration of two files, and its record in registration.json."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.studies.register.pair import Pair
+from registration.geometry.shapes import Mesh
+from registration.metrics.surface_distance import SurfaceResiduals, rms
+
+if TYPE_CHECKING:
+    from registration.rigid.result import Candidate, RigidResult
+
+LENGTHS = ("rmse_mm", "rmse_trimmed_mm", "rmse_bidirectional_mm", "msd_mm", "hd95_mm")
+SHARES = ("inlier_share", "coverage")
+# The error is predicted at so many points of the fixed model.
+MOST_TARGETS = 500
+
+
+@dataclass(frozen=True)
+class Registered:
+    """A pair, the method's ``name`` and ``result``, and the residuals between both surfaces."""
+
+    name: str
+    pair: Pair
+    result: RigidResult
+    residuals: SurfaceResiduals
+
+    @property
+    def landmark_errors_mm(self) -> np.ndarray | None:
+        """The distance of each pair of landmarks after registration, or None where there are none."""
+        pairs = self.pair.landmarks
+        return None if pairs is None else pairs.errors_mm(self.result.fixed_T_moving)
+
+    @property
+    def predicted_tre_mm(self) -> tuple[float, float]:
+        """The 90 % interval that the method predicts for the target registration error; NaN if it predicts none."""
+        fixed = self.pair.fixed
+        targets_mm = fixed.centerline_mm(MOST_TARGETS)
+        if targets_mm is None:
+            rng = np.random.default_rng(0)
+            targets_mm = (
+                fixed.surface.sample(MOST_TARGETS, rng)
+                if isinstance(fixed.surface, Mesh)
+                else rng.permutation(fixed.surface, axis=0)[:MOST_TARGETS]
+            )
+        return self.result.tre_interval_mm(targets_mm)
+
+
+def record(found: Registered) -> dict[str, Any]:
+    """The content of registration.json; a number that is not finite is written as null."""
+    result, pair = found.result, found.pair
+    low_mm, high_mm = found.predicted_tre_mm
+    return {
+        "moving": str(pair.moving.path),
+        "fixed": str(pair.fixed.path),
+        "rigid": found.name,
+        "units": {"length": "mm", "time": "s"},
+        "space": "lps",
+        "moving_space": pair.moving.space,
+        "fixed_space": pair.fixed.space,
+        "fixed_T_moving": result.fixed_T_moving.tolist(),
+        **{key: getattr(found.residuals, key) for key in (*LENGTHS, *SHARES)},
+        "distances_to": "triangles" if isinstance(pair.fixed.surface, Mesh) else "points",
+        "iterations": result.iterations,
+        "converged": result.converged,
+        "verdict": result.verdict,
+        "reason": result.reason,
+        # JSON has no infinity: no other pose was found at all, which is not the same as that nobody looked.
+        "ambiguity_gap": "inf" if result.ambiguity_gap == math.inf else _finite(result.ambiguity_gap),
+        "weak_directions": list(result.weak_directions),
+        "wall_offset_mm": _finite(result.wall_offset_mm),
+        "predicted_tre_mm": {"low": _finite(low_mm), "high": _finite(high_mm), "level": 0.9},
+        "initial": _initial(pair),
+        "centerlines": {
+            side: None if path is None else str(path)
+            for side, path in (
+                ("moving", pair.moving.centerline_path),
+                ("fixed", pair.fixed.centerline_path),
+            )
+        },
+        "landmarks": _landmarks(found),
+        "candidates": [_candidate(candidate) for candidate in result.candidates],
+        "runtime_s": result.runtime_s,
+    }
+
+
+def _initial(pair: Pair) -> dict[str, Any] | None:
+    if pair.initial is None:
+        return None
+    cone = pair.initial.search_cone
+    return {
+        "source": pair.initial.source,
+        "fixed_T_moving": pair.initial.fixed_T_moving.tolist(),
+        "search_cone_deg": None if cone is None else cone.angle_deg,
+        "search_radius_mm": None if cone is None else cone.radius_mm,
+    }
+
+
+def _landmarks(found: Registered) -> dict[str, Any] | None:
+    pairs, errors_mm = found.pair.landmarks, found.landmark_errors_mm
+    if pairs is None or errors_mm is None:
+        return None
+    return {
+        "error_mm": rms(errors_mm),
+        "error_max_mm": float(errors_mm.max()),
+        "errors_mm": dict(zip(pairs.names, errors_mm.tolist(), strict=True)),
+    }
+
+
+def _candidate(candidate: Candidate) -> dict[str, Any]:
+    """Every field of a candidate under its own name, arrays as lists and what is not known as null."""
+    entries = {field.name: getattr(candidate, field.name) for field in fields(candidate)}
+    return {key: _plain(value) for key, value in entries.items()}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return _finite(value) if isinstance(value, float) else value
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

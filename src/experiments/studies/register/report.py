@@ -1,0 +1,121 @@
+"""What a registration of two files leaves behind: files, metrics, and sentences that say what was found."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments import files
+from experiments.outcome import Outcome
+from experiments.studies.register.record import LENGTHS, SHARES, Registered, record
+from experiments.studies.register.scene import register_scene
+from registration import transforms
+from registration.geometry.shapes import Mesh
+from registration.io.surfaces import write_surface
+from registration.io.transforms import write_transform
+from registration.metrics.surface_distance import Surface, rms
+from registration.rigid.result import FAILED, predicted_sentence, verdict_sentence
+
+# Landmarks whose error is this many times what they and the surfaces reach at best speak for another pose.
+LANDMARK_FACTOR = 5.0
+# An offset of the walls below this is what masks and models have anyway.
+NOTED_OFFSET_MM = 0.2
+
+
+def write(found: Registered, workspace: Path) -> None:
+    """Write registration.json, moved.ply, fixed_T_moving.h5 and scene.html."""
+    pose = found.result.fixed_T_moving
+    record_text = json.dumps(record(found), indent=2, allow_nan=False)
+    files.write_text(workspace / "registration.json", record_text + "\n")
+    write_surface(workspace / "moved.ply", moved(found.pair.moving.surface, pose))
+    write_transform(workspace / "fixed_T_moving.h5", pose)
+    register_scene(found.pair, pose, found.name, _findings(found)).write(workspace / "scene.html")
+
+
+def moved(surface: Surface, fixed_T_moving: np.ndarray) -> Surface:
+    """A surface brought over by a pose."""
+    if isinstance(surface, Mesh):
+        return Mesh(transforms.apply(fixed_T_moving, surface.vertices_mm), surface.triangles)
+    return transforms.apply(fixed_T_moving, surface)
+
+
+def outcome(found: Registered) -> Outcome:
+    """Metrics, the table of one row and the sentences that end the terminal's output."""
+    import pandas as pd
+
+    result, residuals = found.result, found.residuals
+    metrics = {key: float(getattr(residuals, key)) for key in (*LENGTHS, *SHARES)}
+    metrics |= {"iterations": float(result.iterations), "runtime_s": result.runtime_s}
+    errors_mm = found.landmark_errors_mm
+    if errors_mm is not None:
+        metrics |= {"landmark_error_mm": rms(errors_mm), "landmark_error_max_mm": float(errors_mm.max())}
+    shown = ("rmse_mm", "rmse_trimmed_mm", "inlier_share", "coverage", "landmark_error_mm", "runtime_s")
+    row: dict[str, Any] = {"rigid": found.name, "verdict": result.verdict}
+    row |= {key: metrics[key] for key in shown if key in metrics}
+    low_mm, high_mm = found.predicted_tre_mm
+    predicted = {
+        "ambiguity_gap": result.ambiguity_gap,
+        "predicted_tre_low_mm": low_mm,
+        "predicted_tre_high_mm": high_mm,
+    }
+    return Outcome(
+        metrics={
+            **metrics,
+            # What a method does not know is no failure of it, so it is no metric either.
+            **{key: float(value) for key, value in predicted.items() if math.isfinite(value)},
+            "converged": float(result.converged),
+            "candidates": float(len(result.candidates)),
+        },
+        tables={"registration": pd.DataFrame([row])},
+        findings=(
+            *_findings(found),
+            "registration.json holds the pose and all candidates, moved.ply the moved surface in mm (LPS), "
+            "fixed_T_moving.h5 the transform for ITK and 3D Slicer, scene.html the page to look at.",
+        ),
+        tags={"rigid": found.name, "verdict": result.verdict},
+        inputs=found.pair.inputs,
+    )
+
+
+def _findings(found: Registered) -> tuple[str, ...]:
+    result, residuals = found.result, found.residuals
+    sentences = [
+        f"{found.name} left {residuals.rmse_mm:.3f} mm RMSE ({residuals.rmse_trimmed_mm:.3f} mm trimmed) after "
+        f"{result.runtime_s:.2f} s; a low residual alone does not prove the pose of a straight or symmetric vessel.",
+        verdict_sentence(result),
+    ]
+    low_mm, high_mm = found.predicted_tre_mm
+    if predicted := predicted_sentence(low_mm, high_mm):
+        sentences.append(predicted)
+    if abs(result.wall_offset_mm) >= NOTED_OFFSET_MM:
+        side = "outside" if result.wall_offset_mm > 0 else "inside"
+        sentences.append(
+            f"The moving wall lies {abs(result.wall_offset_mm):.2f} mm {side} the fixed one everywhere: the borders "
+            "were drawn differently, or the scale differs; the pose allows for it."
+        )
+    if result.weak_directions:
+        sentences.append(f"The clouds leave open: {', '.join(result.weak_directions)}.")
+    if not result.converged and result.verdict != FAILED:
+        sentences.append("The method stopped at its limit of iterations before it converged.")
+    errors_mm = found.landmark_errors_mm
+    if errors_mm is not None:
+        sentences.append(_of_landmarks(found, errors_mm))
+    return tuple(sentences)
+
+
+def _of_landmarks(found: Registered, errors_mm: np.ndarray) -> str:
+    several = "1 landmark lies" if len(errors_mm) == 1 else f"{len(errors_mm)} landmarks lie"
+    sentence = f"{several} {rms(errors_mm):.2f} mm apart (RMS), {errors_mm.max():.2f} mm at most"
+    pairs = found.pair.landmarks
+    best_mm = 0.0 if pairs is None else rms(pairs.errors_mm(pairs.fixed_T_moving))
+    # Landmarks that fit each other well elsewhere, while the surfaces fit well here, contradict the surfaces.
+    if rms(errors_mm) > LANDMARK_FACTOR * max(best_mm, found.residuals.rmse_mm):
+        sentence += (
+            f", {best_mm:.2f} mm in their own best pose: they contradict the surfaces, which may have been read in the "
+            "wrong axes (moving_space, fixed_space) or lie in another pose that fits as well"
+        )
+    return sentence + "."

@@ -1,0 +1,88 @@
+"""The page of a registration: the fixed surface, the moving one before and after, and how far it still is from it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from experiments.reporting.scene import CloudLayer, LineLayer, Scene, SurfaceLayer
+from experiments.reporting.scene_layers import BLUE, GREY, ORANGE, RED
+from experiments.studies.register.pair import Pair
+from registration import transforms
+from registration.geometry.shapes import Mesh, diagonal_mm
+from registration.metrics.surface_distance import Surface, SurfaceDistance
+
+# What lies farther away before registration than this many times the fixed surface's size would shrink all else to a
+# speck.
+FAR_SIZES = 5.0
+# The colours end where this share of the distances does, so that a few far points do not bleach the others.
+COLOR_PERCENTILE = 99.0
+
+
+def register_scene(pair: Pair, fixed_T_moving: np.ndarray, method: str, findings: Sequence[str]) -> Scene:
+    """The scene in the frame of the fixed file, in mm: what moves is shown before (at first hidden) and after.
+
+    After registration every vertex or point has the colour of its distance to the fixed surface.
+    """
+    fixed, moving = pair.fixed.surface, pair.moving.surface
+    after_mm = transforms.apply(fixed_T_moving, _points(moving))
+    distance_mm = SurfaceDistance(fixed)(after_mm)
+    layers: list[Any] = [_layer("fixed", fixed, GREY, 0.35)]
+    notes = list(findings)
+    away_mm = float(np.linalg.norm(_points(moving).mean(axis=0) - _points(fixed).mean(axis=0)))
+    if away_mm <= FAR_SIZES * diagonal_mm(_points(fixed)):
+        layers.append(_layer("moving, before", moving, ORANGE, 0.35, shown=False))
+    else:
+        notes.append(
+            f"Before registration the moving file lies {away_mm:.0f} mm away; it is not shown there."
+        )
+    layers.append(_layer("moving, after", _with_points(moving, after_mm), BLUE, 0.9, values_mm=distance_mm))
+    layers += _lines(pair, fixed_T_moving)
+    if pair.landmarks is not None:
+        brought_mm = transforms.apply(fixed_T_moving, pair.landmarks.moving_mm)
+        layers.append(CloudLayer("landmarks, fixed", pair.landmarks.fixed_mm, RED, 6.0))
+        layers.append(CloudLayer("landmarks, moving after", brought_mm, BLUE, 6.0))
+    top_mm = float(np.percentile(distance_mm, COLOR_PERCENTILE))
+    return Scene(
+        layers=layers,
+        title=f"{pair.moving.path.name} on {pair.fixed.path.name} by {method}",
+        notes=notes,
+        space="fixed (LPS)",
+        values_name="distance to fixed, mm",
+        values_range_mm=(0.0, max(top_mm, 1e-3)),
+    )
+
+
+def _lines(pair: Pair, fixed_T_moving: np.ndarray) -> list[LineLayer]:
+    """The centerlines of both sides, where there are any."""
+    lines = []
+    if pair.fixed.centerline is not None:
+        lines.append(LineLayer.of("centerline, fixed", pair.fixed.centerline, RED))
+    if pair.moving.centerline is not None:
+        places = [transforms.apply(fixed_T_moving, line.points_mm) for line in pair.moving.centerline.lines]
+        lines.append(LineLayer("centerline, moving after", places, BLUE))
+    return lines
+
+
+def _layer(
+    name: str,
+    surface: Surface,
+    color: str,
+    opacity: float,
+    *,
+    values_mm: np.ndarray | None = None,
+    shown: bool = True,
+) -> SurfaceLayer | CloudLayer:
+    if isinstance(surface, Mesh):
+        return SurfaceLayer(name, surface, color, opacity, values_mm, shown)
+    return CloudLayer(name, surface, color, values_mm=values_mm, shown=shown)
+
+
+def _points(surface: Surface) -> np.ndarray:
+    return surface.vertices_mm if isinstance(surface, Mesh) else surface
+
+
+def _with_points(surface: Surface, points_mm: np.ndarray) -> Surface:
+    return Mesh(points_mm, surface.triangles) if isinstance(surface, Mesh) else points_mm

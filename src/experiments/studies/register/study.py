@@ -1,0 +1,136 @@
+"""Rigid registration of two files of a user's own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from experiments.inputs.surfaces import one_method
+from experiments.outcome import Outcome, Progress
+from experiments.paths import PathSetting
+from experiments.studies.register.centerlines import bends, centerlines_beside
+from experiments.studies.register.pair import Pair, SideFiles, read_pair
+from experiments.studies.register.record import Registered
+from experiments.studies.register.report import outcome, write
+from registration.geometry.shapes import Mesh
+from registration.metrics.surface_distance import Surface, surface_residuals
+
+if TYPE_CHECKING:
+    from registration.rigid.result import RigidResult
+
+# Points of a centerline that a method is given.
+CENTERLINE_POINTS = 300
+
+
+def beside(config: Mapping[str, Any]) -> Iterator[Path]:
+    """The files that a job reads though no setting names them: centerlines that lie beside the surfaces."""
+    for side in ("moving", "fixed"):
+        if config.get(f"{side}_centerline") is None:
+            yield from centerlines_beside(Path(str(config[side])).expanduser())
+
+
+def check(
+    *,
+    moving: PathSetting,
+    fixed: PathSetting,
+    rigid: Mapping[str, Any],
+    initial: PathSetting | None,
+    search_cone_deg: float | None,
+    search_radius_mm: float | None,
+    moving_landmarks: PathSetting | None,
+    fixed_landmarks: PathSetting | None,
+    moving_centerline: PathSetting | Literal["none"] | None,
+    fixed_centerline: PathSetting | Literal["none"] | None,
+    moving_unit: str | None,
+    fixed_unit: str | None,
+    moving_space: str | None,
+    fixed_space: str | None,
+) -> None:
+    """Raise InputError for files and settings that cannot be registered."""
+    one_method(rigid)
+    read_pair(
+        SideFiles("moving", moving, moving_unit, moving_space, moving_centerline, moving_landmarks),
+        SideFiles("fixed", fixed, fixed_unit, fixed_space, fixed_centerline, fixed_landmarks),
+        initial,
+        search_cone_deg,
+        search_radius_mm,
+    )
+
+
+def run(
+    *,
+    moving: PathSetting,
+    fixed: PathSetting,
+    rigid: Mapping[str, Any],
+    initial: PathSetting | None,
+    search_cone_deg: float | None,
+    search_radius_mm: float | None,
+    moving_landmarks: PathSetting | None,
+    fixed_landmarks: PathSetting | None,
+    moving_centerline: PathSetting | Literal["none"] | None,
+    fixed_centerline: PathSetting | Literal["none"] | None,
+    moving_unit: str | None,
+    fixed_unit: str | None,
+    moving_space: str | None,
+    fixed_space: str | None,
+    moving_points: int,
+    fixed_points: int,
+    inlier_mm: float,
+    keep: float,
+    seed: int,
+    workspace: Path,
+    progress: Progress,
+) -> Outcome:
+    """Bring ``moving`` onto ``fixed`` and leave the pose, the moved surface and a page to look at in ``workspace``.
+
+    Files: registration.json, moved.ply (mm, LPS), fixed_T_moving.h5 (in ITK's direction) and scene.html. Meshes are
+    sampled uniformly by area for the method; residuals are measured on the surfaces themselves. Raises InputError for
+    files that cannot be registered.
+    """
+    name, method = one_method(rigid)
+    pair = read_pair(
+        SideFiles("moving", moving, moving_unit, moving_space, moving_centerline, moving_landmarks),
+        SideFiles("fixed", fixed, fixed_unit, fixed_space, fixed_centerline, fixed_landmarks),
+        initial,
+        search_cone_deg,
+        search_radius_mm,
+    )
+    progress.note(f"registering {pair.moving.path.name} to {pair.fixed.path.name} by {name}")
+    result = _registered(method, pair, moving_points, fixed_points, seed)
+    residuals = surface_residuals(
+        pair.moving.surface,
+        pair.fixed.surface,
+        result.fixed_T_moving,
+        inlier_mm=inlier_mm,
+        keep=keep,
+        seed=seed,
+    )
+    found = Registered(name, pair, result, residuals)
+    write(found, workspace)
+    return outcome(found)
+
+
+def _registered(method: Any, pair: Pair, moving_points: int, fixed_points: int, seed: int) -> RigidResult:
+    """The method's answer for clouds drawn from both surfaces, with all that is known beside them."""
+    draws = np.random.default_rng(seed).spawn(2)
+    lines_mm = [side.centerline_mm(CENTERLINE_POINTS) for side in (pair.moving, pair.fixed)]
+    # A straight line says no more than the axis of its surface, and a search along it has nothing to hold on to.
+    if any(line_mm is not None and not bends(line_mm) for line_mm in lines_mm):
+        lines_mm = [None, None]
+    result: RigidResult = method(
+        _cloud(pair.moving.surface, moving_points, draws[0]),
+        _cloud(pair.fixed.surface, fixed_points, draws[1]),
+        None if pair.initial is None else pair.initial.fixed_T_moving,
+        search_cone=None if pair.initial is None else pair.initial.search_cone,
+        moving_centerline_mm=lines_mm[0],
+        fixed_centerline_mm=lines_mm[1],
+        moving_frame=pair.moving.frame,
+    )
+    return result
+
+
+def _cloud(surface: Surface, count: int, rng: np.random.Generator) -> np.ndarray:
+    return surface.sample(count, rng) if isinstance(surface, Mesh) else surface

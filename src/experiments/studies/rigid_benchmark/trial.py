@@ -1,0 +1,93 @@
+"""One case of the benchmark solved by one method, as a task that any process can run."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from experiments import files
+from experiments.analysis.registration.pose_scores import answer_row, plain, read_answer
+from registration import transforms
+from registration.benchmark.case_files import read_case, truth_file
+from registration.benchmark.truth_files import read_truth
+from registration.rigid.result import FAILED
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from registration.rigid.result import RigidResult
+
+LEVEL = 0.9
+
+
+@dataclass(frozen=True)
+class BenchmarkTrial:
+    """A method and the ``folder`` of a subset; called with a case's name it leaves an answer in ``out``.
+
+    It returns the row of that answer, as ``study=evaluate`` scores the file.
+    """
+
+    name: str
+    method: Callable[..., RigidResult]
+    folder: Path
+    out: Path
+
+    def __call__(self, case_name: str) -> dict[str, Any]:
+        """Solve and score one case; a method that raises has failed."""
+        case = read_case(self.folder / case_name)
+        truth = read_truth(truth_file(self.folder, case_name))
+        begin_s = time.perf_counter()
+        try:
+            result = self.method(case.moving_mm, case.fixed_mm, None, moving_frame=case.moving_frame)
+            transforms.require_rigid(result.fixed_T_moving, "fixed_T_moving")
+            told = record(result, truth.targets_mm)
+        except Exception as failure:  # whatever a method does wrong, the case counts and the others go on
+            told = {
+                "fixed_T_moving": None,
+                "verdict": FAILED,
+                "error": f"{type(failure).__name__}: {failure}",
+                "runtime_s": time.perf_counter() - begin_s,
+            }
+        path = self.out / f"{case_name}.json"
+        text = json.dumps({"case": case_name, "rigid": self.name, **told}, indent=1, allow_nan=False)
+        files.write_text(path, text + "\n")
+        return {"method": self.name, **answer_row(read_answer(path), truth, case)}
+
+
+def record(result: RigidResult, targets_mm: np.ndarray) -> dict[str, Any]:
+    """An answer under the names that registration.json has; what is not known is null.
+
+    The error is predicted at the benchmark's targets, which the method does not see.
+    """
+    low_mm, high_mm = result.tre_interval_mm(targets_mm, LEVEL)
+    return {
+        "fixed_T_moving": result.fixed_T_moving.tolist(),
+        "iterations": result.iterations,
+        "converged": result.converged,
+        "verdict": result.verdict,
+        "reason": result.reason,
+        "ambiguity_gap": _gap(result.ambiguity_gap),
+        "weak_directions": list(result.weak_directions),
+        "predicted_tre_mm": {"low": plain(low_mm), "high": plain(high_mm), "level": LEVEL},
+        "candidates": [
+            {
+                "fixed_T_moving": one.fixed_T_moving.tolist(),
+                "rmse_mm": plain(one.rmse_mm),
+                "basin": one.basin,
+                "starts": one.starts,
+                "stage": one.stage,
+            }
+            for one in result.candidates
+        ],
+        "runtime_s": result.runtime_s,
+    }
+
+
+def _gap(value: float) -> float | str | None:
+    """The gap to the next pose; infinite, as text, where there is no other."""
+    return "inf" if value == math.inf else plain(value)

@@ -1,0 +1,5 @@
+"""How often a rigid method finds a known pose again, over rotations, overlap, noise, outliers and lost frames."""
+
+from experiments.studies.robustness.study import cells, check, run, summarise
+
+__all__ = ["cells", "check", "run", "summarise"]

@@ -1,0 +1,150 @@
+"""The figures of the robustness study in which every trial counts: errors, residual against error, time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.studies.robustness.metrics import groups, lies, methods
+from experiments.studies.robustness.style import (
+    LARGEST_SHOWN_MM,
+    SMALLEST_SHOWN_MM,
+    legend_above,
+    log_axis,
+    styles,
+)
+from registration.metrics.surface_distance import SUCCESS_RMSE_MM, SUCCESS_TRE_MM
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+NOTE = (
+    "Boxes: quartiles and median; whiskers: 5th and 95th percentiles; failures without an answer at "
+    f"{LARGEST_SHOWN_MM:g} mm"
+)
+
+
+def error_boxes(turned: pd.DataFrame) -> Figure:
+    """RMSE and TRE by method and overlap, on logarithmic axes, with the lines of success."""
+    from matplotlib.figure import Figure
+
+    names = methods(turned)
+    overlaps = list(turned["overlap"].drop_duplicates())
+    width = max(3.6, 0.22 * len(names) * len(overlaps) + 1.2)
+    figure = Figure(figsize=(2 * width, 4.2), layout="constrained")
+    row = figure.subplots(1, 2, sharey=True)
+    for axes, column, limit in zip(
+        row, ("rmse_mm", "tre_mm"), (SUCCESS_RMSE_MM, SUCCESS_TRE_MM), strict=True
+    ):
+        step = 0.8 / len(names)
+        for number, (name, look) in enumerate(styles(names).items()):
+            for place, overlap in enumerate(overlaps):
+                chosen = turned[(turned["method"] == name) & (turned["overlap"] == overlap)]
+                _box(axes, _shown(chosen[column]), place + (number - (len(names) - 1) / 2) * step, step, look)
+            axes.plot([], [], "s", color=look["color"], label=name)
+        axes.axhline(limit, color="grey", linestyle=":")
+        axes.set(xlabel="overlap", ylabel=column, xticks=range(len(overlaps)))
+        log_axis(axes, "y")
+        axes.set_xticklabels([f"{overlap:g}" for overlap in overlaps])
+        axes.set_xlim(-0.6, len(overlaps) - 0.4)
+        axes.tick_params(labelleft=True)
+        axes.grid(axis="y", alpha=0.25)
+    legend_above(figure, row[0])
+    figure.supxlabel(NOTE, fontsize="small", wrap=True)
+    return figure
+
+
+def residual_against_error(cases: pd.DataFrame) -> Figure:
+    """RMSE against TRE, a panel for each method; the shaded corner is where RMSE calls a wrong pose a success."""
+    from matplotlib.figure import Figure
+
+    parts = list(groups(cases, ("method",)))
+    columns = min(len(parts), 3)
+    rows = -(-len(parts) // columns)
+    figure = Figure(figsize=(3.3 * columns + 0.5, 3.0 * rows + 0.3), layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+    look = styles([str(name) for (name,), _ in parts])
+    for axes in grid.flat[len(parts) :]:
+        axes.set_visible(False)
+    for axes, ((name,), group) in zip(grid.flat, parts, strict=False):
+        axes.fill_between(
+            [SUCCESS_TRE_MM, 2 * LARGEST_SHOWN_MM],
+            SMALLEST_SHOWN_MM,
+            SUCCESS_RMSE_MM,
+            color="0.88",
+            linewidth=0,
+        )
+        axes.scatter(
+            _shown(group["tre_mm"]),
+            _shown(group["rmse_mm"]),
+            s=9,
+            alpha=0.5,
+            linewidths=0,
+            color=look[name]["color"],
+        )
+        hidden = lies(group)
+        axes.set_title(f"{name}: RMSE hides {hidden.sum()} of {len(group)}", fontsize="medium")
+        axes.axhline(SUCCESS_RMSE_MM, color="grey", linestyle=":", linewidth=0.8)
+        axes.axvline(SUCCESS_TRE_MM, color="grey", linestyle=":", linewidth=0.8)
+        axes.set_xlim(SMALLEST_SHOWN_MM, 1.5 * max(_shown(cases["tre_mm"]).max(), 10.0))
+        axes.set_ylim(SMALLEST_SHOWN_MM, 1.5 * max(_shown(cases["rmse_mm"]).max(), 10.0))
+        log_axis(axes, "x")
+        log_axis(axes, "y")
+        axes.grid(alpha=0.2)
+    figure.supxlabel("tre_mm", fontsize="medium")
+    figure.supylabel("rmse_mm", fontsize="medium")
+    return figure
+
+
+def runtimes(cases: pd.DataFrame) -> Figure:
+    """Seconds a trial by method, on a logarithmic axis, the median written beside."""
+    from matplotlib.figure import Figure
+
+    look = styles(methods(cases))
+    figure = Figure(figsize=(6.4, 0.45 * len(look) + 1.2), layout="constrained")
+    axes = figure.subplots()
+    for number, (name, style) in enumerate(look.items()):
+        seconds = cases.loc[cases["method"] == name, "runtime_s"]
+        _box(axes, seconds.to_numpy(), number, 0.8, style, vertical=False)
+        axes.annotate(
+            f"{seconds.median():.2f} s",
+            (1.01, number),
+            xycoords=("axes fraction", "data"),
+            va="center",
+            fontsize="small",
+        )
+    axes.set(xlabel="runtime_s of a trial, one thread (median at the right)", yticks=range(len(look)))
+    axes.set_yticklabels(list(look))
+    axes.invert_yaxis()
+    log_axis(axes, "x")
+    axes.grid(axis="x", alpha=0.25)
+    return figure
+
+
+def _shown(values: pd.Series[float]) -> np.ndarray:
+    shown: np.ndarray = values.clip(SMALLEST_SHOWN_MM, LARGEST_SHOWN_MM).to_numpy()
+    return shown
+
+
+def _box(
+    axes: Axes, values: np.ndarray, at: float, width: float, look: dict[str, Any], *, vertical: bool = True
+) -> None:
+    if not len(values):
+        return
+    axes.boxplot(
+        [values],
+        positions=[at],
+        widths=0.8 * width,
+        whis=(5, 95),
+        orientation="vertical" if vertical else "horizontal",
+        manage_ticks=False,
+        patch_artist=True,
+        showfliers=False,
+        boxprops={"facecolor": look["color"], "alpha": 0.45, "edgecolor": look["color"]},
+        whiskerprops={"color": look["color"]},
+        capprops={"color": look["color"]},
+        medianprops={"color": "black"},
+    )

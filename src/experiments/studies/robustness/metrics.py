@@ -1,0 +1,122 @@
+"""Rates of the robustness study over any of its trials, and the groups that tables and figures go through."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.statistics import Proportion, wilson_interval
+from experiments.studies.robustness.design import CROSSED
+from registration.metrics.surface_distance import SUCCESS_RMSE_MM, SUCCESS_TRE_MM
+from registration.rigid.result import NOT_JUDGED
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# What a method must reach in every bin of angles up to its capture range.
+CAPTURE_RATE = 0.95
+# From fewer trials a bin says nothing of such a rate: all of nine right have a Wilson interval from 70 %.
+CAPTURE_TRIALS = 10
+# The same problem for every method.
+PROBLEM = ("anatomy", "factor", "level", "rotation", "overlap", "place", "trial")
+
+
+def rate_metrics(cases: pd.DataFrame) -> dict[str, float]:
+    """Success rates with their Wilson bounds, acceptance, success among accepted, and coverage of the intervals.
+
+    A rate over no trial is NaN: success among accepted where none was, coverage where no error was predicted, and
+    acceptance of methods that do not judge.
+    """
+    found: dict[str, float] = {}
+    taken, predicted = cases[cases["accepted"]], cases[cases["tre_high_mm"].notna()]
+    judging = judges(cases)
+    for name, each in {
+        "success_rate": share(cases["success"]),
+        "success_tre_rate": share(cases["success_tre"]),
+        "accepted_rate": share(cases["accepted"]) if judging else None,
+        "success_tre_accepted_rate": share(taken["success_tre"]),
+        "tre_interval_coverage": share(inside(predicted[predicted["accepted"]])),
+    }.items():
+        found |= {
+            name: each.rate if each else float("nan"),
+            f"{name}_low": each.low if each else float("nan"),
+            f"{name}_high": each.high if each else float("nan"),
+        }
+    return found | {
+        "trials": float(len(cases)),
+        "trials_accepted": float(len(taken)) if judging else float("nan"),
+        "trials_failed": float((cases["error"] != "").sum()),
+        "trials_low_rmse_wrong": float(lies(cases).sum()),
+    }
+
+
+def judges(cases: pd.DataFrame) -> bool:
+    """Whether the method says of its own answers which are right; one that gave no answer at all does not."""
+    own = cases.loc[cases["error"] == "", "verdict"]
+    return bool(len(own) and (own != NOT_JUDGED).all())
+
+
+def share(values: Any) -> Proportion | None:
+    """How many are true, with Wilson's interval; None of no values."""
+    flags = np.asarray(values, dtype=bool)
+    return wilson_interval(int(flags.sum()), len(flags)) if len(flags) else None
+
+
+def inside(cases: pd.DataFrame) -> np.ndarray:
+    """Whether the true error lies in the interval that the method predicted."""
+    within: np.ndarray = (
+        (cases["tre_low_mm"] <= cases["tre_mm"]) & (cases["tre_mm"] <= cases["tre_high_mm"])
+    ).to_numpy()
+    return within
+
+
+def lies(cases: pd.DataFrame) -> np.ndarray:
+    """Where a small residual hides a wrong pose: RMSE calls it a success, TRE does not."""
+    wrong: np.ndarray = (
+        (cases["rmse_mm"] <= SUCCESS_RMSE_MM) & ~(cases["tre_mm"] <= SUCCESS_TRE_MM)
+    ).to_numpy()
+    return wrong
+
+
+def groups(cases: pd.DataFrame, columns: Sequence[str]) -> Iterator[tuple[tuple[Any, ...], pd.DataFrame]]:
+    """The values of ``columns`` in the order in which they first occur, each with its cases."""
+    for values, group in cases.groupby(list(columns), sort=False, dropna=False):
+        yield values if isinstance(values, tuple) else (values,), group
+
+
+def crossed(cases: pd.DataFrame) -> pd.DataFrame:
+    """The trials in which rotation and overlap are crossed."""
+    return cases[cases["factor"] == CROSSED]
+
+
+def methods(cases: pd.DataFrame) -> list[str]:
+    """The methods in the order in which they first occur."""
+    return [str(name) for name in cases["method"].drop_duplicates()]
+
+
+def by_bin(cases: pd.DataFrame) -> pd.DataFrame:
+    """Success in each bin of angles, sorted: ``angle_from_deg``, ``angle_to_deg``, ``successes``, ``trials``."""
+    binned = cases.dropna(subset="angle_from_deg")
+    found = (
+        binned.groupby(["angle_from_deg", "angle_to_deg"])["success_tre"].agg(["sum", "size"]).reset_index()
+    )
+    return found.rename(columns={"sum": "successes", "size": "trials"})
+
+
+def capture_range_deg(cases: pd.DataFrame) -> float:
+    """The largest angle up to which every bin has a success rate of at least 95 %; 0 if the first has not.
+
+    NaN without binned trials, and where a bin has fewer than 10. A bin without trials ends the range.
+    """
+    bins = by_bin(cases)
+    if not len(bins) or bins["trials"].min() < CAPTURE_TRIALS:
+        return float("nan")
+    reached_deg = 0.0
+    columns = ("angle_from_deg", "angle_to_deg", "successes", "trials")
+    for begin_deg, end_deg, successes, trials in bins[list(columns)].to_numpy(dtype=float).tolist():
+        if begin_deg > reached_deg or successes < CAPTURE_RATE * trials:
+            break
+        reached_deg = end_deg
+    return reached_deg

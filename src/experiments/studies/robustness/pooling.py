@@ -1,0 +1,41 @@
+"""The trials of all jobs of a robustness study: nothing under one name that is not the same."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from experiments.analysis.variants import names_of_files, told_apart
+from experiments.outcome import CellResult
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# Settings that a row has a column for, or, as the seed, that only make more trials of the same kind.
+COLUMNS = ("target", "target_centerline", "overlaps", "places", "rotations", "factors", "seed")
+
+
+def pooled(cells: Sequence[CellResult]) -> pd.DataFrame:
+    """The rows of all jobs with their anatomies, methods and trials named apart.
+
+    Surfaces whose files have one name are told apart by their folders, one method with two settings by what was chosen,
+    and the trials of two seeds by their numbers: those of a second seed follow those of the first.
+    """
+    import pandas as pd
+
+    tables = [cell.cases for cell in cells if cell.cases is not None]
+    targets = [str(cell.config.get("target")) for cell in cells]
+    known = list(dict.fromkeys(targets))
+    anatomies = dict(zip(known, names_of_files(known), strict=True)) if len(known) > 1 else {}
+    methods = told_apart(cells, [str(table["method"].iloc[0]) for table in tables], COLUMNS)
+    seeds = list(dict.fromkeys(cell.config.get("seed") for cell in cells))
+    most = max(int(table["trial"].max()) for table in tables) + 1
+    named = [
+        table.assign(
+            anatomy=anatomies.get(target, table["anatomy"].iloc[0]),
+            method=method,
+            trial=table["trial"] + most * seeds.index(cell.config.get("seed")),
+        )
+        for table, target, method, cell in zip(tables, targets, methods, cells, strict=True)
+    ]
+    return pd.concat(named, ignore_index=True)

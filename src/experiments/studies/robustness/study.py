@@ -1,0 +1,173 @@
+"""How often a rigid method finds a known pose again, over rotations, overlap, noise, outliers and lost frames."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from experiments.errors import InputError
+from experiments.inputs.surfaces import one_method
+from experiments.outcome import CellResult, Outcome, Progress
+from experiments.paths import PathSetting
+from experiments.provenance import COMMIT_TAG, environment_tags
+from experiments.statistics import summary
+from experiments.studies.robustness.design import conditions, job_changes, one_piece, require_count
+from experiments.studies.robustness.findings import describe
+from experiments.studies.robustness.metrics import rate_metrics
+from experiments.studies.robustness.pooling import pooled
+from experiments.studies.robustness.problem import Problem, covered_targets, read_problem
+from experiments.studies.robustness.rate_figures import figures
+from experiments.studies.robustness.tables import tables
+from experiments.studies.robustness.trial import RobustnessTrial
+from experiments.studies.robustness.trial_store import KeptRows, solved_rows
+from registration.perturbation.perturbation import Perturbation
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SUMMARISED = (
+    "rmse_mm",
+    "tre_mm",
+    "tre_max_mm",
+    "tre_covered_mm",
+    "rotation_error_deg",
+    "translation_error_mm",
+    "roll_error_deg",
+    "slide_error_mm",
+    "runtime_s",
+)
+
+
+def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """One cell for each method on each piece of each target, and for each method at each factor's levels."""
+    return job_changes(config)
+
+
+def check(
+    *,
+    target: PathSetting | None,
+    moving: PathSetting | None,
+    moving_truth: PathSetting | None,
+    target_centerline: PathSetting | None,
+    hand_centerlines: bool,
+    rigid: Mapping[str, Any],
+    perturbation: Perturbation,
+    overlaps: Sequence[float],
+    places: Sequence[str],
+    rotations: Sequence[str] | None,
+    factors: Mapping[str, Sequence[float]] | None,
+    trials: int,
+    workers: int,
+) -> None:
+    """Raise InputError for files and settings that allow no trial at all."""
+    one_method(rigid)
+    one_piece(overlaps, places)
+    conditions(perturbation, rotations, factors, trials)
+    require_count("workers", workers)
+    _problem(target, moving, moving_truth, target_centerline, hand_centerlines)
+
+
+def run(
+    *,
+    target: PathSetting | None,
+    moving: PathSetting | None,
+    moving_truth: PathSetting | None,
+    target_centerline: PathSetting | None,
+    hand_centerlines: bool,
+    rigid: Mapping[str, Any],
+    perturbation: Perturbation,
+    overlaps: Sequence[float],
+    places: Sequence[str],
+    rotations: Sequence[str] | None,
+    factors: Mapping[str, Sequence[float]] | None,
+    trials: int,
+    workers: int,
+    seed: int,
+    resume: bool,
+    workspace: Path,
+    progress: Progress,
+) -> Outcome:
+    """Solve the perturbed problems of one job by one method: all rotations of a piece, or all levels of a factor.
+
+    Every method of a seed meets the same problems. A method that raises on a trial has failed it: the row stays, with
+    infinite errors and the reason. Finished trials are kept beside the results until the job is done; with ``resume``
+    a job that was interrupted goes on after them. Raises InputError for files and settings that allow no trial at all.
+    """
+    del workspace
+    require_count("workers", workers)
+    name, method = one_method(rigid)
+    piece = one_piece(overlaps, places)
+    design = conditions(perturbation, rotations, factors, trials)
+    problem = _problem(target, moving, moving_truth, target_centerline, hand_centerlines)
+    task = RobustnessTrial(
+        anatomy=Path(str(target)).stem,
+        name=name,
+        method=method,
+        conditions=design,
+        piece=piece,
+        moving=problem.moving,
+        fixed=problem.fixed,
+        true_fixed_T_moving=problem.fixed_T_moving,
+        targets_mm=problem.targets_mm,
+        covered=covered_targets(problem, piece),
+        hand_centerlines=hand_centerlines,
+        seed=seed,
+    )
+    keys = [(number, trial) for number, each in enumerate(design) for trial in range(each.trials)]
+    identity = (
+        name,
+        method,
+        [each.perturbation for each in design],
+        piece,
+        problem.digests,
+        hand_centerlines,
+        seed,
+        # Rows of other code are not gone on with.
+        environment_tags().get(COMMIT_TAG, ""),
+    )
+    rows = solved_rows(task, keys, workers=workers, kept=KeptRows.of(identity), resume=resume)
+    return _outcome(list(progress.track(rows, f"{name}, overlap {piece.share:g}", len(keys))), problem)
+
+
+def summarise(cells: list[CellResult]) -> Outcome:
+    """Set all methods, pieces and factors side by side: tables, figures and what they say."""
+    kept = [cell for cell in cells if cell.cases is not None and len(cell.cases)]
+    if not kept:
+        return Outcome(findings=("No job has trials to summarise.",))
+    return shown(pooled(kept))
+
+
+def shown(cases: pd.DataFrame) -> Outcome:
+    """The tables, figures and sentences of any trials of this study."""
+    return Outcome(cases=cases, tables=tables(cases), figures=figures(cases), findings=describe(cases))
+
+
+def _problem(
+    target: PathSetting | None,
+    moving: PathSetting | None,
+    moving_truth: PathSetting | None,
+    target_centerline: PathSetting | None,
+    hand_centerlines: bool,
+) -> Problem:
+    if hand_centerlines and target_centerline is None:
+        raise InputError(
+            "hand_centerlines: expected a target_centerline to hand to the methods, received none"
+        )
+    return read_problem(target, moving, moving_truth, target_centerline)
+
+
+def _outcome(rows: list[dict[str, Any]], problem: Problem) -> Outcome:
+    import pandas as pd
+
+    cases: pd.DataFrame = pd.DataFrame(rows)
+    metrics = rate_metrics(cases)
+    for name in SUMMARISED:
+        metrics |= summary(name, cases[name].tolist())
+    return dataclasses.replace(
+        shown(cases),
+        metrics=metrics,
+        tags={"tre_targets": problem.target_kind, "tre_targets_n": str(len(problem.targets_mm))},
+        inputs=problem.inputs,
+    )

@@ -1,0 +1,80 @@
+"""How methods look in every figure of the robustness study, and the axes that the figures share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.statistics import wilson_interval
+from experiments.studies.robustness.design import WHOLE
+from registration.metrics.surface_distance import SUCCESS_TRE_MM
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Told apart by colour-blind readers too (Okabe and Ito, Color Universal Design, 2008); the markers repeat it.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
+# Errors of failed and of perfect trials are drawn at the edges of logarithmic axes.
+SMALLEST_SHOWN_MM, LARGEST_SHOWN_MM = 1e-2, 1e3
+RATE_LABEL = f"share of trials with tre_mm <= {SUCCESS_TRE_MM:g}"
+
+
+def styles(methods: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Colour and marker of each method."""
+    return {
+        name: {"color": COLOURS[number % len(COLOURS)], "marker": MARKERS[number % len(MARKERS)]}
+        for number, name in enumerate(methods)
+    }
+
+
+def piece_title(overlap: float, place: str) -> str:
+    """What a panel of a piece is called."""
+    return "overlap 1" if place == WHOLE else f"overlap {overlap:g}, {place}"
+
+
+def draw_rates(
+    axes: Axes, at: Iterable[float], successes: Iterable[int], trials: Iterable[int], **look: Any
+) -> None:
+    """Rates joined by a line, each with its Wilson 95 % interval."""
+    shares = [wilson_interval(int(won), int(count)) for won, count in zip(successes, trials, strict=True)]
+    rates = [each.rate for each in shares]
+    reach = [
+        [max(each.rate - each.low, 0) for each in shares],
+        [max(each.high - each.rate, 0) for each in shares],
+    ]
+    bars = axes.errorbar(
+        np.fromiter(at, float), rates, reach, capsize=0, linewidth=1.2, markersize=3.5, elinewidth=0.8, **look
+    )
+    for part in (*bars[1], *bars[2]):
+        part.set_alpha(0.45)
+
+
+def rate_axis(axes: Axes) -> None:
+    """From none to all, with the lines that every panel has."""
+    axes.set_ylim(-0.04, 1.04)
+    axes.grid(alpha=0.25)
+
+
+def log_axis(axes: Axes, which: str) -> None:
+    """A logarithmic axis, ``x`` or ``y``, with plain numbers at 1, 2 and 5 of each decade, or at 1 of many decades."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axes.set(**{f"{which}scale": "log"})
+    first, last = sorted(axes.get_xlim() if which == "x" else axes.get_ylim())
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    few = last / first < 150
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,), numticks=12))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def legend_above(figure: Figure, axes: Axes) -> None:
+    """One legend for all panels, outside of them."""
+    handles, names = axes.get_legend_handles_labels()
+    known = dict(zip(names, handles, strict=True))
+    columns = max(min(len(known), int(figure.get_figwidth() / 1.25)), 1)
+    figure.legend(known.values(), known.keys(), loc="outside upper center", ncols=columns, frameon=False)

@@ -1,0 +1,137 @@
+"""The tables of the robustness study: success and errors, what methods know of themselves, capture range, factors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from experiments.statistics import summary
+from experiments.studies.robustness.comparison import by_anatomy, comparison
+from experiments.studies.robustness.design import CROSSED
+from experiments.studies.robustness.metrics import (
+    by_bin,
+    capture_range_deg,
+    crossed,
+    groups,
+    judges,
+    rate_metrics,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+PIECE = ("method", "overlap", "place")
+
+
+def tables(cases: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """All tables there are trials for, by title."""
+    import pandas as pd
+
+    turned, varied = crossed(cases), cases[cases["factor"] != CROSSED]
+    found: dict[str, pd.DataFrame] = {}
+    if len(turned):
+        found["robustness"] = pd.DataFrame(
+            [_errors(group, PIECE, key) for key, group in groups(turned, PIECE)]
+        )
+        judged = [(key, group) for key, group in groups(turned, PIECE) if judges(group)]
+        if judged:
+            found["verdicts"] = pd.DataFrame([_verdicts(group, PIECE, key) for key, group in judged])
+        predicted = turned.groupby("method")["tre_high_mm"].transform("count") > 0
+        if predicted.any():
+            found["tre_intervals"] = pd.DataFrame(
+                [_intervals(group, PIECE, key) for key, group in groups(turned[predicted], PIECE)]
+            )
+        rotation = ("method", "rotation")
+        if len(turned["rotation"].unique()) > 1:
+            found["rotations"] = pd.DataFrame(
+                [_errors(group, rotation, key) for key, group in groups(turned, rotation)]
+            )
+        if len(ranges := capture_ranges(turned)):
+            found["capture_range"] = ranges
+    if len(varied):
+        level = ("method", "factor", "level")
+        found["factors"] = pd.DataFrame([_levels(group, key) for key, group in groups(varied, level)])
+    if len(units := by_anatomy(cases)):
+        found["anatomies"] = units
+    if len(compared := comparison(cases)):
+        found["comparison"] = compared
+    return found
+
+
+def capture_ranges(turned: pd.DataFrame) -> pd.DataFrame:
+    """The capture range of each method on each piece, by kind of rotation, and the fewest trials that a bin had."""
+    import pandas as pd
+
+    columns = (*PIECE, "rotation")
+    rows = []
+    for key, group in groups(turned.dropna(subset="angle_from_deg"), columns):
+        bins = by_bin(group)
+        rows.append(
+            {
+                **dict(zip(columns, key, strict=True)),
+                "capture_range_deg": capture_range_deg(group),
+                "bins": len(bins),
+                "trials_a_bin": int(bins["trials"].min()),
+                "lowest_rate": float((bins["successes"] / bins["trials"]).min()),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _errors(cases: pd.DataFrame, columns: tuple[str, ...], key: tuple[Any, ...]) -> dict[str, object]:
+    rates = rate_metrics(cases)
+    errors = _summaries(cases, "rmse_mm", "tre_mm")
+    return {
+        **dict(zip(columns, key, strict=True)),
+        "trials": len(cases),
+        **{name: rates[name] for name in _bounded("success_tre_rate")},
+        "success_rate": rates["success_rate"],
+        **{name: errors[name] for name in ("rmse_mm_median", "rmse_mm_p95", "tre_mm_median", "tre_mm_p95")},
+        "low_rmse_wrong": int(rates["trials_low_rmse_wrong"]),
+        "runtime_s_median": float(cases["runtime_s"].median()),
+    }
+
+
+def _verdicts(cases: pd.DataFrame, columns: tuple[str, ...], key: tuple[Any, ...]) -> dict[str, object]:
+    rates = rate_metrics(cases)
+    return {
+        **dict(zip(columns, key, strict=True)),
+        "trials": len(cases),
+        "accepted_rate": rates["accepted_rate"],
+        **{name: rates[name] for name in _bounded("success_tre_accepted_rate")},
+        "accepted_wrong": int((cases["accepted"] & ~cases["success_tre"]).sum()),
+        "right_not_accepted": int((~cases["accepted"] & cases["success_tre"]).sum()),
+        "no_answer": int(rates["trials_failed"]),
+    }
+
+
+def _intervals(cases: pd.DataFrame, columns: tuple[str, ...], key: tuple[Any, ...]) -> dict[str, object]:
+    rates, taken = rate_metrics(cases), cases[cases["accepted"]]
+    return {
+        **dict(zip(columns, key, strict=True)),
+        "accepted": len(taken),
+        **{name: rates[name] for name in _bounded("tre_interval_coverage")},
+        "tre_low_mm_median": float(taken["tre_low_mm"].median()),
+        "tre_high_mm_median": float(taken["tre_high_mm"].median()),
+    }
+
+
+def _levels(cases: pd.DataFrame, key: tuple[Any, ...]) -> dict[str, object]:
+    rates = rate_metrics(cases)
+    errors = _summaries(cases, "tre_mm")
+    return {
+        **dict(zip(("method", "factor", "level"), key, strict=True)),
+        "trials": len(cases),
+        **{name: rates[name] for name in _bounded("success_tre_rate")},
+        "accepted_rate": rates["accepted_rate"],
+        **{name: rates[name] for name in _bounded("success_tre_accepted_rate")},
+        **{name: errors[name] for name in ("tre_mm_median", "tre_mm_p95")},
+    }
+
+
+def _bounded(name: str) -> tuple[str, str, str]:
+    return name, f"{name}_low", f"{name}_high"
+
+
+def _summaries(cases: pd.DataFrame, *names: str) -> Mapping[str, float]:
+    return {key: value for name in names for key, value in summary(name, cases[name].tolist()).items()}

@@ -1,0 +1,190 @@
+"""Runs as Parquet files, small enough to commit: a table can be rebuilt on a machine that never ran it.
+
+Layout under a folder: ``<experiment>/runs.parquet`` (a row a run), ``<experiment>/history.parquet`` (a row a metric
+and step) and ``<experiment>/cases/<run id>.parquet`` (the per-case table of a run). The folder's name is the
+experiment's with all that means something to a file system quoted; its own name stands in the rows.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import pandas as pd
+
+from experiments.errors import InputError
+from experiments.tracking.run_record import RunRecord
+
+_JSON_COLUMNS = ("tags", "params")
+_COLUMNS = (
+    *("run_id", "experiment", "name", "status", "start_ms", "end_ms", "parent_id"),
+    *("tags", "params", "config"),
+)
+_ENDED = ("FINISHED", "FAILED", "KILLED")
+# Longer names of folders are cut.
+_LONGEST, _KEPT = 200, 160
+_RUN_ID = re.compile(r"[\w-]{1,64}", re.ASCII)
+# Not what follows a letter, a dot or a colon: a relative path, an address, a fraction.
+_ABSOLUTE = re.compile(r"(?:(?<![\w.:/])|(?<=sqlite:///))/(?:[^\s/:'\",\]]+/)+([^\s/:'\",\]]*)")
+
+
+def write_archive(records: Iterable[RunRecord], folder: Path) -> int:
+    """Write runs into ``folder``, beside those already there; a run written before is replaced. Returns the count.
+
+    A run that has lost its files keeps the configuration and the table that an earlier export has of it.
+    """
+    by_experiment: dict[str, dict[str, RunRecord]] = {}
+    count = 0
+    for record in records:
+        known = by_experiment.setdefault(record.experiment, {})
+        # A run that was lost and then restored is in the store twice; what finished is the whole one.
+        if record.run_id not in known or record.status == "FINISHED":
+            known[record.run_id] = record
+        count += 1
+    for experiment, fresh in by_experiment.items():
+        place = folder / folder_of(experiment)
+        for record in fresh.values():
+            _require_plain_id(record.run_id, record.experiment)
+        place.mkdir(parents=True, exist_ok=True)
+        rows = pd.DataFrame([_row(record) for record in fresh.values()])
+        history = pd.concat([record.history.assign(run_id=record.run_id) for record in fresh.values()])
+        _merged(place / "runs.parquet", rows, fresh).to_parquet(place / "runs.parquet", index=False)
+        _merged(place / "history.parquet", history, fresh).to_parquet(place / "history.parquet", index=False)
+        for record in fresh.values():
+            if record.cases is not None:
+                (place / "cases").mkdir(exist_ok=True)
+                record.cases.to_parquet(place / "cases" / f"{record.run_id}.parquet", index=False)
+    return count
+
+
+def read_archive(folder: Path, experiments: list[str] | None = None) -> Iterator[RunRecord]:
+    """Read the runs under ``folder``, parents before their children; only of the named experiments if any is named."""
+    tables = sorted(folder.glob("*/runs.parquet"))
+    if not tables:
+        raise InputError(f"{folder}: expected exported runs (<experiment>/runs.parquet), found none")
+    for table in tables:
+        place = table.parent
+        rows = _read(table, _COLUMNS)
+        if experiments is not None:
+            rows = rows[rows["experiment"].isin(experiments)]
+        if not len(rows):
+            continue
+        history = _read(place / "history.parquet", ("run_id", "metric", "step", "value", "timestamp_ms"))
+        rows = rows.sort_values("parent_id", na_position="first", kind="stable")
+        for row in rows.to_dict("records"):
+            yield _record({str(key): value for key, value in row.items()}, history, place)
+
+
+def folder_of(experiment: str) -> str:
+    """The folder of an experiment in an archive: its name, quoted so that it is one folder inside the archive.
+
+    >>> folder_of("segmentation"), folder_of("team/x"), folder_of("../up")
+    ('segmentation', 'team%2Fx', '%2E.%2Fup')
+    """
+    quoted = quote(experiment, safe=" ")
+    # What begins with a dot is hidden or another folder; so is what is nothing but blanks, to some systems.
+    if quoted.startswith("."):
+        quoted = f"%2E{quoted[1:]}"
+    quoted = quoted.replace(" ", "%20") if quoted != quoted.strip() else quoted
+    if len(quoted) <= _LONGEST:
+        return quoted
+    return f"{quoted[:_KEPT]}%{hashlib.sha256(experiment.encode()).hexdigest()[:16]}"
+
+
+def without_folders(text: str) -> str:
+    """The text with every absolute path cut to its last part.
+
+    >>> without_folders("root: /home/someone/data/usgra")
+    'root: .../usgra'
+    """
+    return _ABSOLUTE.sub(r".../\1", text)
+
+
+def _row(record: RunRecord) -> dict[str, Any]:
+    row = {key: value for key, value in asdict(record).items() if key not in ("history", "cases")}
+    for key in _JSON_COLUMNS:
+        row[key] = json.dumps(
+            {name: without_folders(value) for name, value in row[key].items()}, sort_keys=True
+        )
+    return {**row, "config": without_folders(record.config)}
+
+
+def _merged(path: Path, fresh: pd.DataFrame, replaced: Iterable[str]) -> pd.DataFrame:
+    """The rows of ``path`` of other runs, then the fresh ones; sorted, so that the file changes only where runs do."""
+    if path.is_file():
+        old = pd.read_parquet(path)
+        if "config" in fresh:
+            before = dict(zip(old["run_id"], old["config"], strict=True))
+            whole = [
+                config or before.get(run, "")
+                for run, config in zip(fresh["run_id"], fresh["config"], strict=True)
+            ]
+            fresh = fresh.assign(config=whole)
+        kept = old[~old["run_id"].isin(list(replaced))]
+        if len(kept):
+            fresh = pd.concat([kept, fresh]) if len(fresh) else kept
+    keys = [key for key in ("run_id", "metric", "step", "timestamp_ms") if key in fresh.columns]
+    return fresh.sort_values(keys, kind="stable").reset_index(drop=True)
+
+
+def _read(path: Path, columns: tuple[str, ...]) -> pd.DataFrame:
+    """A table of an archive; InputError names the file if it is none or lacks a column."""
+    try:
+        table = pd.read_parquet(path)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: expected a table of exported runs, found {error}") from error
+    missing = [column for column in columns if column not in table]
+    if missing:
+        raise InputError(f"{path}: expected the columns {', '.join(columns)}, found no {missing[0]}")
+    return table
+
+
+def _require_plain_id(run_id: object, where: object) -> None:
+    # It becomes the name of a file.
+    if not isinstance(run_id, str) or not _RUN_ID.fullmatch(run_id):
+        raise InputError(f"{where}: expected run ids of letters, digits, - and _, received {run_id!r}")
+
+
+def _record(row: dict[str, Any], history: pd.DataFrame, place: Path) -> RunRecord:
+    table = place / "runs.parquet"
+    _require_plain_id(row["run_id"], table)
+    if row["status"] not in _ENDED:
+        raise InputError(f"{table}: expected runs that ended ({', '.join(_ENDED)}), found {row['status']!r}")
+    path = place / "cases" / f"{row['run_id']}.parquet"
+    cases = _read(path, ()) if path.is_file() else None
+    try:
+        return RunRecord(
+            run_id=row["run_id"],
+            experiment=_text(row["experiment"]),
+            name=_text(row["name"]),
+            status=row["status"],
+            start_ms=int(row["start_ms"]),
+            end_ms=None if pd.isna(row["end_ms"]) else int(row["end_ms"]),
+            parent_id=row["parent_id"] if isinstance(row["parent_id"], str) else None,
+            tags=_texts(row["tags"]),
+            params=_texts(row["params"]),
+            config=_text(row["config"]),
+            history=history[history["run_id"] == row["run_id"]].drop(columns="run_id"),
+            cases=cases,
+        )
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{table}: expected the fields of an exported run, found {error}") from error
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, str):
+        raise TypeError(f"{value!r} where a text belongs")
+    return value
+
+
+def _texts(value: object) -> dict[str, str]:
+    found = json.loads(_text(value))
+    if not isinstance(found, dict):
+        raise TypeError(f"{value!r} where names with values belong")
+    return {str(key): _text(item) for key, item in found.items()}

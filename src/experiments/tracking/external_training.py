@@ -1,0 +1,86 @@
+"""A training done by ``python -m models.train`` on a machine without the tracker, read as a run."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from experiments.errors import InputError
+from experiments.files import digest
+from experiments.running.config_hash import flatten
+from experiments.tracking.run_record import RunRecord
+from models.settings_file import parse_settings
+
+EXPERIMENT = "segmentation"
+_NAMES = ("case_id", "group", "model", "dataset")
+_FILES = ("model.pt", "metrics.json", "history.json", "cases.csv", "config.yaml")
+
+
+def is_training(folder: Path) -> bool:
+    """Whether ``folder`` looks like what a training leaves."""
+    return (folder / "history.json").is_file()
+
+
+def read_training(folder: Path) -> RunRecord:
+    """The run of a training. Its id is made from the weights, so that the same training is never two runs.
+
+    Raises InputError that names a file that is missing or can't be read.
+    """
+    for name in _FILES:
+        if not (folder / name).is_file():
+            raise InputError(
+                f"{folder}: expected the files of a training ({', '.join(_FILES)}), found no {name}"
+            )
+    weights = digest(folder / "model.pt")
+    text = (folder / "config.yaml").read_text(encoding="utf-8")
+    cases = _cases(folder / "cases.csv")
+    ended_ms = int((folder / "metrics.json").stat().st_mtime * 1000)
+    metrics = _read_json(folder / "metrics.json")
+    settings = flatten(parse_settings(text))
+    fold = cases["fold"].iloc[0]
+    return RunRecord(
+        run_id=weights[:32],
+        experiment=EXPERIMENT,
+        name=f"trained elsewhere, fold={fold}",
+        status="FINISHED",
+        start_ms=ended_ms - int(1000 * (metrics.get("training_s") or 0.0)),
+        end_ms=ended_ms,
+        parent_id=None,
+        tags={
+            "ctus.kind": "job",
+            "model": str(cases["model"].iloc[0]),
+            "dataset": str(cases["dataset"].iloc[0]),
+        },
+        params={key: str(value) for key, value in {**settings, "fold": fold}.items()},
+        config=text,
+        history=_history(_read_json(folder / "history.json"), metrics, ended_ms),
+        cases=cases,
+    )
+
+
+def _cases(path: Path) -> pd.DataFrame:
+    """The table of cases; one called 010 or NA is no number, nor missing."""
+    scores = [name for name in pd.read_csv(path, nrows=0).columns if name not in _NAMES]
+    missing = {name: ["", "nan", "NaN"] for name in scores}
+    text = dict.fromkeys(_NAMES, str)
+    return pd.read_csv(path, dtype=text, keep_default_na=False, na_values=missing)
+
+
+def _read_json(path: Path) -> Any:
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise InputError(f"{path}: expected JSON, found {error}") from error
+
+
+def _history(
+    epochs: list[dict[str, float | None]], metrics: dict[str, float | None], at_ms: int
+) -> pd.DataFrame:
+    """A row a metric and step; what is not defined (null) has no row."""
+    rows = [(name, step, value) for step, epoch in enumerate(epochs) for name, value in epoch.items()]
+    rows += [(name, 0, value) for name, value in metrics.items()]
+    known = [(name, step, float(value), at_ms) for name, step, value in rows if value is not None]
+    return pd.DataFrame(known, columns=["metric", "step", "value", "timestamp_ms"])

@@ -1,0 +1,118 @@
+"""A run apart from any store: what is exported, and how it is read from a store and restored to one."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import yaml
+
+from experiments.outcome import Outcome
+from experiments.provenance import process_tags
+from experiments.running.config_hash import flatten
+from experiments.tracking import ORIGIN_TAG, PARENT_TAG, RunWriter, Store, loggable
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """Everything of a run that is worth keeping. ``history`` has the columns metric, step, value, timestamp_ms."""
+
+    run_id: str
+    experiment: str
+    name: str
+    status: str
+    start_ms: int
+    end_ms: int | None
+    parent_id: str | None
+    tags: dict[str, str]
+    params: dict[str, str]
+    config: str
+    history: pd.DataFrame
+    cases: pd.DataFrame | None
+
+
+def read_run(store: Store, run_id: str, experiment: str) -> RunRecord:
+    """Read a run of the store with every step of its metrics and its per-case table."""
+    client = store.client()
+    run = client.get_run(run_id)
+    tags = dict(run.data.tags)
+    points = [
+        (metric.key, metric.step, metric.value, metric.timestamp)
+        for key in run.data.metrics
+        for metric in client.get_metric_history(run_id, key)
+    ]
+    names = {file.path for file in client.list_artifacts(run_id)}
+    config = ""
+    if "config.yaml" in names:
+        config = Path(client.download_artifacts(run_id, "config.yaml")).read_text(encoding="utf-8")
+    return RunRecord(
+        run_id=tags.pop(ORIGIN_TAG, run_id),
+        experiment=experiment,
+        name=run.info.run_name,
+        status=run.info.status,
+        start_ms=run.info.start_time,
+        end_ms=run.info.end_time,
+        parent_id=_first_id(store, tags.pop(PARENT_TAG, None)),
+        tags=tags,
+        params=dict(run.data.params),
+        config=config,
+        history=pd.DataFrame(points, columns=["metric", "step", "value", "timestamp_ms"]),
+        cases=store.cases(run_id),
+    )
+
+
+def _first_id(store: Store, run_id: str | None) -> str | None:
+    """The id that a run had where it was first run, which is what an archive knows it by."""
+    parent = None if run_id is None else store.run(run_id)
+    return run_id if parent is None else str(parent.data.tags.get(ORIGIN_TAG, run_id))
+
+
+def finished_run(run: RunWriter, config: Mapping[str, Any], outcome: Outcome) -> RunRecord:
+    """A run of this process that has just finished, as ``read_run`` would have read it."""
+    start = run.start
+    assert start is not None, "a run begun by Store.start knows what it was begun with"
+    now_ms = int(time.time() * 1000)
+    steps = [*enumerate(outcome.history), (0, outcome.metrics)]
+    points = [
+        (name, step, value, now_ms) for step, metrics in steps for name, value in loggable(metrics).items()
+    ]
+    return RunRecord(
+        run_id=run.run_id,
+        experiment=start.experiment,
+        name=start.name,
+        status="FINISHED",
+        start_ms=start.start_ms,
+        end_ms=now_ms,
+        parent_id=start.parent_id,
+        tags={key: value for key, value in {**start.tags, **outcome.tags}.items() if key != PARENT_TAG},
+        params={key: str(value) for key, value in flatten(config).items()},
+        config=yaml.safe_dump(dict(config), sort_keys=False),
+        history=pd.DataFrame(points, columns=["metric", "step", "value", "timestamp_ms"]),
+        cases=outcome.cases,
+    )
+
+
+def restore_run(store: Store, record: RunRecord, parent_id: str | None) -> str:
+    """Write a run into the store and return its new id there; the tag ``ctus.run_id`` keeps the first one."""
+    tags = {**record.tags, ORIGIN_TAG: record.run_id, **({PARENT_TAG: parent_id} if parent_id else {})}
+    writer = store.begin_copy(record.experiment, record.name, tags, record.start_ms)
+    writer.params(record.params)
+    columns = ("metric", "value", "timestamp_ms", "step")
+    writer.points(zip(*(record.history[column].tolist() for column in columns), strict=True))
+    if record.config:
+        writer.text(record.config, "config.yaml")
+    if record.cases is not None:
+        with tempfile.TemporaryDirectory() as folder:
+            record.cases.to_parquet(Path(folder) / "cases.parquet", index=False)
+            writer.files(Path(folder), ["cases.parquet"])
+    # While it was copied, the run named this process; now it says again who ran it.
+    names = process_tags().keys()
+    writer.tags({name: record.tags[name] for name in names if name in record.tags})
+    writer.drop_tags(name for name in names if name not in record.tags)
+    writer.end(record.status, record.end_ms)
+    return writer.run_id

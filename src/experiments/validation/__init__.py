@@ -1,0 +1,1 @@
+"""Values published by others, computed again."""

@@ -1,0 +1,27 @@
+"""Writing so that a file stands under its final name only when it is complete.
+
+The same few lines stand in ``registration.io.atomic``: the two packages do not know each other.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def written_beside(path: Path) -> Iterator[Path]:
+    """Give a temporary name in the folder of ``path`` to write to; rename it to ``path`` when all went well.
+
+    The temporary name keeps the suffix, because many writers choose the format by it. What was at ``path`` before stays
+    when writing fails.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.parent / f".{path.stem}.partial-{os.getpid()}{path.suffix}"
+    try:
+        yield beside
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)

@@ -1,0 +1,67 @@
+"""U-Net (Ronneberger, Fischer and Brox, MICCAI 2015) for binary masks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from torch import Tensor, nn
+
+from models.array_types import Float
+from models.networks.blocks import Encoder, decoder, initialise, require_fields, require_size
+
+
+@dataclass(frozen=True)
+class UNet:
+    """The recipe of a U-Net: ``recipe()`` builds the network with weights drawn from torch's current seed.
+
+    ``width`` is the number of channels at full size (64 as published), doubled at each of the other ``depth - 1``
+    levels. ``dropout`` (0 to below 1) is the share of channels dropped at the two coarsest levels, where the paper
+    has it. Against the paper, convolutions are padded, so that the mask has the image's size, and normalised.
+
+    >>> sum(p.numel() for p in UNet(width=64, normalisation="none")().parameters())
+    31030593
+    """
+
+    width: int = 64
+    depth: int = 5
+    normalisation: str = "batch"
+    dropout: float = 0.1
+
+    name: ClassVar[str] = "unet"
+
+    def __post_init__(self) -> None:
+        require_fields(
+            width=self.width, depth=self.depth, normalisation=self.normalisation, dropout=self.dropout
+        )
+
+    @property
+    def multiple(self) -> int:
+        """What both sides of an image must be multiples of."""
+        return int(2 ** (self.depth - 1))
+
+    def __call__(self) -> nn.Module:
+        """Build the network: images (b, 1, h, w) to logits (b, 1, h, w)."""
+        return UNetModule(self)
+
+
+class UNetModule(nn.Module):
+    """The network that a ``UNet`` recipe describes."""
+
+    def __init__(self, recipe: UNet) -> None:
+        super().__init__()
+        self.multiple = recipe.multiple
+        widths = [recipe.width * 2**level for level in range(recipe.depth)]
+        self.encoder = Encoder(widths, recipe.normalisation, recipe.dropout)
+        self.decoder = decoder(widths, recipe.normalisation)
+        self.head = nn.Conv2d(recipe.width, 1, 1)
+        initialise(self)
+
+    def forward(self, images: Float[Tensor, "b 1 h w"]) -> Float[Tensor, "b 1 h w"]:
+        """Logits of "vessel" for every pixel."""
+        require_size(images.shape[-2], images.shape[-1], self.multiple)
+        *skips, features = self.encoder(images)
+        for up in self.decoder:
+            features = up(features, skips.pop())
+        logits: Tensor = self.head(features)
+        return logits

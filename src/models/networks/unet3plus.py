@@ -1,0 +1,177 @@
+"""U-Net 3+ (Huang et al., ICASSP 2020) for binary masks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from models.array_types import Float
+from models.errors import InputError
+from models.networks.blocks import (
+    GROUPS,
+    Encoder,
+    initialise,
+    normalisation_layer,
+    require_fields,
+    require_size,
+)
+from models.networks.outputs import SideOutputs
+from models.networks.upsampled_convolution import UpsampledConvolution
+
+# The share of the coarsest features that the class branch drops in training, as in the authors' published code.
+PRESENCE_DROPOUT = 0.5
+
+
+@dataclass(frozen=True)
+class UNet3Plus:
+    """The recipe of a U-Net 3+: every level of the decoder sees every level, finer ones from the encoder.
+
+    ``width``, ``depth``, ``normalisation`` and ``dropout`` are those of ``models.networks.unet.UNet``, with
+    the same encoder.
+    Each branch of a decoder level has ``branch_width`` channels, each decoder level ``depth`` times as many.
+
+    With ``deep_supervision`` the coarser levels give logits too, in training, by a 3x3 convolution each. With
+    ``classification_guided`` a class branch (dropout, 1x1 convolution, largest value over the coarsest level) says
+    whether a vessel is in the image; all logits then are those of p(pixel | vessel in the image) * p(vessel in the
+    image). As published are all sizes and layers, convolutions' biases included. Not as published: the gate is that
+    product, where the paper multiplies with the class decided on, which teaches nothing to either; the class branch
+    learns from its own loss alone, so that it stays a probability; and ``dropout``, which the paper has not.
+
+    >>> sum(p.numel() for p in UNet3Plus(width=64)().parameters())
+    26970625
+    """
+
+    width: int = 64
+    depth: int = 5
+    normalisation: str = "batch"
+    dropout: float = 0.1
+    deep_supervision: bool = False
+    classification_guided: bool = False
+
+    name: ClassVar[str] = "unet3plus"
+
+    def __post_init__(self) -> None:
+        require_fields(
+            width=self.width, depth=self.depth, normalisation=self.normalisation, dropout=self.dropout
+        )
+        if self.normalisation == "group" and self.width % GROUPS:
+            raise InputError(
+                f"width: expected a multiple of {GROUPS} for group normalisation, received {self.width}"
+            )
+
+    @property
+    def branch_width(self) -> int:
+        """Channels of one full-scale skip: 64 as published."""
+        return self.width
+
+    @property
+    def multiple(self) -> int:
+        """What both sides of an image must be multiples of."""
+        return int(2 ** (self.depth - 1))
+
+    def __call__(self) -> nn.Module:
+        """Build the network: images (b, 1, h, w) to logits (b, 1, h, w), in training with an option to SideOutputs."""
+        return UNet3PlusModule(self)
+
+
+class FullScaleBlock(nn.Module):
+    """One level of the decoder: a branch from every level, brought to its size, joined and convolved.
+
+    ``channels`` are those of the features that come from each level, fine to coarse: the encoder's for this level and
+    the finer ones, which are max-pooled, and the decoder's for the coarser ones, which are enlarged bilinearly.
+    """
+
+    def __init__(self, level: int, channels: list[int], branch_width: int, normalisation: str) -> None:
+        super().__init__()
+        self.level = level
+        width = branch_width * len(channels)
+        self.branches = nn.ModuleList(
+            UpsampledConvolution(count, branch_width, scale=2 ** (source - level))
+            if source > level
+            else nn.Conv2d(count, branch_width, 3, padding=1)
+            for source, count in enumerate(channels)
+        )
+        # Every branch is normalised and rectified after its convolution: all at once, where they are joined.
+        self.joined = nn.Sequential(normalisation_layer(normalisation, width), nn.ReLU(inplace=True))
+        self.fusion = nn.Sequential(
+            nn.Conv2d(width, width, 3, padding=1),
+            normalisation_layer(normalisation, width),
+            nn.ReLU(inplace=True),
+        )
+
+    def forward(self, features: list[Tensor]) -> Float[Tensor, "b c h w"]:
+        """From the features of every level, fine to coarse."""
+        parts = []
+        for source, (branch, feature) in enumerate(zip(self.branches, features, strict=True)):
+            if source < self.level:
+                feature = torch.max_pool2d(feature, 2 ** (self.level - source))
+            parts.append(branch(feature))
+        fused: Tensor = self.fusion(self.joined(torch.cat(parts, dim=1)))
+        return fused
+
+
+class UNet3PlusModule(nn.Module):
+    """The network that a ``UNet3Plus`` recipe describes."""
+
+    def __init__(self, recipe: UNet3Plus) -> None:
+        super().__init__()
+        self.multiple = recipe.multiple
+        widths = [recipe.width * 2**level for level in range(recipe.depth)]
+        decoded = recipe.depth * recipe.branch_width
+        self.encoder = Encoder(widths, recipe.normalisation, recipe.dropout, bias=True)
+        self.decoder = nn.ModuleList(
+            FullScaleBlock(
+                level,
+                [*widths[: level + 1], *[decoded] * (recipe.depth - level - 2), widths[-1]],
+                recipe.branch_width,
+                recipe.normalisation,
+            )
+            for level in reversed(range(recipe.depth - 1))
+        )
+        self.head = nn.Conv2d(decoded, 1, 3, padding=1)
+        self.sides = nn.ModuleList()
+        if recipe.deep_supervision:
+            coarser = [decoded] * (recipe.depth - 2) + [widths[-1]]
+            self.sides.extend(nn.Conv2d(channels, 1, 3, padding=1) for channels in coarser)
+        self.presence: nn.Module | None = None
+        if recipe.classification_guided:
+            self.presence = nn.Sequential(nn.Dropout(PRESENCE_DROPOUT), nn.Conv2d(widths[-1], 1, 1))
+        initialise(self)
+
+    def forward(self, images: Float[Tensor, "b 1 h w"]) -> Float[Tensor, "b 1 h w"] | SideOutputs:
+        """Logits of "vessel" for every pixel; in training with an option, those of the coarser levels as well."""
+        require_size(images.shape[-2], images.shape[-1], self.multiple)
+        features = self.encoder(images)
+        presence = None if self.presence is None else self.presence(features[-1]).amax(dim=(1, 2, 3))
+        # From coarse to fine the decoder's features take the place of the encoder's.
+        for block in self.decoder:
+            features[block.level] = block(features)
+        logits: Tensor = self.head(features[0])
+        if presence is not None:
+            logits = gated(logits, presence)
+        if not self.training or (presence is None and not self.sides):
+            return logits
+        sides = tuple(
+            self._side(head, feature, images.shape[-2:], presence)
+            for head, feature in zip(self.sides, features[1:], strict=False)
+        )
+        return SideOutputs(logits, sides, presence)
+
+    def _side(self, head: nn.Module, feature: Tensor, size: torch.Size, presence: Tensor | None) -> Tensor:
+        """A coarser level's logits at the images' size."""
+        logits = functional.interpolate(head(feature), size=size, mode="bilinear")
+        return logits if presence is None else gated(logits, presence)
+
+
+def gated(logits: Float[Tensor, "b 1 h w"], presence: Float[Tensor, " b"]) -> Float[Tensor, "b 1 h w"]:
+    """The logit of p(pixel) * p(presence), in 32 bits, with no gradient to ``presence``.
+
+    The odds against a product of probabilities are (1 + e^-x)(1 + e^-c) - 1 = e^-x + e^-c + e^-(x + c), whose logarithm
+    is stable for logits x and c of any size.
+    """
+    pixel, image = -logits.float(), -presence.detach().float()[:, None, None, None]
+    return -torch.logaddexp(torch.logaddexp(pixel, image), pixel + image)

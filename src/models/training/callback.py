@@ -1,0 +1,123 @@
+"""What happens before, during and after each epoch of a training: random numbers, measures, best weights, state."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+
+import torch
+from lightning.pytorch import Callback, LightningModule, Trainer
+from torch import Tensor, nn
+
+from models.seeds import DROPOUT, seed_of
+from models.training.datamodule import FoldData
+from models.training.phase import Phase, best_epoch
+from models.training.segmenter import Segmenter
+from models.training.state import TrainingState
+from models.training.throughput import Throughput, peak_memory_mb
+
+# A state is written after an epoch unless that would take more than this share of the time.
+STATE_SHARE = 0.1
+
+
+class TrainingCourse(Callback):
+    """Leads a training through its phase, from ``start`` where it goes on.
+
+    ``save_weights`` gets the network whenever the validation DSC is the best so far; ``save_state`` the state at the
+    end of an epoch; ``on_epoch`` each epoch's measures.
+    """
+
+    def __init__(
+        self,
+        phase: Phase,
+        data: FoldData,
+        start: TrainingState | None,
+        save_weights: Callable[[nn.Module, int, float], None],
+        save_state: Callable[[TrainingState], None] | None = None,
+        on_epoch: Callable[[Mapping[str, float]], None] | None = None,
+    ) -> None:
+        self.phase = phase
+        self.data = data
+        self.start = start
+        self.save_weights = save_weights
+        self.save_state = save_state
+        self.on_epoch = on_epoch
+        self.history: list[dict[str, float]] = list(start.history) if start else []
+        self._begin_s = time.perf_counter() - (start.runtime_s if start else 0.0)
+        self._written_s, self._writing_s = -math.inf, 0.0
+        self._throughput = Throughput(torch.device("cpu"))
+        for report in self.history:
+            self._tell(report)
+
+    @property
+    def runtime_s(self) -> float:
+        """The time that the training has taken, that before an interruption included."""
+        return time.perf_counter() - self._begin_s
+
+    def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Give the optimiser back what it knew."""
+        self._throughput = Throughput(pl_module.device)
+        if pl_module.device.type == "cuda":
+            torch.cuda.reset_peak_memory_stats(pl_module.device)
+        if self.start is not None:
+            trainer.optimizers[0].load_state_dict(dict(self.start.optimiser))
+            trainer.precision_plugin.load_state_dict(dict(self.start.scaler))
+
+    def on_train_epoch_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Seed all chance of the epoch."""
+        epoch = len(self.history)
+        self.data.begin_epoch(epoch)
+        torch.manual_seed(seed_of(self.data.seed, DROPOUT, epoch))
+        self._throughput.start()
+
+    def on_train_batch_end(
+        self,
+        trainer: Trainer,
+        pl_module: LightningModule,
+        outputs: object,
+        batch: list[Tensor],
+        batch_idx: int,
+    ) -> None:
+        """Count the images."""
+        self._throughput.count(len(batch[0]), last=batch_idx + 1 == self.data.steps_per_epoch)
+
+    def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Called after the epoch's training and validation."""
+        assert isinstance(pl_module, Segmenter)
+        report = {
+            "learning_rate": float(trainer.optimizers[0].param_groups[0]["lr"]),
+            **pl_module.take_measures(),
+            "images_per_s": self._throughput.images_per_s,
+            "peak_memory_mb": peak_memory_mb(pl_module.device),
+        }
+        self._require_finite(report["validation_loss"])
+        self.history.append(report)
+        if best_epoch(self.history) == len(self.history) - 1:
+            self.save_weights(pl_module.network, len(self.history) - 1, report["validation_dsc"])
+        trainer.should_stop = self.phase.is_over(self.history)
+        self._write_state(trainer, pl_module)
+        self._tell(report)
+
+    def _tell(self, report: Mapping[str, float]) -> None:
+        if self.on_epoch is not None:
+            self.on_epoch(report)
+
+    def _write_state(self, trainer: Trainer, module: Segmenter) -> None:
+        now_s = time.perf_counter()
+        due = STATE_SHARE * (now_s - self._written_s) >= self._writing_s
+        if self.save_state is None or not (due or trainer.should_stop):
+            return
+        weights = {name: tensor.detach().cpu() for name, tensor in module.network.state_dict().items()}
+        optimiser = trainer.optimizers[0].state_dict()
+        scaler = trainer.precision_plugin.state_dict()
+        self.save_state(TrainingState(tuple(self.history), weights, optimiser, scaler, self.runtime_s))
+        self._written_s = time.perf_counter()
+        self._writing_s = self._written_s - now_s
+
+    def _require_finite(self, loss: float) -> None:
+        if not math.isfinite(loss):
+            raise RuntimeError(
+                f"training diverged: expected a finite validation loss, received {loss} after "
+                f"{len(self.history) + 1} epochs; a lower learning_rate may help"
+            )

@@ -1,0 +1,99 @@
+"""The frames of one fold as a training takes them: prepared once, shuffled, augmented and normalised batch by batch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import cast
+
+import numpy as np
+import torch
+from lightning.pytorch import LightningDataModule
+from torch import Generator, Tensor
+from torch.utils.data import (
+    BatchSampler,
+    DataLoader,
+    Dataset,
+    RandomSampler,
+    SequentialSampler,
+    TensorDataset,
+)
+
+from models.labelled_frames import LabelledFrames
+from models.preprocessing.preprocessing import Preprocessing
+from models.seeds import AUGMENTATION, SHUFFLING, seed_of
+from models.training.augmentation import Augmentation
+
+Batch = list[Tensor]
+
+
+class FoldData(LightningDataModule):
+    """Training and validation batches: images (b, 1, s, s), normalised, and masks of 0 and 1 alike."""
+
+    def __init__(
+        self,
+        train: LabelledFrames,
+        validation: LabelledFrames,
+        preprocessing: Preprocessing,
+        augmentation: Augmentation,
+        batch_size: int,
+        seed: int,
+    ) -> None:
+        super().__init__()
+        self.preprocessing = preprocessing
+        self.augmentation = augmentation
+        self.batch_size = batch_size
+        self.seed = seed
+        self.train_set = prepared(train, preprocessing)
+        self.validation_set = prepared(validation, preprocessing)
+        self._shuffle_generator = Generator()
+        self._augmentation_generator: Generator | None = None
+        self.begin_epoch(0)
+
+    def begin_epoch(self, epoch: int) -> None:
+        """Seed the order of the images and their augmentation: both depend on the seed and the epoch alone."""
+        self.epoch = epoch
+        self._shuffle_generator.manual_seed(seed_of(self.seed, SHUFFLING, epoch))
+        self._augmentation_generator = None
+
+    @property
+    def steps_per_epoch(self) -> int:
+        """How many batches an epoch has."""
+        return -(-len(self.train_set) // self.batch_size)
+
+    def train_dataloader(self) -> DataLoader[Batch]:
+        """Shuffled anew in each epoch."""
+        return self._loader(RandomSampler(self.train_set, generator=self._shuffle_generator), self.train_set)
+
+    def val_dataloader(self) -> DataLoader[Batch]:
+        """In order."""
+        return self._loader(SequentialSampler(self.validation_set), self.validation_set)
+
+    def on_after_batch_transfer(self, batch: Batch, dataloader_idx: int) -> Batch:
+        """Augment (in training) and normalise on the device."""
+        images, masks = batch[0], batch[1].float()
+        if self.trainer is not None and self.trainer.training:
+            if self._augmentation_generator is None:
+                seed = seed_of(self.seed, AUGMENTATION, self.epoch)
+                self._augmentation_generator = Generator(images.device).manual_seed(seed)
+            images, masks = self.augmentation(images, masks, self._augmentation_generator)
+        images = self.preprocessing.normalise(images)
+        return [images.contiguous(memory_format=torch.channels_last), masks]
+
+    def _loader(self, order: Iterable[int], frames: TensorDataset) -> DataLoader[Batch]:
+        # A whole batch is one indexing of a tensor; collating it from single images would cost more than the indexing.
+        batches = BatchSampler(order, self.batch_size, drop_last=False)
+        # A generator of its own keeps the loader from drawing on the stream that dropout draws from.
+        return DataLoader(
+            cast("Dataset[Batch]", frames), sampler=batches, batch_size=None, generator=Generator()
+        )
+
+
+def prepared(frames: LabelledFrames, preprocessing: Preprocessing) -> TensorDataset:
+    """All images (n, 1, s, s), values 0 to 1, and masks, bool, at the network's size."""
+    size = preprocessing.image_size_px
+    images = torch.empty((len(frames), 1, size, size))
+    masks = torch.empty((len(frames), 1, size, size), dtype=torch.bool)
+    for index, (image, mask) in enumerate(zip(frames.images, frames.masks, strict=True)):
+        images[index] = preprocessing(torch.tensor(np.array(image, order="C"))[None])[0]
+        masks[index] = preprocessing.mask(torch.tensor(np.array(mask, order="C"))[None])[0] > 0
+    return TensorDataset(images, masks)

@@ -1,0 +1,175 @@
+"""Training of one fold: the same first weights for all folds, the best epoch kept, gone on with where it stopped."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import torch
+from torch import nn
+
+from models.atomic import written_beside
+from models.checkpoint import Checkpoint
+from models.errors import InputError
+from models.networks.registry import NetworkRecipe
+from models.seeds import TRAINING, WEIGHTS, seed_of
+from models.training.phase import Phase, best_epoch
+from models.training.spec import FoldTraining
+from models.training.state import TrainingFolder, TrainingState
+
+if TYPE_CHECKING:
+    from models.training.callback import TrainingCourse
+
+OnEpoch = Callable[[Mapping[str, float]], None]
+
+
+@dataclass(frozen=True)
+class TrainedFold:
+    """Where the best weights lie, and how the training went: one mapping of measures for each epoch."""
+
+    checkpoint: Path
+    history: tuple[Mapping[str, float], ...]
+    best_epoch: int
+    best_validation_dsc: float
+    runtime_s: float
+
+
+def train_fold(
+    training: FoldTraining,
+    *,
+    directory: Path,
+    state_directory: Path | None = None,
+    on_epoch: OnEpoch | None = None,
+) -> TrainedFold:
+    """Train a network and keep the weights of the epoch with the best validation DSC in ``directory/model.pt``.
+
+    The first weights depend on ``seed`` alone, the same for every fold; shuffling, augmentation and dropout depend on
+    ``seed``, ``fold`` and the number of the epoch. ``state_directory`` is where this very training keeps what
+    ``resume`` and ``extend_epochs`` of ``training.trainer`` go on from. ``on_epoch`` gets each epoch's measures; where
+    the training goes on, those of the earlier epochs first.
+
+    Raises InputError if the state is of another training or there is no finished one to extend, RuntimeError if the
+    training diverges.
+    """
+    settings = training.trainer
+    path = directory / "model.pt"
+    if state_directory is None:
+        if settings.resume or settings.extend_epochs:
+            raise InputError(
+                "state_directory: expected the folder that the training keeps its state in, received none"
+            )
+        course = _run(training, Phase.whole(settings), None, directory, lambda epoch: path, None, on_epoch)
+        return _trained(course, path)
+    folder = TrainingFolder(state_directory, training.fingerprint)
+    with folder.locked():
+        phase, start, own = _where_to_begin(folder, training)
+        weights = {True: own.weights_path, False: folder.weights_path}
+        course = _run(training, phase, start, directory, own.weights_path, own, on_epoch)
+        best = best_epoch(course.history)
+        with written_beside(path) as beside:
+            shutil.copyfile(weights[best >= phase.first](best), beside)
+    return _trained(course, path)
+
+
+def initial_network(model: NetworkRecipe, seed: int) -> nn.Module:
+    """The network with the weights that every fold starts from; torch's own random stream is left as it was."""
+    with torch.random.fork_rng():
+        torch.manual_seed(seed_of(seed, WEIGHTS))
+        return model()
+
+
+def _where_to_begin(
+    folder: TrainingFolder, training: FoldTraining
+) -> tuple[Phase, TrainingState | None, TrainingFolder]:
+    """The epochs to train, what they go on from, and the folder for their state."""
+    settings = training.trainer
+    phase = Phase.whole(settings)
+    if not settings.extend_epochs:
+        if not settings.resume:
+            folder.clear()
+        return phase, folder.load(), folder
+    base = folder.load()
+    if base is None or not phase.is_over(base.history):
+        done = 0 if base is None else len(base.history)
+        raise InputError(
+            f"extend_epochs: expected a finished training of these settings in {folder.path}, "
+            f"received one with {done} of {settings.max_epochs} epochs done"
+        )
+    extension = phase.extension(base.history)
+    extended = folder.extended
+    if not settings.resume:
+        extended.clear()
+    start = extended.load()
+    if start is None or len(start.history) > extension.end:
+        start = base
+    return extension, start, extended
+
+
+def _run(
+    training: FoldTraining,
+    phase: Phase,
+    start: TrainingState | None,
+    directory: Path,
+    weights_path: Callable[[int], Path],
+    folder: TrainingFolder | None,
+    on_epoch: OnEpoch | None,
+) -> TrainingCourse:
+    """Train the epochs of a phase that are not done."""
+    # Lightning takes seconds to import: whoever only wants the settings' classes should not wait for it.
+    from models.training.callback import TrainingCourse
+    from models.training.datamodule import FoldData
+    from models.training.segmenter import Segmenter
+    from models.training.trainer import fit, lightning_trainer, quiet, reproducible
+
+    settings = training.trainer
+    seed = seed_of(training.seed, TRAINING, training.fold)
+    data = FoldData(
+        training.train,
+        training.validation,
+        training.preprocessing,
+        training.augmentation,
+        settings.batch_size,
+        seed,
+    )
+    course = TrainingCourse(
+        phase, data, start, _writer(training, weights_path), folder.save if folder else None, on_epoch
+    )
+    if phase.is_over(course.history):
+        return course
+    steps = data.steps_per_epoch
+    network = initial_network(training.model, training.seed)
+    if start is not None:
+        network.load_state_dict(dict(start.weights))
+    module = Segmenter(
+        network,
+        training.loss,
+        settings,
+        lambda step: phase.learning_rate(step, steps),
+        step=len(course.history) * steps,
+    )
+    with reproducible(settings), quiet():
+        trainer = lightning_trainer(settings, course, phase.end - len(course.history), directory)
+        fit(trainer, module, data)
+    return course
+
+
+def _writer(
+    training: FoldTraining, weights_path: Callable[[int], Path]
+) -> Callable[[nn.Module, int, float], None]:
+    """Writes the weights of an epoch."""
+
+    def write(network: nn.Module, epoch: int, dsc: float) -> None:
+        notes = {"seed": training.seed, "fold": training.fold, "epoch": epoch, "validation_dsc": dsc}
+        checkpoint = Checkpoint(training.model, network.state_dict(), training.preprocessing, notes)
+        checkpoint.save(weights_path(epoch))
+
+    return write
+
+
+def _trained(course: TrainingCourse, path: Path) -> TrainedFold:
+    best = best_epoch(course.history)
+    history = tuple(course.history)
+    return TrainedFold(path, history, best, history[best]["validation_dsc"], course.runtime_s)

@@ -1,0 +1,88 @@
+"""The budget of a training: how long, how large, how fast. Free of torch, so that a configuration is read at once."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from models.errors import InputError
+from models.training import schedules
+
+ACCELERATORS = ("cpu", "gpu", "auto")
+PRECISIONS = ("32-true", "16-mixed", "bf16-mixed")
+# Of the highest learning rate: what a finished training goes on with.
+EXTENSION_FACTOR = 0.1
+
+
+@dataclass(frozen=True)
+class TrainerSettings:
+    """How a network is trained.
+
+    AdamW (Loshchilov and Hutter, ICLR 2019) at up to ``learning_rate``; gradients clipped to norm ``gradient_clip``;
+    stopped once the validation DSC has not risen for ``patience`` epochs.
+
+    ``schedule`` is ``cosine`` or ``one_cycle``; the rate rises for ``warmup_epochs``, by default for one epoch of a
+    cosine and for 30 % of a cycle. ``accelerator`` is one of ``ACCELERATORS``, ``precision`` of ``PRECISIONS``; mixed
+    precision is for a GPU, on a CPU it is slower. ``deterministic``: the same result each time, on one machine with
+    one number of threads; on a GPU as far as its operations can.
+
+    ``resume``: go on with an interrupted training from its last whole epoch; the result is that of a training never
+    interrupted. ``extend_epochs``: go on with a finished training for up to so many epochs more, at a constant tenth
+    of ``learning_rate``, so that an extension by 10 is the beginning of one by 20; patience counts anew.
+
+    ``smoke``: the training shows that all works and not how well; its results say so and are not compared.
+    """
+
+    max_epochs: int
+    batch_size: int
+    learning_rate: float
+    patience: int
+    schedule: str = "cosine"
+    warmup_epochs: int | None = None
+    weight_decay: float = 1e-4
+    gradient_clip: float = 1.0
+    accelerator: str = "cpu"
+    precision: str = "32-true"
+    deterministic: bool = True
+    resume: bool = False
+    extend_epochs: int = 0
+    smoke: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("max_epochs", "batch_size", "patience"):
+            if getattr(self, name) < 1:
+                raise InputError(f"{name}: expected at least 1, received {getattr(self, name)}")
+        for name in ("learning_rate", "gradient_clip"):
+            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0):
+                raise InputError(f"{name}: expected a positive number, received {getattr(self, name)}")
+        for name in ("warmup_epochs", "weight_decay", "extend_epochs"):
+            value = getattr(self, name)
+            if value is not None and not value >= 0:
+                raise InputError(f"{name}: expected a number from 0, received {value}")
+        for name, known in (
+            ("schedule", schedules.SCHEDULES),
+            ("accelerator", ACCELERATORS),
+            ("precision", PRECISIONS),
+        ):
+            if getattr(self, name) not in known:
+                raise InputError(
+                    f"{name}: expected one of {', '.join(known)}, received {getattr(self, name)!r}"
+                )
+        for name in ("deterministic", "resume", "smoke"):
+            if not isinstance(getattr(self, name), bool):
+                raise InputError(f"{name}: expected true or false, received {getattr(self, name)!r}")
+        if self.accelerator == "cpu" and self.precision != "32-true":
+            raise InputError(
+                f"precision: expected 32-true on a CPU, where mixed precision is slower, received {self.precision!r}"
+            )
+
+    def learning_rate_factor(self, step: int, steps_per_epoch: int) -> float:
+        """What ``learning_rate`` is multiplied by at a step of the training, counted from 0."""
+        total = self.max_epochs * steps_per_epoch
+        if self.warmup_epochs is not None:
+            rise = self.warmup_epochs * steps_per_epoch
+        elif self.schedule == "one_cycle":
+            rise = round(schedules.ONE_CYCLE_RISE * total)
+        else:
+            rise = steps_per_epoch
+        return schedules.factor(self.schedule, step, rise, total)

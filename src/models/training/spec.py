@@ -1,0 +1,76 @@
+"""All that decides a training, and by what it is known again."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from dataclasses import dataclass
+from functools import cached_property
+
+import torch
+
+from models.errors import InputError
+from models.labelled_frames import LabelledFrames
+from models.networks.blocks import require_size
+from models.networks.registry import NetworkRecipe, settings_of
+from models.preprocessing.preprocessing import Preprocessing
+from models.training.augmentation import Augmentation
+from models.training.losses import Loss
+from models.training.settings import TrainerSettings
+
+# To be raised when a training of the same settings is no longer the same training.
+VERSION = 1
+# Settings that say how far a training goes on, not which one it is.
+_HOW_FAR = ("resume", "extend_epochs")
+
+
+@dataclass(frozen=True)
+class FoldTraining:
+    """One fold of one network on one data set, with one seed.
+
+    Raises InputError if the network doesn't take the image size, if the training or validation frames show no vessel,
+    or if a GPU is asked for and there is none.
+    """
+
+    model: NetworkRecipe
+    train: LabelledFrames
+    validation: LabelledFrames
+    preprocessing: Preprocessing
+    trainer: TrainerSettings
+    augmentation: Augmentation
+    loss: Loss
+    seed: int
+    fold: int
+
+    def __post_init__(self) -> None:
+        size = self.preprocessing.image_size_px
+        require_size(size, size, self.model.multiple)
+        for name, frames in (("train", self.train), ("validation", self.validation)):
+            if not any(mask.any() for mask in frames.masks):
+                raise InputError(
+                    f"{name}: expected frames with a vessel, received {len(frames)} frames without any"
+                )
+        gpu = torch.cuda.is_available() or torch.backends.mps.is_available()
+        if self.trainer.accelerator == "gpu" and not gpu:
+            raise InputError("accelerator: expected a machine with a GPU, found none")
+        if self.trainer.precision != "32-true" and not gpu:
+            raise InputError(
+                f"precision: expected 32-true on a machine without a GPU, received {self.trainer.precision!r}"
+            )
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """SHA-256 over the settings and every image and mask of either side: the same for the same training alone."""
+        budget = {key: value for key, value in vars(self.trainer).items() if key not in _HOW_FAR}
+        content = {
+            "version": VERSION,
+            "model": [self.model.name, settings_of(self.model)],
+            "frames": [self.train.digest(), self.validation.digest()],
+            "preprocessing": dataclasses.asdict(self.preprocessing),
+            "trainer": budget,
+            "augmentation": dataclasses.asdict(self.augmentation),
+            "loss": [type(self.loss).__name__, vars(self.loss)],
+            "seed": [self.seed, self.fold],
+        }
+        return hashlib.sha256(json.dumps(content, sort_keys=True, default=repr).encode()).hexdigest()

@@ -1,0 +1,118 @@
+"""What a training is at the end of an epoch, in one file from which it goes on exactly.
+
+Random numbers need no place in it: those of an epoch depend on the seed and the number of the epoch alone.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from filelock import FileLock, Timeout
+
+from models.atomic import written_beside
+from models.checkpoint import UNREADABLE
+from models.errors import InputError
+from models.training.phase import best_epoch
+
+FORMAT = "ctus-training-state"
+VERSION = 1
+
+
+@dataclass(frozen=True)
+class TrainingState:
+    """After ``len(history)`` epochs: the weights, what the optimiser and the loss scaler remember, the time so far."""
+
+    history: tuple[dict[str, float], ...]
+    weights: Mapping[str, Any]
+    optimiser: Mapping[str, Any]
+    scaler: Mapping[str, Any]
+    runtime_s: float
+
+
+@dataclass(frozen=True)
+class TrainingFolder:
+    """The files of one training that outlive its process: ``state.pt``, and ``model-<epoch>.pt`` of the best epoch.
+
+    ``fingerprint`` says whose they are. Its extension has the same files in a folder ``extended`` within, so that what
+    it began from stays as it was.
+    """
+
+    path: Path
+    fingerprint: str
+
+    @property
+    def state_path(self) -> Path:
+        """The file of the state."""
+        return self.path / "state.pt"
+
+    @property
+    def extended(self) -> TrainingFolder:
+        """The folder of the extension."""
+        return TrainingFolder(self.path / "extended", self.fingerprint)
+
+    def weights_path(self, epoch: int) -> Path:
+        """Where the weights of an epoch lie, if it was the best one."""
+        return self.path / f"model-{epoch}.pt"
+
+    def save(self, state: TrainingState) -> None:
+        """Write the state; then remove the weights of epochs that are no longer the best."""
+        content = {field.name: getattr(state, field.name) for field in dataclasses.fields(state)}
+        content |= {"format": FORMAT, "version": VERSION, "fingerprint": self.fingerprint}
+        with written_beside(self.state_path) as beside:
+            torch.save(content, beside)
+        for path in self.path.glob("model-*.pt"):
+            if path != self.weights_path(best_epoch(state.history)):
+                path.unlink()
+
+    def load(self) -> TrainingState | None:
+        """The state, None where there is none; InputError for a file that is damaged or of another training."""
+        if not self.state_path.is_file():
+            return None
+        try:
+            content = torch.load(self.state_path, map_location="cpu", weights_only=True)
+        except UNREADABLE as error:
+            raise InputError(
+                f"{self._expected}, received a file that is damaged or of another kind"
+            ) from error
+        if not isinstance(content, dict) or (content.get("format"), content.get("version")) != (
+            FORMAT,
+            VERSION,
+        ):
+            raise InputError(f"{self._expected}, received a file of another kind or version")
+        if content["fingerprint"] != self.fingerprint:
+            raise InputError(f"{self._expected}, received that of other settings, data or another seed")
+        return TrainingState(
+            **{field.name: content[field.name] for field in dataclasses.fields(TrainingState)}
+        )
+
+    def clear(self) -> None:
+        """Remove state and weights, those of an extension too."""
+        for folder in (self.path, self.extended.path):
+            for path in (folder / "state.pt", *folder.glob("model-*.pt")):
+                path.unlink(missing_ok=True)
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep other processes away; InputError where one is at work here."""
+        self.path.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(self.path / ".lock")
+        try:
+            lock.acquire(timeout=0)
+        except Timeout as taken:
+            raise InputError(
+                f"{self.path}: expected no other process at this training, found one at work"
+            ) from taken
+        try:
+            yield
+        finally:
+            lock.release()
+
+    @property
+    def _expected(self) -> str:
+        return f"{self.state_path}: expected the state of this very training (remove the file to start anew)"

@@ -1,0 +1,180 @@
+"""The sweep behind a case: an anatomy, the masks of its frames, the points of these, and the model from its CT.
+
+Tissue does not deform here: a rigid pose is the whole truth. Everything else is as the simulator and the
+reconstruction have it by default: noisy poses, a CT of 0.7 x 0.7 x 1 mm, sub-pixel contours, three filters. These
+settings belong to the benchmark and are written down here, so that it stays what it is when the defaults change.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float64
+
+from registration import transforms
+from registration.benchmark.scenarios import Kind
+from registration.benchmark.symmetric_shapes import SHAPES, SymmetricShape
+from registration.benchmark.symmetry import Symmetry
+from registration.errors import InputError
+from registration.geometry.point_cloud import take
+from registration.geometry.shapes import Centerline, Polyline
+from registration.io.surfaces import write_surface
+from registration.phantom.conditions import Deformation, Motion
+from registration.phantom.scan import SimulatedSweep, simulate_sweep
+from registration.phantom.settings import MESH, RANDOM, PhantomSettings
+from registration.phantom.shapes import VesselLine, surround
+from registration.reconstruction.contours import ContourCloud, ContourExtractor
+from registration.reconstruction.outlier_filters import (
+    RadiusOutlierRemoval,
+    StatisticalOutlierRemoval,
+    VoxelDownsampling,
+)
+from registration.synchronisation import synchronise
+
+FRAMES, SWEEP_MM, MAX_GAP_S = 200, 90.0, 0.1
+MOST_TARGETS = 500
+# A target is covered if the plane of a frame passes it within this distance: two and a half times that of the frames.
+COVERED_MM = 1.0
+
+
+@dataclass(frozen=True)
+class Swept:
+    """A sweep, and what was made of the frames that a case uses.
+
+    Parameters
+    ----------
+    sweep : SimulatedSweep
+        Simulated sweep and its truth.
+    place : str
+        Part of the sweep that is used.
+    used : ndarray of int, shape (k,)
+        Indices of the frames that are used.
+    cloud : ContourCloud
+        Contour points of these frames, in the world frame.
+    lines : Centerline
+        Lines of the vessel in the ct frame in mm.
+    shape : SymmetricShape or None
+        Symmetric shape; None for a random anatomy.
+    """
+
+    sweep: SimulatedSweep
+    place: str
+    used: np.ndarray
+    cloud: ContourCloud
+    lines: Centerline
+    shape: SymmetricShape | None
+
+    @cached_property
+    def cloud_mm(self) -> Float64[np.ndarray, "p 3"]:
+        """Contour points in their true place, in the ct frame in mm."""
+        return transforms.apply(self.sweep.ct_T_world, self.cloud.points_mm)
+
+    @cached_property
+    def targets_mm(self) -> Float64[np.ndarray, "t 3"]:
+        """Centerline of the model at even arc length, and its branch points, in the ct frame in mm."""
+        z_mm = self.sweep.model.vertices_mm[:, 2]
+        inside = [_between(line, float(z_mm.min()), float(z_mm.max())) for line in self.lines.lines]
+        roots_mm = [line.points_mm[0] for line in self.lines.lines[1:]]
+        even_mm = Centerline(tuple(inside)).even_points(MOST_TARGETS - len(roots_mm))
+        return np.concatenate([even_mm, np.array(roots_mm).reshape(-1, 3)])
+
+    @cached_property
+    def covered(self) -> Bool[np.ndarray, "t"]:
+        """Which targets are passed by a frame's true plane."""
+        ct_A_pixel = self.sweep.ct_T_world @ self.sweep.world_A_pixel[self.used]
+        facing = np.cross(ct_A_pixel[:, :3, 0], ct_A_pixel[:, :3, 1])
+        facing /= np.linalg.norm(facing, axis=1, keepdims=True)
+        away_mm = np.einsum("tfk,fk->tf", self.targets_mm[:, None] - ct_A_pixel[None, :, :3, 3], facing)
+        return np.asarray(np.abs(away_mm).min(axis=1) <= COVERED_MM)
+
+    @cached_property
+    def symmetry(self) -> Symmetry:
+        """Symmetry of the case: the poses that are as right as the true one."""
+        if self.shape is None:
+            return Symmetry()
+        return self.shape.symmetry_of(self.cloud_mm, self.sweep.model.vertices_mm)
+
+
+def swept(anatomy: str, seed: int, number: int, kind: Kind, rng: np.random.Generator) -> Swept:
+    """Simulate a sweep and extract the points of the frames that a kind uses.
+
+    Parameters
+    ----------
+    anatomy : str
+        Name of a symmetric shape, or of a random anatomy.
+    seed : int
+        Seed of the anatomy.
+    number : int
+        Number of the sweep, from 0.
+    kind : Kind
+        Kind of case.
+    rng : numpy.random.Generator
+        Random stream of the choice of frames.
+
+    Returns
+    -------
+    Swept
+        The sweep and its points.
+
+    Raises
+    ------
+    InputError
+        If the anatomy has no centerline.
+    """
+    shape = SHAPES[anatomy][0]() if anatomy in SHAPES else None
+    if shape is None:
+        sweep = simulate_sweep(_settings(RANDOM, seed), number, pictures=False)
+        if sweep.centerline is None:
+            raise InputError(f"anatomy: expected one with a centerline, received {anatomy}")
+        lines = sweep.centerline
+    else:
+        with tempfile.TemporaryDirectory() as folder:
+            surface = Path(folder) / "surface.ply"
+            write_surface(surface, surround(shape.lines))
+            sweep = simulate_sweep(_settings(MESH, seed, str(surface)), number, pictures=False)
+        lines = Centerline(tuple(_polyline(line) for line in shape.lines))
+    posed = synchronise(sweep.sweep, MAX_GAP_S)
+    place, chosen = kind.choose(len(posed.kept), rng)
+    used = posed.kept[chosen]
+    cloud = ContourExtractor(level=0.5, smoothing_px=1.0, min_points=8)(
+        sweep.masks[used], posed.world_A_pixel[chosen]
+    )
+    for leave_out in (
+        VoxelDownsampling(0.4),
+        StatisticalOutlierRemoval(16, 4.0),
+        RadiusOutlierRemoval(2.0, 4),
+    ):
+        cloud = leave_out(cloud).cloud
+    return Swept(sweep, place, used, _numbered(cloud, used), lines, shape)
+
+
+def _numbered(cloud: ContourCloud, used: np.ndarray) -> ContourCloud:
+    """The same cloud, its frames numbered as in the sweep."""
+    return take(
+        ContourCloud(**{**vars(cloud), "frame_index": used[cloud.frame_index]}), np.arange(len(cloud))
+    )
+
+
+def _settings(subset: str, seed: int, mesh: str = "") -> PhantomSettings:
+    return PhantomSettings(
+        subset=subset,
+        seed=seed if mesh else 0,
+        anatomy_seed=seed,
+        mesh=mesh,
+        motion=Motion(frames=FRAMES, length_mm=SWEEP_MM),
+        deformation=Deformation(bend_mm=0.0, pressure_mm=0.0),
+    )
+
+
+def _polyline(line: VesselLine) -> Polyline:
+    return Polyline(line.points_mm[::5], line.radius_mm[::5])
+
+
+def _between(line: Polyline, low_mm: float, high_mm: float) -> Polyline:
+    """The part of a line that the model shows: the CT is cropped along z."""
+    kept = (line.points_mm[:, 2] >= low_mm) & (line.points_mm[:, 2] <= high_mm)
+    return Polyline(line.points_mm[kept], line.radius_mm[kept])

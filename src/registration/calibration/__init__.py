@@ -1,0 +1,1 @@
+"""Temporal and spatial calibration of a tracked probe, and of a stylus."""

@@ -1,0 +1,144 @@
+"""Label maps of segmented volumes: what stands in the file, and where it lies in the patient."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64, Int64, Shaped
+
+from registration import transforms
+from registration.errors import InputError
+from registration.io.segments import Segment, read_segments, scan_ends
+from registration.io.volumes import UNITS_KEY, read_volume
+
+SPACES = ("lps", "ras")
+# NRRD files that name their axes arrive here in these ones; other names say nothing about the patient.
+_PATIENT_SPACE = "left-posterior-superior"
+
+
+@dataclass(frozen=True)
+class LabelMap:
+    """Labels of voxels, 0 for none, and where the voxels lie.
+
+    ``labels`` (i, j, k) are whole numbers; ``ct_A_voxel`` (4, 4) maps the index (i, j, k) of a voxel's centre to
+    millimetres in LPS, whatever axes the file has: its columns are at right angles, and left-handed where the file's
+    axes are. ``names`` are the segments' names, where the file has any. ``layers`` (n, i, j, k) are there where
+    segments overlap: ``labels`` is the first of them, ``segments`` says which segment lies in which. ``scan_ends``
+    (3, 2) are the first and last index of the scan along each axis, None where the scan ends with the file. ``units``
+    are those that the header states, empty for none.
+    """
+
+    labels: Shaped[np.ndarray, "i j k"]
+    ct_A_voxel: Float64[np.ndarray, "4 4"]
+    names: Mapping[int, str]
+    layers: Shaped[np.ndarray, "n i j k"] | None = None
+    segments: tuple[Segment, ...] = ()
+    scan_ends: Int64[np.ndarray, "3 2"] | None = None
+    units: str = ""
+
+    @property
+    def spacing_mm(self) -> Float64[np.ndarray, "3"]:
+        """The distance of neighbouring voxels along i, j and k."""
+        return np.asarray(np.linalg.norm(self.ct_A_voxel[:3, :3], axis=0))
+
+    def describe(self, label: int) -> str:
+        """A label as messages show it, with its name if it has one."""
+        return f"{label} ({self.names[label]})" if label in self.names else str(label)
+
+
+def read_label_map(
+    path: Path, space: str | None = None, units: str | None = None, nifti_form: str | None = None
+) -> LabelMap:
+    """Read a label map (NIfTI, NRRD, MetaImage) into LPS and millimetres.
+
+    ``space`` (lps or ras) is what the file's axes are where its header does not say: NIfTI without qform and sform,
+    NRRD without an anatomical space. MetaImage files are in LPS by convention. ``units`` replaces the header's unit of
+    length, ``nifti_form`` chooses between qform and sform that differ. Raises InputError for a file that is missing,
+    unreadable or cut short, has not three axes or more than one value a voxel (but for layers of segments), values
+    that are no labels, sheared axes, or an unknown space, and for a ``space`` that the header states itself.
+    """
+    if space not in (None, *SPACES):
+        raise InputError(f"space: expected lps or ras, received {space!r}")
+    image = read_volume(path, units, nifti_form)
+    facts = {key: image.GetMetaData(key) for key in image.GetMetaDataKeys()}
+    segments = read_segments(facts)
+    if image.GetDimension() != 3 or (image.GetNumberOfComponentsPerPixel() != 1 and not segments):
+        raise InputError(
+            f"{path}: expected a volume of 3 axes with one label a voxel, received {image.GetDimension()} axes of "
+            f"{' x '.join(map(str, image.GetSize()))} with {image.GetNumberOfComponentsPerPixel()} a voxel"
+        )
+    ct_A_voxel = _voxel_axes(image, path)
+    _require_one_space(facts, space, path)
+    if space == "ras":
+        ct_A_voxel = np.diag([-1.0, -1.0, 1.0, 1.0]) @ ct_A_voxel
+    layers = _layers(image, path)
+    return LabelMap(
+        labels=layers[0],
+        ct_A_voxel=ct_A_voxel,
+        names={segment.label: segment.name for segment in segments if segment.name and segment.layer == 0},
+        layers=layers if len(layers) > 1 else None,
+        segments=segments,
+        scan_ends=scan_ends(facts, layers.shape[1:], ct_A_voxel) if segments else None,
+        units=facts.get(UNITS_KEY, ""),
+    )
+
+
+def _voxel_axes(image: Any, path: Path) -> Float64[np.ndarray, "4 4"]:
+    direction = np.array(image.GetDirection(), dtype=np.float64).reshape(3, 3)
+    spacing_mm = np.array(image.GetSpacing(), dtype=np.float64)
+    defect = float(np.abs(direction.T @ direction - np.eye(3)).max())
+    if not defect <= transforms.RIGID_TOLERANCE:
+        raise InputError(
+            f"{path}: expected orthonormal axes within {transforms.RIGID_TOLERANCE:g}, "
+            f"received a defect of {defect:.3g}"
+        )
+    if not (np.isfinite(spacing_mm).all() and (spacing_mm > 0).all()):
+        raise InputError(
+            f"{path}: expected a voxel size above 0 along every axis, received {spacing_mm.tolist()}"
+        )
+    ct_A_voxel = np.eye(4)
+    ct_A_voxel[:3, :3] = direction * spacing_mm
+    ct_A_voxel[:3, 3] = image.GetOrigin()
+    return ct_A_voxel
+
+
+def _require_one_space(facts: Mapping[str, str], space: str | None, path: Path) -> None:
+    """Raise InputError unless either the header or the user says how the axes lie."""
+    stated = _states_space(facts, path)
+    if stated and space is not None:
+        raise InputError(
+            f"space: expected none, because the header of {path} says how its axes lie, received {space}"
+        )
+    if not stated and space is None:
+        raise InputError(
+            f"space: expected lps or ras, because the header of {path} does not say how its axes lie in the patient, "
+            "received none"
+        )
+
+
+def _states_space(facts: Mapping[str, str], path: Path) -> bool:
+    """Whether a header says how the axes lie in the patient."""
+    if "qform_code" in facts or "sform_code" in facts:
+        return any(facts.get(f"{form}form_code", "0").strip() != "0" for form in "qs")
+    if Path(path).suffix.lower() in (".nrrd", ".nhdr"):
+        return facts.get("NRRD_space") == _PATIENT_SPACE
+    return True
+
+
+def _layers(image: Any, path: Path) -> Shaped[np.ndarray, "n i j k"]:
+    import SimpleITK
+
+    # SimpleITK hands arrays over with the last axis first, and values of one voxel last.
+    values = SimpleITK.GetArrayFromImage(image)
+    values = values[None] if values.ndim == 3 else np.moveaxis(values, -1, 0)
+    values = values.transpose(0, 3, 2, 1)
+    if not np.issubdtype(values.dtype, np.floating):
+        return values
+    whole = np.isfinite(values).all() and bool((values == np.round(values)).all())
+    if not whole:
+        raise InputError(f"{path}: expected whole numbers as labels, received a volume with fractions or NaN")
+    return values.astype(np.int32)

@@ -1,0 +1,94 @@
+"""A mesh as programs write them, made ready for what follows: one vertex a place, one piece, wound outwards."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from registration.errors import InputError
+from registration.geometry.hollow import Lumen, find_lumen
+from registration.geometry.mesh_quality import enclosed_volume_mm3
+from registration.geometry.mesh_topology import directed_edges, largest_piece, pieces
+from registration.geometry.shapes import Mesh
+
+
+@dataclass(frozen=True)
+class Repaired:
+    """A mesh and what was done to it.
+
+    ``vertices_merged`` had another at the same place. ``triangles_dropped`` had no area or were there twice.
+    ``triangles_turned`` were wound the other way. ``pieces_dropped`` were smaller than the one that was kept;
+    ``area_dropped_mm2`` is theirs. Of a hollow body the mesh is the lumen's wall, and ``lumen`` says how it was found.
+    """
+
+    mesh: Mesh
+    vertices_merged: int
+    triangles_dropped: int
+    triangles_turned: int
+    pieces_dropped: int
+    area_dropped_mm2: float
+    lumen: Lumen | None = None
+
+
+def repair(mesh: Mesh) -> Repaired:
+    """Merge equal vertices, drop empty and double triangles, wind all outwards, and keep the largest piece.
+
+    Of a body with an outer and an inner wall, joined or not, the inner one is kept, the lumen's (see
+    ``registration.geometry.hollow``). Holes, crossings and edges with more than two triangles stay:
+    ``mesh_quality`` tells of
+    them. Raises InputError where no triangle with area is left, and for a hollow body whose lumen cannot be told.
+    """
+    vertices_mm, owner = np.unique(mesh.vertices_mm, axis=0, return_inverse=True)
+    triangles = owner.reshape(-1)[mesh.triangles]
+    corners = np.sort(triangles, axis=1)
+    flat = (np.diff(corners, axis=1) == 0).any(axis=1) | (Mesh(vertices_mm, triangles).areas_mm2 <= 0)
+    _, first = np.unique(corners, axis=0, return_index=True)
+    kept = np.zeros(len(triangles), dtype=bool)
+    kept[first] = True
+    kept &= ~flat
+    if not kept.any():
+        raise InputError("mesh: expected triangles with area, received none")
+    whole = Mesh(vertices_mm, triangles[kept])
+    lumen = find_lumen(_wound_alike(whole))
+    one = largest_piece(whole) if lumen is None else lumen.mesh
+    wound = _outward(_wound_alike(one))
+    turns = [(np.roll(one.triangles, turn, axis=1) == wound.triangles).all(axis=1) for turn in range(3)]
+    return Repaired(
+        mesh=wound,
+        vertices_merged=len(mesh.vertices_mm) - len(vertices_mm),
+        triangles_dropped=int((~kept).sum()),
+        triangles_turned=int((~np.any(turns, axis=0)).sum()),
+        pieces_dropped=pieces(whole)[0] - 1,
+        area_dropped_mm2=float(whole.areas_mm2.sum() - one.areas_mm2.sum()),
+        lumen=lumen,
+    )
+
+
+def _wound_alike(mesh: Mesh) -> Mesh:
+    """Turn triangles until neighbours are wound alike, where the surface has two sides."""
+    edges = directed_edges(mesh) @ np.array([len(mesh.vertices_mm), 1])
+    if len(np.unique(edges)) == len(edges):
+        return mesh
+    open3d = _open3d()
+    body = open3d.geometry.TriangleMesh(
+        open3d.utility.Vector3dVector(mesh.vertices_mm),
+        open3d.utility.Vector3iVector(mesh.triangles.astype(np.int32)),
+    )
+    if not body.orient_triangles():
+        return mesh
+    return Mesh(mesh.vertices_mm, np.asarray(body.triangles, dtype=np.int64))
+
+
+def _outward(mesh: Mesh) -> Mesh:
+    if enclosed_volume_mm3(mesh) >= 0:
+        return mesh
+    return Mesh(mesh.vertices_mm, np.ascontiguousarray(mesh.triangles[:, ::-1]))
+
+
+def _open3d() -> Any:
+    """Open3D, imported only where windings differ: it takes a second, and its type stubs are not right."""
+    import open3d
+
+    return open3d

@@ -1,0 +1,142 @@
+"""Edges, borders and pieces of a triangle mesh, and how its holes are closed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float64, Int64
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from registration.geometry.shapes import Mesh
+
+
+@dataclass(frozen=True)
+class Border:
+    """One border of an open mesh.
+
+    ``edges`` (e, 2) are vertex indices along the surface's winding; ``centre_mm`` (3,) is the middle of the border,
+    ``normal`` (3,) the unit normal of its mean plane away from the vessel's inside, ``radius_mm`` that of a circle of
+    its area. ``facing`` is the mean cosine, by area, between that normal and those of the two nearest rings of
+    triangles: about 0 around the open end of a tube, about 1 around a hole in its wall.
+    """
+
+    edges: Int64[np.ndarray, "e 2"]
+    centre_mm: Float64[np.ndarray, "3"]
+    normal: Float64[np.ndarray, "3"]
+    radius_mm: float
+    facing: float
+
+    @property
+    def is_end(self) -> bool:
+        """Whether this is the open end of a tube and not a hole in a wall: the wall runs along its normal."""
+        return self.facing < 0.5
+
+
+def directed_edges(mesh: Mesh) -> Int64[np.ndarray, "e 2"]:
+    """The three edges of every triangle along its winding: triangle ``i`` has rows ``i``, ``t + i``, ``2 t + i``."""
+    corners = mesh.triangles
+    return np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
+
+
+def edge_numbers(edges: Int64[np.ndarray, "e 2"], vertices: int) -> Int64[np.ndarray, "e"]:
+    """One number for each edge, the same in both directions."""
+    return edges.min(axis=1) * vertices + edges.max(axis=1)
+
+
+def pieces(mesh: Mesh) -> tuple[int, Int64[np.ndarray, "t"]]:
+    """How many connected pieces the mesh has, and the piece of every triangle."""
+    edges = directed_edges(mesh)
+    of_vertex = connected(edges, len(mesh.vertices_mm))[1]
+    if not len(mesh.triangles):
+        return 0, np.empty(0, dtype=np.int64)
+    numbers, of_triangle = np.unique(of_vertex[mesh.triangles[:, 0]], return_inverse=True)
+    return len(numbers), of_triangle.astype(np.int64)
+
+
+def largest_piece(mesh: Mesh) -> Mesh:
+    """The connected piece with most area."""
+    count, of_triangle = pieces(mesh)
+    if count < 2:
+        return mesh
+    areas_mm2 = np.bincount(of_triangle, weights=mesh.areas_mm2)
+    return keep_triangles(mesh, of_triangle == areas_mm2.argmax())
+
+
+def keep_triangles(mesh: Mesh, kept: Bool[np.ndarray, "t"]) -> Mesh:
+    """The mesh of some triangles, without the vertices that none of them uses."""
+    used, triangles = np.unique(mesh.triangles[kept], return_inverse=True)
+    return Mesh(mesh.vertices_mm[used], triangles.reshape(-1, 3).astype(np.int64))
+
+
+def borders(mesh: Mesh) -> tuple[Border, ...]:
+    """All borders of the mesh, the widest first; a closed mesh has none."""
+    edges = directed_edges(mesh)
+    _, first, uses = np.unique(
+        edge_numbers(edges, len(mesh.vertices_mm)), return_index=True, return_counts=True
+    )
+    single = first[uses == 1]
+    if not len(single):
+        return ()
+    rim = edges[single]
+    of_vertex = connected(rim, len(mesh.vertices_mm))[1]
+    found = [_border(mesh, rim[own]) for own in _groups(of_vertex[rim[:, 0]])]
+    return tuple(sorted(found, key=lambda border: -border.radius_mm))
+
+
+def with_caps(mesh: Mesh, chosen: tuple[Border, ...], rings: int = 1) -> Mesh:
+    """Close the chosen borders, each by a fan around its centre, cut into ``rings`` rings of triangles."""
+    vertices, triangles = [mesh.vertices_mm], [mesh.triangles]
+    count = len(mesh.vertices_mm)
+    for border in chosen:
+        rim, local = np.unique(border.edges, return_inverse=True)
+        local = local.reshape(-1, 2)
+        outer = rim
+        for ring in range(1, rings):
+            share = ring / rings
+            vertices.append((1 - share) * mesh.vertices_mm[rim] + share * border.centre_mm)
+            inner = count + np.arange(len(rim))
+            count += len(rim)
+            a, b, c, d = outer[local[:, 1]], outer[local[:, 0]], inner[local[:, 1]], inner[local[:, 0]]
+            triangles += [np.stack([a, b, d], axis=1), np.stack([a, d, c], axis=1)]
+            outer = inner
+        vertices.append(border.centre_mm[None])
+        middle = np.full(len(local), count)
+        count += 1
+        triangles.append(np.stack([outer[local[:, 1]], outer[local[:, 0]], middle], axis=1))
+    return Mesh(np.concatenate(vertices), np.concatenate(triangles).astype(np.int64))
+
+
+def _border(mesh: Mesh, edges: np.ndarray) -> Border:
+    start_mm, end_mm = mesh.vertices_mm[edges[:, 0]], mesh.vertices_mm[edges[:, 1]]
+    length_mm = np.linalg.norm(end_mm - start_mm, axis=1)
+    # Weighted by length, so that a stretch with many short edges pulls no harder than one with few long ones.
+    weights = length_mm / max(float(length_mm.sum()), np.finfo(np.float64).tiny)
+    centre_mm = weights @ (0.5 * (start_mm + end_mm))
+    # The cap runs against the wall's winding.
+    area_mm2 = 0.5 * np.cross(end_mm - centre_mm, start_mm - centre_mm).sum(axis=0)
+    size_mm2 = float(np.linalg.norm(area_mm2))
+    normal = area_mm2 / max(size_mm2, np.finfo(np.float64).tiny)
+    near = np.zeros(len(mesh.vertices_mm), dtype=bool)
+    near[edges] = True
+    # By area, so that slivers left by a cut do not speak for the wall.
+    near[mesh.triangles[near[mesh.triangles].any(axis=1)]] = True
+    a, b, c = np.moveaxis(mesh.corners_mm[near[mesh.triangles].any(axis=1)], 1, 0)
+    walls = np.cross(b - a, c - a)
+    facing = float((walls @ normal).sum() / max(float(np.linalg.norm(walls, axis=1).sum()), 1e-300))
+    return Border(edges, centre_mm, normal, float(np.sqrt(size_mm2 / np.pi)), facing)
+
+
+def connected(edges: Int64[np.ndarray, "e 2"], vertices: int) -> tuple[int, Int64[np.ndarray, "{vertices}"]]:
+    """How many sets of vertices hang together by edges, and the set of every vertex."""
+    ones = np.ones(len(edges), dtype=np.int8)
+    count, labels = connected_components(
+        coo_array((ones, edges.T), shape=(vertices, vertices)), directed=False
+    )
+    return int(count), labels.astype(np.int64)
+
+
+def _groups(labels: np.ndarray) -> list[np.ndarray]:
+    order = np.argsort(labels, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(labels[order])) + 1)

@@ -1,0 +1,1 @@
+"""Files of surfaces, centerlines, point clouds, volumes, transforms and landmarks."""

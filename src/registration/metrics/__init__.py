@@ -1,0 +1,23 @@
+"""Distances between surfaces, and the errors of a pose."""
+
+from registration.metrics.surface_distance import (
+    PoseError,
+    Surface,
+    SurfaceDistance,
+    SurfaceResiduals,
+    pose_error,
+    rms,
+    surface_residuals,
+    trimmed_rms,
+)
+
+__all__ = [
+    "PoseError",
+    "Surface",
+    "SurfaceDistance",
+    "SurfaceResiduals",
+    "pose_error",
+    "rms",
+    "surface_residuals",
+    "trimmed_rms",
+]

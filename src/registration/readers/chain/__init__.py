@@ -1,0 +1,1 @@
+"""Chains of transforms between named coordinate frames."""

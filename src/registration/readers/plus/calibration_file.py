@@ -1,0 +1,97 @@
+"""A probe's calibration in a file of its own: YAML of this project, or a device set or result of PLUS."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from registration.calibration.probe import with_third_column
+from registration.errors import InputError
+from registration.readers.plus.config import read_device_set
+from registration.sweep import ProbeCalibration
+from registration.text_files import read_text
+
+# Pixels of ultrasound images measure 0.02 to 0.5 mm. A thousandth of that was written in metres.
+_LEAST_PIXEL_MM = 2e-3
+
+
+def read_calibration(path: Path, image: str = "Image", probe: str = "Probe") -> ProbeCalibration:
+    """Read a calibration from ``.yaml`` (keys ``probe_A_pixel`` and, by default the identity, ``ee_T_probe``) or XML.
+
+    From PLUS's XML the chain from ``image`` to ``probe`` is taken, and ``ee_T_probe`` is the identity.
+    """
+    if path.suffix.lower() == ".xml":
+        try:
+            probe_A_pixel = read_device_set(path).transforms.chain(image, probe)
+        except InputError as failure:
+            raise InputError(f"{path}: {failure}") from failure
+        return ProbeCalibration(ee_T_probe=np.eye(4), probe_A_pixel=probe_A_pixel)
+    return calibration_from(read_yaml(path), str(path))
+
+
+def calibration_from(content: Mapping[str, Any], name: str) -> ProbeCalibration:
+    """The calibration in the keys of a YAML file; ``name`` is the file's, for messages."""
+    probe_A_pixel = matrix_from(content, "probe_A_pixel", name)
+    try:
+        probe_A_pixel = with_third_column(probe_A_pixel)
+    except InputError as refusal:
+        raise InputError(f"{name}: {refusal}") from refusal
+    pixel_mm = float(np.linalg.norm(probe_A_pixel[:3, :2], axis=0).min())
+    if pixel_mm < _LEAST_PIXEL_MM:
+        raise InputError(
+            f"{name}: expected probe_A_pixel in millimetres, found pixels of {pixel_mm:.3g} (were they metres?)"
+        )
+    ee_T_probe = matrix_from(content, "ee_T_probe", name) if "ee_T_probe" in content else np.eye(4)
+    try:
+        return ProbeCalibration(ee_T_probe=ee_T_probe, probe_A_pixel=probe_A_pixel)
+    except InputError as refusal:
+        raise InputError(f"{name}: {refusal}") from refusal
+
+
+def matrix_from(content: Mapping[str, Any], key: str, name: str) -> np.ndarray:
+    """The 4x4 matrix under ``key``, given by its rows (the last row may be left out)."""
+    try:
+        rows = np.array(content[key], dtype=np.float64)
+    except KeyError as failure:
+        raise InputError(
+            f"{name}: expected the key {key}, found {', '.join(map(str, content)) or 'none'}"
+        ) from failure
+    except (TypeError, ValueError) as failure:
+        raise InputError(
+            f"{name}: expected {key} as four rows of four numbers, found {content[key]!r}"
+        ) from failure
+    if rows.shape == (3, 4):
+        rows = np.vstack([rows, [0.0, 0.0, 0.0, 1.0]])
+    if rows.shape != (4, 4) or not np.isfinite(rows).all():
+        raise InputError(f"{name}: expected {key} as four rows of four numbers, found shape {rows.shape}")
+    return rows
+
+
+def read_yaml(path: Path) -> dict[str, Any]:
+    """The mapping in a YAML file."""
+    try:
+        content = yaml.safe_load(read_text(path))
+    except yaml.YAMLError as failure:
+        raise InputError(f"{path}: expected YAML, found text that does not parse") from failure
+    if not isinstance(content, dict):
+        raise InputError(f"{path}: expected a mapping of keys to values, found {type(content).__name__}")
+    return content
+
+
+def calibration_yaml(calibration: ProbeCalibration) -> str:
+    """The keys ``probe_A_pixel`` and ``ee_T_probe`` as YAML, exact to the last bit."""
+    lines = []
+    for key, matrix in (("probe_A_pixel", calibration.probe_A_pixel), ("ee_T_probe", calibration.ee_T_probe)):
+        lines.append(f"{key}:")
+        lines += ["  - [" + ", ".join(_exact(number) for number in row) + "]" for row in matrix]
+    return "\n".join(lines) + "\n"
+
+
+def _exact(number: float) -> str:
+    # YAML 1.1 reads an exponent only after a decimal point: 1e-05 would be text.
+    text = repr(float(number))
+    return text if "e" not in text or "." in text else text.replace("e", ".0e")

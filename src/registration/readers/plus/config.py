@@ -1,0 +1,100 @@
+"""PLUS device sets and results in XML: coordinate definitions, N-wire phantoms, calibrations.
+
+Elements as in PLUS's own files (Lasso et al., IEEE Trans. Biomed. Eng. 61(10), 2014, and the toolkit's test data).
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float64
+
+from registration.errors import InputError
+from registration.readers.chain.graph import TransformGraph
+
+
+@dataclass(frozen=True)
+class DeviceSet:
+    """What a device-set file says of geometry.
+
+    ``transforms`` are its coordinate definitions. ``wires_mm`` (w, 2, 3) holds front and back end of each wire of the
+    N-wire phantom in the phantom's frame, three wires a pattern in order, ``wire_names`` their names; both are
+    empty where no phantom is defined. ``volume`` holds the attributes of the volume reconstruction as text.
+    """
+
+    transforms: TransformGraph
+    wires_mm: Float64[np.ndarray, "w 2 3"]
+    wire_names: tuple[str, ...]
+    volume: dict[str, str]
+
+
+def read_device_set(path: Path) -> DeviceSet:
+    """Read a device set, or the transform in the ``.results.xml`` of a calibration.
+
+    Transforms and phantom may both be absent; a malformed matrix raises InputError.
+    """
+    root = parse_xml(path)
+    edges = {
+        (str(node.get("From")), str(node.get("To"))): numbers(node, "Matrix", 16, path).reshape(4, 4)
+        for definitions in root.iter()
+        if definitions.tag in ("CoordinateDefinitions", "CalibrationResults")
+        for node in definitions.findall("Transform")
+    }
+    # Older files call a pattern NWire, newer ones Pattern of type NWire.
+    patterns = [*root.iter("NWire"), *(node for node in root.iter("Pattern") if node.get("Type") == "NWire")]
+    wires = [wire for pattern in patterns for wire in pattern.findall("Wire")]
+    if any(len(pattern.findall("Wire")) != 3 for pattern in patterns):
+        raise InputError(f"{path}: expected three wires in each NWire pattern, found another number")
+    ends = [[numbers(wire, f"EndPoint{end}", 3, path) for end in ("Front", "Back")] for wire in wires]
+    volume = next(iter(root.iter("VolumeReconstruction")), None)
+    return DeviceSet(
+        transforms=TransformGraph(edges),
+        wires_mm=np.array(ends, dtype=np.float64).reshape(-1, 2, 3),
+        wire_names=tuple(str(wire.get("Name")) for wire in wires),
+        volume={} if volume is None else dict(volume.attrib),
+    )
+
+
+def device_set_xml(transforms: TransformGraph) -> str:
+    """A device-set file that defines ``transforms`` and nothing else, as PLUS reads it."""
+    root = ElementTree.Element("PlusConfiguration", version="2.1")
+    definitions = ElementTree.SubElement(root, "CoordinateDefinitions")
+    for (source, target), matrix in transforms.edges.items():
+        text = " ".join(repr(float(number)) for number in np.asarray(matrix).reshape(-1))
+        ElementTree.SubElement(definitions, "Transform", {"From": source, "To": target, "Matrix": text})
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def parse_xml(path: Path) -> ElementTree.Element:
+    """The root of an XML file. Entities are not expanded: a document type definition is refused."""
+    try:
+        content = path.read_bytes()
+        if b"<!DOCTYPE" in content:
+            raise InputError(f"{path}: expected an XML file without a document type, found one with it")
+        return ElementTree.fromstring(content)
+    except OSError as failure:
+        raise InputError(
+            f"{path}: expected a readable file, found {failure.strerror or failure}"
+        ) from failure
+    except ElementTree.ParseError as failure:
+        raise InputError(
+            f"{path}: expected an XML file, found one that does not parse ({failure})"
+        ) from failure
+
+
+def numbers(node: ElementTree.Element, attribute: str, count: int, path: Path) -> Float64[np.ndarray, "n"]:
+    """The numbers in an attribute, of which there must be ``count``."""
+    text = node.get(attribute, "")
+    try:
+        values = np.array(text.split(), dtype=np.float64)
+    except ValueError:
+        values = np.zeros(0)
+    if len(values) != count or not np.isfinite(values).all():
+        raise InputError(
+            f"{path}: expected {count} numbers in {node.tag} {attribute}, found {text.strip()!r}"
+        )
+    return values

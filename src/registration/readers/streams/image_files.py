@@ -1,0 +1,114 @@
+"""Pictures from files or messages by what their pixels mean: bit depth, palette, transparency, orientation."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import UInt8
+from PIL import Image, ImageOps, UnidentifiedImageError
+
+from registration.errors import InputError
+from registration.natural_order import natural_order
+from registration.readers.streams.checks import as_grey
+
+SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+_WIDE = ("I", "I;16", "I;16B", "I;16L", "I;16N")
+# 16 bits a pixel hold 65535 = 255 * 257 at full scale (PNG specification, "Sample depth scaling").
+_WIDE_STEP = 257
+_TOP_BIT = 1 << 15
+_LARGEST_WIDE = np.uint16(65535)
+_PHOTOMETRIC = 262
+
+
+def list_images(folder: Path) -> list[Path]:
+    """The pictures in a folder in the natural order of their names; hidden files and files of other kinds are not.
+
+    Raises InputError where the order is ambiguous, and for a folder that holds files, none of them a picture.
+    """
+    shown = [path for path in folder.glob("*") if path.is_file() and not path.name.startswith(".")]
+    named: dict[str, Path] = {}
+    for path in sorted(path for path in shown if path.suffix.lower() in SUFFIXES):
+        if path.stem in named:
+            raise InputError(
+                f"{folder}: expected one picture of each name, found {named[path.stem].name} and {path.name}"
+            )
+        named[path.stem] = path
+    if shown and not named:
+        raise InputError(
+            f"{folder}: expected pictures ({', '.join(SUFFIXES)}), found {min(path.name for path in shown)}"
+        )
+    return [named[name] for name in natural_order(named, str(folder))]
+
+
+def decode_image(source: Path | bytes, name: str) -> np.ndarray:
+    """The pixels of one picture, (h, w) or (h, w, 3), uint8; grey of 16 bits stays as wide as it is.
+
+    The camera's orientation (EXIF) is applied, palettes are looked up, transparency that varies is laid on black.
+    Raises InputError with ``name`` for what is no picture, several in one file, or colour of 16 bits.
+    """
+    try:
+        with Image.open(io.BytesIO(source) if isinstance(source, bytes) else source) as image:
+            _require_plain(image, name)
+            # Pillow turns TIFF files in which 0 is white round, but for those of 16 bits.
+            white_is_0 = getattr(image, "tag_v2", {}).get(_PHOTOMETRIC) == 0
+            return _pixels(ImageOps.exif_transpose(image), white_is_0)
+    except InputError:
+        raise
+    except (
+        OSError,
+        UnidentifiedImageError,
+        Image.DecompressionBombError,
+        ValueError,
+        SyntaxError,
+    ) as failure:
+        raise InputError(
+            f"{name}: expected a readable PNG image (or JPEG, BMP, TIFF), found {failure}"
+        ) from failure
+
+
+def grey_stack(pictures: list[np.ndarray], name: str) -> UInt8[np.ndarray, "n height width"]:
+    """Pictures of one size as 8-bit grey; ``name`` says whose, for messages.
+
+    16 bits are brought to 8 where the recording uses the topmost bit, and taken as they are where no value is above
+    255. Between the two nothing says what full scale is: that raises InputError.
+    """
+    largest = max((int(pixels.max(initial=0)) for pixels in pictures if pixels.dtype != np.uint8), default=0)
+    wide = largest >= _TOP_BIT and all(p.dtype in (np.uint8, np.uint16) for p in pictures)
+    if largest > np.iinfo(np.uint8).max and not wide:
+        raise InputError(
+            f"{name}: expected pixels of 8 bits, or of 16 bits that use their full scale (65535), "
+            f"found none above {largest}"
+        )
+    if wide and any(pixels.dtype == np.uint8 for pixels in pictures):
+        raise InputError(f"{name}: expected one bit depth, found pictures of 8 and of 16 bits")
+    narrow = [np.rint(pixels / _WIDE_STEP).astype(np.uint8) if wide else pixels for pixels in pictures]
+    return np.stack([as_grey(pixels[None], name)[0] for pixels in narrow])
+
+
+def _require_plain(image: Image.Image, name: str) -> None:
+    frames = getattr(image, "n_frames", 1)
+    if frames != 1:
+        raise InputError(f"{name}: expected one picture, found a stack of {frames}")
+    # Pillow hands out the upper bytes of colour of 16 bits without a word.
+    if image.mode not in _WIDE and any(";16" in str(tile[3]) for tile in getattr(image, "tile", ())):
+        raise InputError(f"{name}: expected 8 bits a channel, found 16")
+    if image.mode == "F":
+        raise InputError(f"{name}: expected whole numbers, found floating-point pixels")
+
+
+def _pixels(image: Image.Image, white_is_0: bool) -> np.ndarray:
+    if image.mode in _WIDE:
+        wide = np.asarray(image)
+        if image.mode == "I":
+            return wide
+        return _LARGEST_WIDE - wide.astype(np.uint16) if white_is_0 else wide.astype(np.uint16)
+    if image.has_transparency_data:
+        pixels = np.asarray(image.convert("RGBA"))
+        colour, alpha = pixels[..., :3], pixels[..., 3:]
+        # Transparency that is the same everywhere is a channel that a program left unused.
+        if (alpha == alpha[:1, :1]).all():
+            return colour
+        return np.rint(colour * (alpha / np.iinfo(np.uint8).max)).astype(np.uint8)
+    return np.asarray(image.convert("L" if image.mode in ("1", "L") else "RGB"))

@@ -1,0 +1,1 @@
+"""Masks to a cloud of contour points, and the cloud to a surface."""

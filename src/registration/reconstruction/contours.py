@@ -1,0 +1,189 @@
+"""Vessel contours of tracked masks, below a pixel, as points in the world with outward normals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Bool, Float, Float64, Int64
+from scipy.ndimage import gaussian_filter, map_coordinates
+
+from registration import transforms
+from registration.errors import InputError
+from registration.geometry.point_cloud import OrientedCloud
+
+# How far on both sides of a contour the probability is read for its confidence.
+CONFIDENCE_REACH_PX = 2.0
+
+
+@dataclass(frozen=True)
+class ContourCloud(OrientedCloud):
+    """Contour points of many frames in the world.
+
+    ``points_mm`` (p, 3); ``normals`` (p, 3) of unit length, in each frame's image plane, pointing out of the vessel;
+    ``frame_index`` (p,) says which mask a point comes from, ``contour_index`` (p,) which contour, numbered through all
+    frames. ``is_open`` (p,) marks contours that the picture's edge cuts. ``confidence`` (p,), 0 to 1, is how much the
+    probability falls across the contour within two pixels on both sides; 1 for binary masks. ``world_A_pixel``
+    (m, 4, 4) holds the transforms of all frames, those without a vessel too.
+    """
+
+    frame_index: Int64[np.ndarray, "p"]
+    contour_index: Int64[np.ndarray, "p"]
+    is_open: Bool[np.ndarray, "p"]
+    confidence: Float64[np.ndarray, "p"]
+    world_A_pixel: Float64[np.ndarray, "m 4 4"] = field(metadata={"whole": True})
+
+
+@dataclass(frozen=True)
+class ContourExtractor:
+    """Marching squares on each mask (Lorensen and Cline, SIGGRAPH 1987, in two dimensions).
+
+    ``level`` is the value on the contour of a probability map. ``smoothing_px`` is the deviation of a Gaussian that
+    takes the staircase off a binary mask; a circle of radius r pixels shrinks by about ``smoothing_px**2 / (2 r)``.
+    Probability maps are smooth already and are left as they are. Contours of fewer than ``min_points`` points are left
+    out.
+    """
+
+    level: float = 0.5
+    smoothing_px: float = 1.0
+    min_points: int = 8
+
+    def __post_init__(self) -> None:
+        if not 0 < self.level < 1:
+            raise InputError(f"level: expected a value between 0 and 1, received {self.level}")
+        if not self.smoothing_px >= 0:
+            raise InputError(f"smoothing_px: expected 0 or more pixels, received {self.smoothing_px}")
+        if self.min_points < 3:
+            raise InputError(f"min_points: expected at least 3, received {self.min_points}")
+
+    def __call__(
+        self,
+        masks: Bool[np.ndarray, "k height width"] | Float[np.ndarray, "k height width"],
+        world_A_pixel: Float64[np.ndarray, "m 4 4"],
+    ) -> ContourCloud:
+        """Contours of the k masks (or probability maps), mapped by one affine transform each.
+
+        ``world_A_pixel`` maps ``(column, row, 0, 1)`` to mm. A frame may show any number of vessels. Where one leaves
+        the picture its contour stays open: points on the picture's border are dropped. No vessel at all gives an empty
+        cloud. Raises InputError when masks and transforms differ in number.
+        """
+        if len(masks) != len(world_A_pixel):
+            raise InputError(
+                f"world_A_pixel: expected one transform for each of {len(masks)} masks, received {len(world_A_pixel)}"
+            )
+        transforms.require_affine(world_A_pixel, "world_A_pixel")
+        lines = [(index, line) for index, mask in enumerate(masks) for line in self.contours_px(mask)]
+        # A closed contour names its first point twice; in a cloud it would weigh double.
+        own = [line[:-1] if _closed(line) else line for _, line in lines]
+        sizes = [len(points) for points in own]
+        points_px = np.concatenate([np.empty((0, 2)), *own])
+        tangents_px = np.concatenate([np.empty((0, 2)), *(_tangents(line) for _, line in lines)])
+        index = np.repeat(np.array([which for which, _ in lines], dtype=np.int64), sizes)
+        is_open = np.repeat(np.array([not _closed(line) for _, line in lines], dtype=bool), sizes)
+        inner = ~_on_border(points_px, masks.shape[1], masks.shape[2])
+        points_px, tangents_px, index = points_px[inner], tangents_px[inner], index[inner]
+        return ContourCloud(
+            points_mm=transforms.apply_each(world_A_pixel[index], np.pad(points_px, ((0, 0), (0, 1)))),
+            normals=_normals(tangents_px, world_A_pixel[index]),
+            frame_index=index,
+            contour_index=np.repeat(np.arange(len(lines), dtype=np.int64), sizes)[inner],
+            is_open=is_open[inner],
+            confidence=_confidence(masks, points_px, tangents_px, index),
+            world_A_pixel=world_A_pixel,
+        )
+
+    def contours_px(
+        self, mask: Bool[np.ndarray, "height width"] | Float[np.ndarray, "height width"]
+    ) -> list[Float64[np.ndarray, "p 2"]]:
+        """Contours of one mask as (column, row) in pixels, closed ones with the first point repeated at the end.
+
+        Seen in the picture (rows downwards), the vessel lies on the right of the direction of travel.
+        """
+        from skimage.measure import find_contours
+
+        # Smoothing the crop alone is exact: beyond four deviations the mask is constant.
+        filled = mask if mask.dtype == np.bool_ else mask >= self.level
+        box = _box(filled, int(np.ceil(4 * self.smoothing_px)) + 2)
+        if box is None:
+            return []
+        values = mask[box].astype(np.float64)
+        if mask.dtype == np.bool_ and self.smoothing_px > 0:
+            values = gaussian_filter(values, self.smoothing_px, mode="nearest")
+        found = find_contours(values, self.level, positive_orientation="low")
+        corner = np.array([box[1].start, box[0].start], dtype=np.float64)
+        return [line[:, ::-1] + corner for line in found if len(line) >= self.min_points]
+
+
+def _box(filled: Bool[np.ndarray, "height width"], margin_px: int) -> tuple[slice, slice] | None:
+    rows, columns = np.flatnonzero(filled.any(axis=1)), np.flatnonzero(filled.any(axis=0))
+    if not len(rows):
+        return None
+    height, width = filled.shape
+    return (
+        slice(max(rows[0] - margin_px, 0), min(rows[-1] + margin_px + 1, height)),
+        slice(max(columns[0] - margin_px, 0), min(columns[-1] + margin_px + 1, width)),
+    )
+
+
+def _tangents(line: Float64[np.ndarray, "p 2"]) -> Float64[np.ndarray, "q 2"]:
+    """Direction of travel at each point, from the second point before to the second after it.
+
+    Marching squares sets points at uneven distances, some of them tiny: differences of direct neighbours would turn
+    with the pixel grid. Near the ends of an open contour fewer points count. The repeated last point of a closed
+    contour has no tangent of its own.
+    """
+    if _closed(line):
+        return np.roll(line[:-1], -2, axis=0) - np.roll(line[:-1], 2, axis=0)
+    own = np.arange(len(line))
+    return line[np.minimum(own + 2, len(line) - 1)] - line[np.maximum(own - 2, 0)]
+
+
+def _closed(line: Float64[np.ndarray, "p 2"]) -> bool:
+    return np.array_equal(line[0], line[-1])
+
+
+def _on_border(points_px: Float64[np.ndarray, "p 2"], height_px: int, width_px: int) -> Bool[np.ndarray, "p"]:
+    last = np.array([width_px - 1, height_px - 1])
+    return np.asarray(((points_px <= 0) | (points_px >= last)).any(axis=1))
+
+
+def _normals(
+    tangents_px: Float64[np.ndarray, "p 2"], world_A_pixel: Float64[np.ndarray, "p 4 4"]
+) -> Float64[np.ndarray, "p 3"]:
+    """Unit vectors in the image plane, at right angles to the tangent in millimetres, away from the vessel.
+
+    The tangent is mapped first and turned after, because pixel axes need be neither equal nor orthogonal. Columns
+    times rows gives the side of the plane that the turn is seen from, so mirrored axes need no special case.
+    """
+    along = np.einsum("pij,pj->pi", world_A_pixel[:, :3, :2], tangents_px)
+    facing = np.cross(world_A_pixel[:, :3, 0], world_A_pixel[:, :3, 1])
+    outwards = np.cross(along, facing)
+    length = np.linalg.norm(outwards, axis=1, keepdims=True)
+    return outwards / np.maximum(length, np.finfo(np.float64).tiny)
+
+
+def _confidence(
+    masks: np.ndarray,
+    points_px: Float64[np.ndarray, "p 2"],
+    tangents_px: Float64[np.ndarray, "p 2"],
+    index: Int64[np.ndarray, "p"],
+) -> Float64[np.ndarray, "p"]:
+    """How much the probability falls from the vessel's side of each point to the other; 1 for binary masks.
+
+    The vessel lies on the right of the direction of travel, seen with rows downwards.
+    """
+    if masks.dtype == np.bool_:
+        return np.ones(len(points_px))
+    length = np.maximum(np.linalg.norm(tangents_px, axis=1, keepdims=True), np.finfo(np.float64).tiny)
+    inwards_px = CONFIDENCE_REACH_PX * np.stack([-tangents_px[:, 1], tangents_px[:, 0]], axis=1) / length
+    fall = np.zeros(len(points_px))
+    for frame in np.unique(index):
+        own = index == frame
+        sides = [
+            map_coordinates(
+                masks[frame], (points_px[own] + side * inwards_px[own]).T[::-1], order=1, mode="nearest"
+            )
+            for side in (1, -1)
+        ]
+        fall[own] = sides[0] - sides[1]
+    return np.clip(fall, 0.0, 1.0)

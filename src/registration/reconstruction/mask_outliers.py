@@ -1,0 +1,156 @@
+"""Masks of a tracked sweep that disagree with their neighbours: found by place, size and shape in the world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Float64
+
+from registration.checks import require_count, require_positive
+from registration.reconstruction.mask_series import MaskSeries
+from registration.reconstruction.mask_specks import specks
+
+POSITION, SIZE, SHAPE = "position", "size", "shape"
+REASONS = (POSITION, SIZE, SHAPE)
+# How many times the test is repeated at most with the masks found so far left out of the comparison.
+ROUNDS = 8
+# With fewer masks than this on a side there is no line through them.
+LEAST_SIDE = 3
+# Of a normal distribution's absolute values.
+DEVIATION_PER_MEDIAN = 1.4826
+# A mask at the sweep's end has neighbours on one side only, from which its place is extrapolated.
+END_SLACK = 1.5
+
+
+@dataclass(frozen=True)
+class MaskCheck:
+    """Which masks disagree with their neighbours, and in what.
+
+    ``reason`` (k,) is position, size or shape, or empty for a mask that agrees; ``excess`` (k,) is by what factor the
+    limit was passed. ``specks`` (k,) marks masks of which a part was taken out that is far from all parts of their
+    neighbours. ``empty`` (k,) marks masks without a vessel between others that show it. ``undecided`` is the share of
+    masks that disagreed where it was so large that none of them was rejected, else 0.
+    """
+
+    masks: Bool[np.ndarray, "k height width"] | Float[np.ndarray, "k height width"]
+    reason: tuple[str, ...]
+    excess: Float64[np.ndarray, "k"]
+    specks: Bool[np.ndarray, "k"]
+    empty: Bool[np.ndarray, "k"]
+    undecided: float = 0.0
+
+    @property
+    def rejected(self) -> Bool[np.ndarray, "k"]:
+        """Which masks were rejected."""
+        return np.array([reason != "" for reason in self.reason], dtype=bool)
+
+
+@dataclass(frozen=True)
+class MaskOutliers:
+    """Leave out masks whose vessel lies, or is, unlike what the masks before and after it show.
+
+    Each mask is described by its middle in the world, the radius of a circle of its area, and its shape around its
+    middle. Lines through the ``window`` masks before, through those after, and through both (by medians of slopes:
+    Theil, 1950, and Sen, J. Am. Stat. Assoc. 63, 1968) predict middle and radius; the prediction that fits best counts,
+    so that a vessel that branches, ends or jumps in view agrees with one side. Limits are in radii of the neighbours
+    for ``position`` and ``size``, and a share of pixels for ``shape``; where a whole sweep scatters, ``deviations``
+    robust standard deviations are allowed. Masks found are left out of the lines and the test is repeated.
+
+    A part of a mask far from all parts of its neighbours is a speck and is taken out alone. Where more than
+    ``most_share`` of all masks would be rejected, none is: then the neighbours are no standard. Where it is not
+    ``enabled``, all masks are kept.
+    """
+
+    window: int = 6
+    position: float = 0.4
+    size: float = 0.25
+    shape: float = 0.3
+    deviations: float = 6.0
+    most_share: float = 0.35
+    enabled: bool = True
+
+    def __post_init__(self) -> None:
+        require_count("window", self.window, LEAST_SIDE)
+        for name in ("position", "size", "shape", "deviations"):
+            require_positive(name, getattr(self, name))
+        require_positive("most_share", self.most_share, 1.0)
+
+    def __call__(
+        self,
+        masks: Bool[np.ndarray, "k height width"] | Float[np.ndarray, "k height width"],
+        world_A_pixel: Float64[np.ndarray, "k 4 4"],
+        level: float = 0.5,
+    ) -> MaskCheck:
+        """Compare each mask, bool or probability (a vessel from ``level`` on), with its neighbours along the sweep.
+
+        Masks come in the order in which the probe moved. The masks that are returned are empty where they were
+        rejected; nothing is copied where there is nothing to leave out.
+        """
+        seen = MaskSeries.of(masks, world_A_pixel, level)
+        reason, excess, undecided = self._judge(seen)
+        rejected = np.array([one != "" for one in reason], dtype=bool)
+        lone = specks(seen, ~rejected, self.window) if self.enabled else {}
+        if rejected.any() or lone:
+            masks = masks.copy()
+            masks[rejected] = 0
+            for frame, own in lone.items():
+                masks[frame][own] = 0
+        shown = np.flatnonzero(seen.shown)
+        empty = ~seen.shown
+        if len(shown):
+            empty[: shown[0]] = empty[shown[-1] + 1 :] = False
+        spotted = np.isin(np.arange(len(masks)), list(lone))
+        return MaskCheck(masks, reason, excess, spotted, empty, undecided)
+
+    def _judge(self, seen: MaskSeries) -> tuple[tuple[str, ...], np.ndarray, float]:
+        count = len(seen.shown)
+        none = ("",) * count, np.zeros(count), 0.0
+        if not self.enabled or seen.shown.sum() < 2 * LEAST_SIDE:
+            return none
+        good = seen.shown.copy()
+        factors = np.zeros((count, 3))
+        for _ in range(ROUNDS):
+            factors = self._factors(seen, good)
+            found = seen.shown & ~(factors.max(axis=1) > 1)
+            if (found == good).all():
+                break
+            # Were most masks unlike the others, there would be nothing left to compare with.
+            if found.sum() < 2 * LEAST_SIDE:
+                break
+            good = found
+        bad = seen.shown & (factors.max(axis=1) > 1)
+        share = float(bad.sum() / seen.shown.sum())
+        if share > self.most_share:
+            return none[0], none[1], share
+        worst = factors.argmax(axis=1)
+        reason = tuple(REASONS[worst[frame]] if bad[frame] else "" for frame in range(count))
+        return reason, np.where(bad, factors.max(axis=1), 0.0), 0.0
+
+    def _factors(self, seen: MaskSeries, good: Bool[np.ndarray, "k"]) -> Float64[np.ndarray, "k 3"]:
+        """By how many times its limit each mask is off in position, size and shape, by the side that fits best."""
+        usable = np.flatnonzero(good)
+        found = np.full((len(good), 3, 3), np.nan)
+        for frame in np.flatnonzero(seen.shown):
+            before = usable[usable < frame][-self.window :]
+            after = usable[usable > frame][: self.window]
+            near = min(self.window // 2, len(before)), min(self.window // 2, len(after))
+            both = np.concatenate([before[len(before) - near[0] :], after[: near[1]]])
+            if not near[0] or not near[1]:
+                both = both[:0]
+            for side, others in enumerate((before, after, both)):
+                if len(others) >= LEAST_SIDE:
+                    found[frame, side] = seen.apart(int(frame), others)
+        ends = np.isnan(found[:, 2, 0])
+        # A vessel that ends in a sweep, ends in a dome.
+        found[ends, :, 1] = np.maximum(found[ends, :, 1], 0.0)
+        known = np.where(np.isnan(found), np.inf, np.abs(found))
+        best = known.min(axis=1)
+        limits = np.array([self.position, self.size, self.shape])
+        spread = [np.median(values[np.isfinite(values)]) for values in best[good].T]
+        limits = np.maximum(limits, self.deviations * DEVIATION_PER_MEDIAN * np.array(spread))
+        factors = known / limits
+        factors[ends] /= END_SLACK
+        side = factors.max(axis=2).argmin(axis=1)
+        chosen = factors[np.arange(len(good)), side]
+        return np.where(np.isfinite(chosen), chosen, 0.0)

@@ -1,0 +1,112 @@
+"""The masks of a tracked sweep as a series: what each shows in the world, and how far it is from the others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float64, Int64
+
+from registration import transforms
+
+# A mask of at most so many pixels is compared pixel by pixel; of a larger one as many are drawn evenly.
+PIXELS = 400
+
+
+@dataclass(frozen=True)
+class MaskSeries:
+    """What each mask shows: middle and normal in the world, radius, the pixels, and the way of the probe."""
+
+    filled: Bool[np.ndarray, "k height width"]
+    world_A_pixel: Float64[np.ndarray, "k 4 4"]
+    shown: Bool[np.ndarray, "k"]
+    middle_mm: Float64[np.ndarray, "k 3"]
+    middle_px: Float64[np.ndarray, "k 2"]
+    radius_mm: Float64[np.ndarray, "k"]
+    way_mm: Float64[np.ndarray, "k"]
+
+    @classmethod
+    def of(cls, masks: np.ndarray, world_A_pixel: np.ndarray, level: float) -> MaskSeries:
+        filled = masks if masks.dtype == np.bool_ else masks >= level
+        pixels = filled.sum(axis=(1, 2))
+        weight = np.maximum(pixels, 1)
+        across = filled.sum(axis=1) @ np.arange(filled.shape[2]) / weight
+        down = filled.sum(axis=2) @ np.arange(filled.shape[1]) / weight
+        middle_px = np.stack([across, down], axis=1)
+        middle_mm = transforms.apply_each(world_A_pixel, np.pad(middle_px, ((0, 0), (0, 1))))
+        area_mm2 = np.linalg.norm(np.cross(world_A_pixel[:, :3, 0], world_A_pixel[:, :3, 1]), axis=1)
+        centre_px = np.array([0.5 * filled.shape[2], 0.5 * filled.shape[1], 0.0])
+        centres_mm = transforms.apply_each(world_A_pixel, np.tile(centre_px, (len(filled), 1)))
+        steps_mm = np.linalg.norm(np.diff(centres_mm, axis=0), axis=1)
+        return cls(
+            filled,
+            world_A_pixel,
+            pixels > 0,
+            middle_mm,
+            middle_px,
+            np.sqrt(pixels * area_mm2 / np.pi),
+            np.concatenate([[0.0], np.cumsum(steps_mm)]),
+        )
+
+    @cached_property
+    def normals(self) -> Float64[np.ndarray, "k 3"]:
+        """Of each picture."""
+        facing = np.cross(self.world_A_pixel[:, :3, 0], self.world_A_pixel[:, :3, 1])
+        return facing / np.linalg.norm(facing, axis=1, keepdims=True)
+
+    @cached_property
+    def pixel_mm(self) -> Float64[np.ndarray, "k 2"]:
+        """The sizes of a pixel along columns and rows."""
+        return np.linalg.norm(self.world_A_pixel[:, :3, :2], axis=1)
+
+    @cached_property
+    def drawn_mm(self) -> list[Float64[np.ndarray, "p 2"]]:
+        """Some pixels of each mask, evenly drawn, in mm from its middle along columns and rows."""
+        found = []
+        for frame, own in enumerate(self.filled):
+            row, column = np.nonzero(own)
+            few = np.linspace(0, len(row) - 1, min(PIXELS, len(row))).astype(np.int64)
+            offset_px = np.stack([column[few], row[few]], axis=1) - self.middle_px[frame]
+            found.append(offset_px * self.pixel_mm[frame])
+        return found
+
+    def apart(self, frame: int, others: Int64[np.ndarray, "n"]) -> tuple[float, float, float]:
+        """How far a mask is from what others predict: place and radius in their radii, and the share of its shape.
+
+        The radius has a sign: it is below 0 for a mask that is too small.
+        """
+        usual_mm = float(np.median(self.radius_mm[others]))
+        values = np.column_stack([self.middle_mm[others], self.radius_mm[others]])
+        expected = _line_at(self.way_mm[others], values, float(self.way_mm[frame]))
+        offset_mm = self.middle_mm[frame] - expected[:3]
+        beside_mm = offset_mm - (offset_mm @ self.normals[frame]) * self.normals[frame]
+        wider_mm = float(self.radius_mm[frame] - expected[3])
+        # Two of the others need agree: shapes change fast where branches part, but not from one mask to the next.
+        shape = sorted(self._unlike(frame, int(other)) for other in others)[1]
+        return float(np.linalg.norm(beside_mm)) / usual_mm, wider_mm / usual_mm, shape
+
+    def _unlike(self, frame: int, other: int) -> float:
+        """The share of two masks that do not cover each other, once their middles and areas are the same (1 - DSC)."""
+        scale = self.radius_mm[other] / self.radius_mm[frame]
+        place = self.middle_px[other] + scale * self.drawn_mm[frame] / self.pixel_mm[other]
+        column, row = np.rint(place).astype(np.int64).T
+        height, width = self.filled.shape[1:]
+        there = (column >= 0) & (row >= 0) & (column < width) & (row < height)
+        # What the picture's edge cuts off says nothing about the shape.
+        if not there.any():
+            return 1.0
+        return 1 - float(self.filled[other][row[there], column[there]].mean())
+
+
+def _line_at(
+    way_mm: Float64[np.ndarray, "n"], values: Float64[np.ndarray, "n d"], place_mm: float
+) -> Float64[np.ndarray, "d"]:
+    """Values at a place by the line of median slope through others."""
+    first, second = np.triu_indices(len(way_mm), 1)
+    run_mm = way_mm[second] - way_mm[first]
+    moving = run_mm > 1e-6
+    if not moving.any():
+        return np.asarray(np.median(values, axis=0))
+    slope = np.median((values[second[moving]] - values[first[moving]]) / run_mm[moving, None], axis=0)
+    return np.asarray(np.median(values + (place_mm - way_mm)[:, None] * slope, axis=0))

@@ -1,0 +1,69 @@
+"""Parts of masks that no part of their neighbours comes near."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float64, Int64
+from scipy.ndimage import label
+
+from registration import transforms
+from registration.reconstruction.mask_series import MaskSeries
+
+# With fewer neighbours than this a part may be the first or last of its branch.
+LEAST_NEIGHBOURS = 3
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """The connected parts of one mask: middles in the world, radii of circles of their areas, numbered ``labels``."""
+
+    middle_mm: Float64[np.ndarray, "n 3"]
+    radius_mm: Float64[np.ndarray, "n"]
+    labels: Int64[np.ndarray, "height width"] | None
+
+    @classmethod
+    def of(cls, seen: MaskSeries, frame: int) -> _Parts:
+        found, count = label(seen.filled[frame])
+        middle_px, numbered = seen.middle_px[[frame]], None
+        if count > 1:
+            numbered = found.astype(np.int64)
+            places = [np.argwhere(found == one)[:, ::-1].mean(axis=0) for one in range(1, count + 1)]
+            middle_px = np.array(places)
+        sizes = np.bincount(found.reshape(-1), minlength=count + 1)[1:]
+        middle_mm = transforms.apply(seen.world_A_pixel[frame], np.pad(middle_px, ((0, 0), (0, 1))))
+        return cls(middle_mm, np.sqrt(sizes * seen.pixel_mm[frame].prod() / np.pi), numbered)
+
+    def meets(self, one: int, other: _Parts, way_mm: float) -> bool:
+        """Whether a part comes within its radius of a part of another mask, or as near as the masks are."""
+        apart_mm = np.linalg.norm(other.middle_mm - self.middle_mm[one], axis=1)
+        return bool((apart_mm <= 2 * self.radius_mm[one] + other.radius_mm + way_mm).any())
+
+
+def specks(
+    seen: MaskSeries, good: Bool[np.ndarray, "k"], window: int
+) -> dict[int, Bool[np.ndarray, "height width"]]:
+    """The pixels of parts far from all parts of the neighbours, by mask; a mask's largest part is never one.
+
+    Only masks that are ``good`` are looked at, ``window`` of them around each.
+    """
+    usable = np.flatnonzero(good & seen.shown)
+    parts = {frame: _Parts.of(seen, frame) for frame in usable.tolist()}
+    found = {}
+    for place, (frame, own) in enumerate(parts.items()):
+        near = usable[max(place - window // 2, 0) : place + window // 2 + 1].tolist()
+        if own.labels is None or len(near) <= LEAST_NEIGHBOURS:
+            continue
+        way_mm = {
+            other: abs(float(seen.way_mm[other] - seen.way_mm[frame])) for other in near if other != frame
+        }
+        lone = [
+            one + 1
+            for one in range(len(own.radius_mm))
+            if one != own.radius_mm.argmax()
+            and not any(own.meets(one, parts[other], way_mm[other]) for other in way_mm)
+        ]
+        if lone:
+            found[frame] = np.isin(own.labels, lone)
+    return found

@@ -1,0 +1,141 @@
+"""Where a closed reconstruction goes beyond what was measured, and how it is cut off there.
+
+A Poisson surface is closed: it bulges out of every open end. Cutting by the density of points takes wall and bulge
+alike. Here the surface is cut along the line where the measured points end.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.spatial import cKDTree
+
+from registration.checks import require_positive
+from registration.geometry.mesh_topology import borders, connected, directed_edges, edge_numbers
+from registration.geometry.point_cloud import OrientedCloud
+from registration.geometry.shapes import Mesh
+from registration.reconstruction.outlier_filters import VoxelDownsampling
+
+# A wall's points count for a piece of surface that faces within 60 degrees of them: the bulge's middle does not.
+LEAST_COSINE = 0.5
+# A cloud denser than this many points along a bridge is thinned: wide bridges would otherwise see it all at once.
+CELLS_A_BRIDGE = 12
+# What is kept although nothing was measured there counts as just inside.
+SHALLOW_MM = 1e-6
+# Vertices asked at a time, which bounds the memory.
+BLOCK = 2000
+
+
+def measured_part(mesh: Mesh, cloud: OrientedCloud, bridge_mm: float) -> Mesh:
+    """Cut a reconstruction off where the points it was made from end (see ``beyond_mm``).
+
+    A piece beyond them that closes a hole no wider than ``bridge_mm`` in the middle of a wall stays: contours pass
+    around the crotch of a fork, and the surface there is right all the same.
+    """
+    past_mm = beyond_mm(mesh, cloud, bridge_mm)
+    out = past_mm > 0
+    edges = directed_edges(mesh)
+    edges = edges[out[edges].all(axis=1)]
+    piece = connected(edges, len(past_mm))[1]
+    for one in np.unique(piece[out]):
+        own = out & (piece == one)
+        rims = borders(clip(mesh, np.where(own, past_mm, np.minimum(past_mm, -SHALLOW_MM))))
+        if all(not rim.is_end and rim.radius_mm <= bridge_mm for rim in rims):
+            past_mm[own] = -SHALLOW_MM
+    return clip(mesh, past_mm)
+
+
+def beyond_mm(mesh: Mesh, cloud: OrientedCloud, bridge_mm: float) -> Float64[np.ndarray, "v"]:
+    """How far each vertex lies past the last measured points, along the surface; negative inside the measured part.
+
+    Around each vertex, the points of the cloud within ``bridge_mm`` that face the same way are laid on their mean
+    plane. The way from their mean to the vertex is the way out; how far the farthest of them lies past the vertex on
+    that way is how far the vertex is inside. So gaps up to ``bridge_mm`` wide at least, measured on both sides, are
+    inside, and the value at the last ring of points is 0. Where no points are near it is ``bridge_mm``.
+    """
+    require_positive("bridge_mm", bridge_mm)
+    cloud = VoxelDownsampling(bridge_mm / CELLS_A_BRIDGE)(cloud).cloud
+    normals = vertex_normals(mesh)
+    tree = cKDTree(cloud.points_mm)
+    found_mm = np.full(len(normals), float(bridge_mm))
+    for block in np.array_split(np.arange(len(normals)), 1 + len(normals) // BLOCK):
+        near = tree.query_ball_point(mesh.vertices_mm[block], bridge_mm, return_sorted=False)
+        sizes = np.array([len(found) for found in near])
+        if not sizes.sum():
+            continue
+        owner = np.repeat(np.arange(len(block)), sizes)
+        points = np.concatenate([np.array(found, dtype=np.int64) for found in near])
+        facing = np.einsum("pi,pi->p", cloud.normals[points], normals[block][owner]) >= LEAST_COSINE
+        owner, points = owner[facing], points[facing]
+        offset_mm = cloud.points_mm[points] - mesh.vertices_mm[block][owner]
+        found_mm[block] = _past_mm(offset_mm, cloud.normals[points], owner, len(block), bridge_mm)
+    return found_mm
+
+
+def _past_mm(
+    offset_mm: np.ndarray, facing: np.ndarray, owner: np.ndarray, count: int, bridge_mm: float
+) -> np.ndarray:
+    """For each of ``count`` vertices, how far it lies past the points whose offsets from it are given."""
+    weights = np.maximum(1 - (offset_mm**2).sum(axis=1) / bridge_mm**2, 0.0) + 1e-9
+    # The plane is the wall's and not the surface's: a bulge turns in, and would see the far side of the rim ahead.
+    outwards = _unit(_sums(weights[:, None] * facing, owner, count))[owner]
+    along_mm = offset_mm - np.einsum("pi,pi->p", offset_mm, outwards)[:, None] * outwards
+    way_out = -_unit(_sums(weights[:, None] * along_mm, owner, count))
+    reach_mm = np.full(count, -float(bridge_mm))
+    np.maximum.at(reach_mm, owner, np.einsum("pi,pi->p", along_mm, way_out[owner]))
+    return -reach_mm
+
+
+def _sums(values: np.ndarray, owner: np.ndarray, count: int) -> np.ndarray:
+    return np.stack([np.bincount(owner, values[:, axis], count) for axis in range(3)], axis=1)
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), np.finfo(np.float64).tiny)
+
+
+def vertex_normals(mesh: Mesh) -> Float64[np.ndarray, "v 3"]:
+    """Unit normals, the mean over the triangles at a vertex weighted by area; zero where there are none."""
+    a, b, c = np.moveaxis(mesh.corners_mm, 1, 0)
+    facing = np.repeat(np.cross(b - a, c - a), 3, axis=0)
+    return _unit(_sums(facing, mesh.triangles.reshape(-1), len(mesh.vertices_mm)))
+
+
+def clip(mesh: Mesh, values: Float64[np.ndarray, "v"], most: float = 0.0) -> Mesh:
+    """Keep the part of the mesh where ``values`` (one a vertex, linear between them) are at most ``most``.
+
+    Triangles across the border are cut on it, and neighbours share the new corners, so the border is one line.
+    """
+    inside = values <= most
+    count = inside[mesh.triangles].sum(axis=1)
+    cut = (count == 1) | (count == 2)
+    # Turn each cut triangle until its odd corner comes first: the one that is alone on its side.
+    odd = np.where(count[cut] == 1, 1, 0)[:, None] == inside[mesh.triangles[cut]]
+    turn = (odd.argmax(axis=1)[:, None] + np.arange(3)) % 3
+    a, b, c = np.take_along_axis(mesh.triangles[cut], turn, axis=1).T
+    numbers, first = np.unique(edge_numbers(directed_edges(mesh), len(values)), return_index=True)
+    ends = directed_edges(mesh)[first]
+    crossed = inside[ends[:, 0]] != inside[ends[:, 1]]
+    numbers, ends = numbers[crossed], ends[crossed]
+    share = (most - values[ends[:, 0]]) / (values[ends[:, 1]] - values[ends[:, 0]])
+    added_mm = mesh.vertices_mm[ends[:, 0]] + share[:, None] * (
+        mesh.vertices_mm[ends[:, 1]] - mesh.vertices_mm[ends[:, 0]]
+    )
+
+    def on(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        wanted = edge_numbers(np.stack([one, other], axis=1), len(values))
+        return len(values) + np.searchsorted(numbers, wanted)
+
+    ab, ac = on(a, b), on(a, c)
+    alone = count[cut] == 1
+    triangles = np.concatenate(
+        [
+            mesh.triangles[count == 3],
+            np.stack([a, ab, ac], axis=1)[alone],
+            np.stack([ab, b, c], axis=1)[~alone],
+            np.stack([ab, c, ac], axis=1)[~alone],
+        ]
+    )
+    used, index = np.unique(triangles, return_inverse=True)
+    vertices_mm = np.concatenate([mesh.vertices_mm, added_mm])[used]
+    return Mesh(vertices_mm, index.reshape(-1, 3).astype(np.int64))

@@ -1,0 +1,108 @@
+"""Points left out of a cloud: those too dense, and those that lie alone. Each filter says which."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Generic
+
+import numpy as np
+from jaxtyping import Bool, Int64
+from scipy.spatial import cKDTree
+
+from registration.checks import require_count, require_positive
+from registration.errors import InputError
+from registration.geometry.point_cloud import AnyCloud, take
+
+
+@dataclass(frozen=True)
+class Filtered(Generic[AnyCloud]):
+    """What a filter left: ``cloud``, and ``removed`` (r,), the places of the others in the cloud it was given."""
+
+    cloud: AnyCloud
+    removed: Int64[np.ndarray, "r"]
+
+
+@dataclass(frozen=True)
+class VoxelDownsampling:
+    """Keep one point of each cube of ``cell_mm``: the one nearest to the mean of the points in it.
+
+    A point that is kept stays as it was measured, with its own frame and normal.
+    """
+
+    cell_mm: float
+
+    def __post_init__(self) -> None:
+        require_positive("cell_mm", self.cell_mm)
+
+    def __call__(self, cloud: AnyCloud) -> Filtered[AnyCloud]:
+        """Thin the cloud; the order of the points is kept."""
+        points_mm = _finite(cloud)
+        if not len(points_mm):
+            return Filtered(cloud, np.empty(0, dtype=np.int64))
+        cells = np.floor((points_mm - points_mm.min(axis=0)) / self.cell_mm).astype(np.int64)
+        _, owner, sizes = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+        owner = owner.reshape(-1)
+        means_mm = np.stack([np.bincount(owner, points_mm[:, axis]) / sizes for axis in range(3)], axis=1)
+        apart_mm = np.linalg.norm(points_mm - means_mm[owner], axis=1)
+        order = np.lexsort((apart_mm, owner))
+        first = order[np.concatenate([[0], np.cumsum(sizes)[:-1]])]
+        kept = np.zeros(len(points_mm), dtype=bool)
+        kept[first] = True
+        return _split(cloud, kept)
+
+
+@dataclass(frozen=True)
+class StatisticalOutlierRemoval:
+    """Leave out points whose mean distance to their ``neighbours`` nearest is unlike that of the others.
+
+    The limit is the mean over the cloud plus ``deviations`` standard deviations (Rusu et al., Robot. Auton. Syst.
+    56(11), 2008).
+    """
+
+    neighbours: int = 16
+    deviations: float = 3.0
+
+    def __post_init__(self) -> None:
+        require_count("neighbours", self.neighbours, 1)
+        require_positive("deviations", self.deviations)
+
+    def __call__(self, cloud: AnyCloud) -> Filtered[AnyCloud]:
+        """Leave out the outliers; a cloud of no more points than ``neighbours`` is returned whole."""
+        points_mm = _finite(cloud)
+        if len(points_mm) <= self.neighbours:
+            return Filtered(cloud, np.empty(0, dtype=np.int64))
+        apart_mm = cKDTree(points_mm).query(points_mm, self.neighbours + 1)[0][:, 1:].mean(axis=1)
+        return _split(cloud, apart_mm <= apart_mm.mean() + self.deviations * apart_mm.std())
+
+
+@dataclass(frozen=True)
+class RadiusOutlierRemoval:
+    """Leave out points with fewer than ``neighbours`` others within ``radius_mm``."""
+
+    radius_mm: float
+    neighbours: int = 4
+
+    def __post_init__(self) -> None:
+        require_positive("radius_mm", self.radius_mm)
+        require_count("neighbours", self.neighbours, 1)
+
+    def __call__(self, cloud: AnyCloud) -> Filtered[AnyCloud]:
+        """Leave out the outliers."""
+        points_mm = _finite(cloud)
+        if not len(points_mm):
+            return Filtered(cloud, np.empty(0, dtype=np.int64))
+        # The distance to the last neighbour that must be near answers the question without listing the others.
+        wanted = min(self.neighbours + 1, len(points_mm))
+        apart_mm = cKDTree(points_mm).query(points_mm, [wanted])[0][:, 0]
+        enough = len(points_mm) > self.neighbours
+        return _split(cloud, (apart_mm <= self.radius_mm) & enough)
+
+
+def _finite(cloud: AnyCloud) -> np.ndarray:
+    if not np.isfinite(cloud.points_mm).all():
+        raise InputError("cloud: expected finite coordinates, received NaN or infinity")
+    return cloud.points_mm
+
+
+def _split(cloud: AnyCloud, kept: Bool[np.ndarray, "p"]) -> Filtered[AnyCloud]:
+    return Filtered(take(cloud, np.flatnonzero(kept)), np.flatnonzero(~kept))

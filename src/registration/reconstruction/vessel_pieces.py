@@ -1,0 +1,142 @@
+"""The pieces of a surface that belong to one vessel, where a gap in a sweep has parted it, and those that do not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from registration.checks import require_at_least, require_positive
+from registration.geometry.mesh_topology import Border, borders, keep_triangles, largest_piece, pieces
+from registration.geometry.shapes import Mesh
+from registration.metrics.surface_distance import SurfaceDistance
+
+# Ends face each other within 60 degrees.
+LEAST_OPPOSED = 0.5
+# An end lies on the axis of another to within its radius and this share of the gap, about 30 degrees.
+BEND_SHARE = 0.6
+# How far the widths of two ends may differ: where a vessel divides in a gap, a branch follows the trunk.
+MOST_RATIO = 3.0
+# The end of a branch lies so many of its radii from the wall that it came from, at most, and the branch is as long.
+BRANCH_RADII = 2.0
+
+
+@dataclass(frozen=True)
+class KeptPieces:
+    """The pieces of one vessel as ``mesh``, how many they are, and what was left out, by number and area."""
+
+    mesh: Mesh
+    kept: int
+    dropped: int
+    area_mm2: float
+    area_dropped_mm2: float
+
+    @property
+    def share_dropped(self) -> float:
+        """The share of all area that was left out."""
+        return self.area_dropped_mm2 / max(self.area_mm2 + self.area_dropped_mm2, 1e-300)
+
+
+@dataclass(frozen=True)
+class VesselPieces:
+    """Keep the largest piece and all that continue it; leave out the others.
+
+    A piece continues another where an open end of one faces an open end of the other: on its axis, of a like width, at
+    most ``gap_radii`` radii away. So does a branch whose open end lies close before the wall of the other. A piece of
+    less than ``least_share`` of the whole area, or shorter than half its radius, is a speck.
+    """
+
+    gap_radii: float = 12.0
+    least_share: float = 0.01
+
+    def __post_init__(self) -> None:
+        require_positive("gap_radii", self.gap_radii)
+        require_at_least("least_share", self.least_share, 0.0)
+
+    def __call__(self, mesh: Mesh) -> KeptPieces:
+        """Part the mesh in pieces that belong and pieces that do not."""
+        parts = self.parts(mesh)
+        whole_mm2 = float(mesh.areas_mm2.sum())
+        kept = parts[0] if len(parts) == 1 else _together(parts)
+        area_mm2 = float(kept.areas_mm2.sum())
+        return KeptPieces(kept, len(parts), pieces(mesh)[0] - len(parts), area_mm2, whole_mm2 - area_mm2)
+
+    def parts(self, mesh: Mesh) -> list[Mesh]:
+        """The pieces that belong to one vessel, the largest first."""
+        count, of_triangle = pieces(mesh)
+        if count < 2:
+            return [mesh]
+        areas_mm2 = np.bincount(of_triangle, weights=mesh.areas_mm2)
+        order = [
+            int(one) for one in np.argsort(-areas_mm2) if areas_mm2[one] >= self.least_share * areas_mm2.sum()
+        ]
+        found = [_Piece.of(keep_triangles(mesh, of_triangle == one)) for one in order]
+        kept, left = found[:1], found[1:]
+        while left:
+            joining = [one for one in left if any(self._continues(one, other) for other in kept)]
+            if not joining:
+                break
+            kept += joining
+            left = [one for one in left if not any(one is other for other in joining)]
+        if len(kept) == 1:
+            return [largest_piece(mesh)]
+        return [one.mesh for one in sorted(kept, key=lambda one: -one.area_mm2)]
+
+    def _continues(self, piece: _Piece, other: _Piece) -> bool:
+        if any(piece.length_mm(end) < 0.5 * end.radius_mm for end in piece.ends[:1]):
+            return False
+        if any(self._faces(end, its) for end in piece.ends for its in other.ends):
+            return True
+        return any(_branches(piece, end, other) for end in piece.ends) or any(
+            _branches(other, end, piece) for end in other.ends
+        )
+
+    def _faces(self, end: Border, other: Border) -> bool:
+        """Whether two open ends are those of one vessel, on both sides of a gap."""
+        radius_mm = max(end.radius_mm, other.radius_mm)
+        if radius_mm > MOST_RATIO * min(end.radius_mm, other.radius_mm):
+            return False
+        if end.normal @ other.normal > -LEAST_OPPOSED:
+            return False
+        way_mm = end.centre_mm - other.centre_mm
+        gap_mm = float(np.linalg.norm(way_mm))
+        if gap_mm > self.gap_radii * radius_mm:
+            return False
+        for place_mm, normal in ((way_mm, other.normal), (-way_mm, end.normal)):
+            ahead_mm = float(place_mm @ normal)
+            beside_mm = float(np.linalg.norm(place_mm - ahead_mm * normal))
+            if ahead_mm < -0.5 * radius_mm or beside_mm > 0.5 * radius_mm + BEND_SHARE * gap_mm:
+                return False
+        return True
+
+
+@dataclass(frozen=True)
+class _Piece:
+    mesh: Mesh
+    ends: tuple[Border, ...]
+    area_mm2: float
+
+    @classmethod
+    def of(cls, mesh: Mesh) -> _Piece:
+        ends = tuple(border for border in borders(mesh) if border.is_end)
+        return cls(mesh, ends, float(mesh.areas_mm2.sum()))
+
+    def length_mm(self, end: Border) -> float:
+        """That of a tube of an end's width with the piece's area."""
+        return self.area_mm2 / (2 * np.pi * max(end.radius_mm, 1e-9))
+
+
+def _branches(branch: _Piece, end: Border, trunk: _Piece) -> bool:
+    """Whether an end of one piece lies close before the wall of another, wider one, and looks at it."""
+    if branch.length_mm(end) < BRANCH_RADII * end.radius_mm or branch.area_mm2 > trunk.area_mm2:
+        return False
+    reach_mm = BRANCH_RADII * end.radius_mm
+    ahead_mm = end.centre_mm + np.linspace(0, reach_mm, 9)[:, None] * end.normal
+    apart_mm = SurfaceDistance(trunk.mesh)(ahead_mm)
+    return bool(apart_mm[0] <= reach_mm and apart_mm.min() <= 0.25 * end.radius_mm)
+
+
+def _together(parts: list[Mesh]) -> Mesh:
+    offset = np.cumsum([0] + [len(part.vertices_mm) for part in parts])
+    triangles = [part.triangles + first for part, first in zip(parts, offset, strict=False)]
+    return Mesh(np.concatenate([part.vertices_mm for part in parts]), np.concatenate(triangles))

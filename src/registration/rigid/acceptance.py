@@ -1,0 +1,153 @@
+"""Knowing when it doesn't know: which motions the clouds leave open, and the verdict on an answer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.spatial.transform import Rotation
+from scipy.special import ndtr, ndtri
+
+from registration import transforms
+from registration.checks import require_positive
+from registration.geometry.shapes import PrincipalFrame
+from registration.rigid.result import ACCEPTED, AMBIGUOUS, FAILED, LEAST_SHOWN_MM, length_mm
+
+DIRECTIONS = ("slide", "shift", "roll", "tilt", "flip")
+# A turn about an axis across the vessel by more than this lays it the other way round.
+FLIP_DEG = 120.0
+# A part of a motion is named if it carries at least this share of the displacement.
+NAMED_SHARE = 0.35
+# Rolls that are tried beside the answer.
+PROBED_DEG = np.array([30.0, 90.0, 180.0])
+
+
+@dataclass(frozen=True)
+class Judge:
+    """What an answer must show to be accepted.
+
+    At least ``least_inliers`` of the moving points near the fixed ones; every pose that puts the model elsewhere by
+    more than ``tolerated_mm`` worse by ``least_gap`` standard errors (by default, worse by chance in one case of
+    forty); and a predicted error below ``tolerated_mm``.
+    """
+
+    tolerated_mm: float = 2.0
+    least_gap: float = 2.0
+    least_inliers: float = 0.5
+
+    def __post_init__(self) -> None:
+        require_positive("tolerated_mm", self.tolerated_mm)
+        require_positive("least_gap", self.least_gap)
+        require_positive("least_inliers", self.least_inliers, 1.0)
+
+    def needed_gap(self, tries: int = 1) -> float:
+        """By how many standard errors other poses must be worse where ``tries`` searches could each err by chance.
+
+        Bonferroni: each may err in the share of cases that one may, divided by their number.
+        """
+        return self.least_gap if tries == 1 else float(-ndtri(ndtr(-self.least_gap) / tries))
+
+    def __call__(
+        self,
+        *,
+        settled: bool,
+        inlier_share: float,
+        gap: float,
+        expected_mm: float,
+        weak: tuple[str, ...],
+        tries: int = 1,
+    ) -> tuple[str, str]:
+        """The verdict and its reason in one sentence.
+
+        ``expected_mm`` is the upper end of the predicted error without deformation, NaN where none was predicted;
+        ``tries`` is the number of axes that were tried for the vessel's.
+        """
+        named = f" ({', '.join(weak)})" if weak else ""
+        needed = self.needed_gap(tries)
+        if inlier_share < self.least_inliers:
+            return FAILED, (
+                f"only {100 * inlier_share:.0f} % of the moving points lie on the fixed cloud, "
+                f"{100 * self.least_inliers:.0f} % are needed"
+            )
+        if gap < needed:
+            return AMBIGUOUS, f"{_rival(gap, named)}, at least {needed:.2g} are needed"
+        if expected_mm > self.tolerated_mm:
+            return AMBIGUOUS, (
+                f"the clouds leave the pose open{named}: the predicted TRE reaches {expected_mm:.1f} mm without "
+                f"deformation, {self.tolerated_mm:g} mm are tolerated"
+            )
+        if not settled:
+            return FAILED, "the best pose had not settled when the iterations ran out"
+        rest = (
+            "no other pose was found"
+            if np.isinf(gap)
+            else f"the next pose is worse by {gap:.1f} standard errors"
+        )
+        return ACCEPTED, f"{rest}, and {_predicted(expected_mm)}"
+
+
+def _rival(gap: float, named: str) -> str:
+    if gap < 0:
+        return f"another pose{named} explains the clouds better, by {-gap:.1f} standard errors"
+    return f"another pose{named} explains the clouds as well: it is worse by {gap:.1f} standard errors"
+
+
+def _predicted(expected_mm: float) -> str:
+    """The upper end of the predicted error; clouds without noise leave nothing to predict it from."""
+    if np.isnan(expected_mm):
+        return "no error was predicted"
+    if expected_mm < LEAST_SHOWN_MM:
+        return "the clouds fit without noise, which predicts nothing"
+    return f"the predicted TRE without deformation is up to {length_mm(expected_mm)} (95 %)"
+
+
+def named_motion(
+    motion: Float64[np.ndarray, "4 4"], frame: PrincipalFrame, least_mm: float = 0.0
+) -> tuple[str, ...]:
+    """Name the parts of a rigid motion (fixed_T_fixed) of a vessel with the given principal frame.
+
+    ``slide`` along the vessel, ``shift`` across it, ``roll`` about it, ``tilt`` of its axis, ``flip`` if it comes to
+    lie the other way round. A part is named that carries a good share of the displacement, and at least ``least_mm``.
+    """
+    turn = frame.axes.T @ Rotation.from_matrix(motion[:3, :3]).as_rotvec()
+    shift_mm = frame.axes.T @ (transforms.apply(motion, frame.centre_mm) - frame.centre_mm)
+    across_mm = np.array([np.hypot(*np.delete(frame.spread_mm, axis)) for axis in range(3)])
+    angle = float(np.linalg.norm(turn))
+    # A rotation displaces a point by twice the sine of half its angle times the distance from its axis.
+    chord = 2 * np.sin(0.5 * angle) / angle if angle > 0 else 1.0
+    turned_mm = chord * np.abs(turn) * across_mm
+    tilt = "flip" if np.rad2deg(np.hypot(turn[1], turn[2])) > FLIP_DEG else "tilt"
+    parts_mm = {
+        "slide": abs(float(shift_mm[0])),
+        "shift": float(np.hypot(shift_mm[1], shift_mm[2])),
+        "roll": float(turned_mm[0]),
+        tilt: float(np.hypot(turned_mm[1], turned_mm[2])),
+    }
+    whole_mm = float(np.sqrt(sum(part**2 for part in parts_mm.values())))
+    return tuple(
+        name for name in DIRECTIONS if parts_mm.get(name, 0.0) > max(NAMED_SHARE * whole_mm, least_mm)
+    )
+
+
+def weak_motion(motions_mm: Float64[np.ndarray, "k 6"]) -> Float64[np.ndarray, "6"]:
+    """The motion along which the samples spread most, as long as their standard deviation there."""
+    variances, ways = np.linalg.eigh(motions_mm.T @ motions_mm / len(motions_mm))
+    return np.sqrt(max(float(variances[-1]), 0.0)) * ways[:, -1]
+
+
+def probes(frame: PrincipalFrame, slide_mm: float) -> Float64[np.ndarray, "k 4 4"]:
+    """Motions that a vessel without features would not feel: rolls about its axis, and slides along it both ways."""
+    turns = Rotation.from_rotvec(np.deg2rad(PROBED_DEG)[:, None] * frame.axes[:, 0])
+    rolled = transforms.from_rotation(turns, frame.centre_mm - turns.apply(frame.centre_mm))
+    slid = np.tile(np.eye(4), (2, 1, 1))
+    slid[:, :3, 3] = slide_mm * np.array([[1.0], [-1.0]]) * frame.axes[:, 0]
+    return np.concatenate([rolled, slid])
+
+
+def displacement_mm(
+    motions: Float64[np.ndarray, "k 4 4"], points_mm: Float64[np.ndarray, "n 3"]
+) -> Float64[np.ndarray, "k"]:
+    """By how much each motion displaces the points, in root mean square."""
+    moved_mm = points_mm @ np.swapaxes(motions[:, :3, :3], 1, 2) + motions[:, None, :3, 3]
+    return np.sqrt(((moved_mm - points_mm) ** 2).sum(axis=2).mean(axis=1))

@@ -1,0 +1,237 @@
+"""The search of a multi-start registration: many starts on few points, the survivors on more, coarse to fine."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+from registration.rigid.icp.correspondence import Target, TreeTarget, VoxelTarget
+from registration.rigid.icp.estimation import Estimation, PointToPlane, PointToPoint, Symmetric
+from registration.rigid.icp.loop import Alignments, align
+from registration.rigid.icp.rejection import Rejection
+from registration.rigid.icp.robust_kernels import RobustKernel
+from registration.rigid.pose_comparison import Evidence, distinct
+from registration.rigid.result import Candidate
+from registration.rigid.search_cone import Bound
+
+# Poses are told apart by what they do to this many points of the cloud.
+BASIN_POINTS = 64
+# Far from the answer a step along normals is damped by this share of the mean stiffness.
+COARSE_DAMPING = 0.01
+# The early stages need not settle: the next one goes on from where they are.
+EARLY_TOLERANCE = 1e-3
+# A candidate of the middle stage that is this many standard errors behind the best has no chance left.
+HOPELESS_GAP = 6.0
+
+
+@dataclass(frozen=True)
+class Stage:
+    """How far one stage takes its poses: on how many of the points, for how many steps, how many poses go on."""
+
+    name: str
+    points: int
+    iterations: int
+    tolerance: float
+    most: int
+
+
+@dataclass(frozen=True)
+class Found:
+    """Where a search ended: ``candidates`` best first, steps of all starts together, and whether the best settled.
+
+    ``gap`` (c,) says by how many standard errors the first c of them, the refined ones, explain the clouds worse than
+    the best. ``outside`` is the best pose beyond the bound of the search, which is no candidate, if there is one.
+    """
+
+    candidates: tuple[Candidate, ...]
+    gap: Float64[np.ndarray, "c"]
+    iterations: int
+    settled: bool
+    outside: Candidate | None = None
+
+
+@dataclass(frozen=True)
+class CoarseToFine:
+    """Takes starting poses to the few that explain the clouds best.
+
+    ``first`` and ``coarse`` look closest points up in a table of ``cells`` voxels, by point-to-plane steps where there
+    are normals; ``middle`` and ``fine`` find them exactly. The share ``first_share`` of the starts survives the first
+    stage. ``keep``, ``rejections`` and ``kernel`` are those of ``registration.rigid.icp.loop``; ``kept`` is
+    the share of the last
+    two stages.
+    """
+
+    first: Stage
+    coarse: Stage
+    middle: Stage
+    fine: Stage
+    first_share: float
+    cells: int
+    keep: float
+    kept: float
+    basin_share: float
+    estimation: Estimation
+    kernel: RobustKernel | None
+    rejections: Sequence[Rejection]
+
+    def __call__(
+        self,
+        evidence: Evidence,
+        starts: Float64[np.ndarray, "s 4 4"],
+        within: Bound | None = None,
+        moving_normals: Float64[np.ndarray, "m 3"] | None = None,
+    ) -> Found:
+        """Search from all ``starts``; the points of ``evidence`` are in random order, a stage takes the first ones.
+
+        No candidate lies outside ``within``, so there may be none; the best pose there is followed all the same, for it
+        may explain the clouds better than any candidate does.
+        """
+        pool, steps = self._coarse(evidence, starts)
+        pool, beyond = _divided(pool, within)
+        near, far = pool[: self.coarse.most], pool[self.coarse.most :]
+        middle, more, _ = self._refined(evidence, near + beyond[:1], self.middle, moving_normals)
+        middle, beyond = _divided(middle, within)
+        hopeful = [
+            one for one, gap in zip(middle, _gaps(evidence, middle), strict=True) if gap < HOPELESS_GAP
+        ]
+        chosen = hopeful[: self.middle.most]
+        fine, last, settled = self._refined(evidence, chosen + beyond[:1], self.fine, moving_normals)
+        fine, beyond = _divided(fine, within)
+        names = {id(one) for one in chosen}
+        left = [one for one in middle if id(one) not in names]
+        return Found(
+            candidates=tuple(fine + left + far),
+            gap=_gaps(evidence, fine + left),
+            iterations=steps + more + last,
+            settled=bool(fine) and settled[fine[0].fixed_T_moving.tobytes()],
+            outside=next(iter(beyond), None),
+        )
+
+    def _coarse(self, evidence: Evidence, starts: np.ndarray) -> tuple[list[Candidate], int]:
+        """Both early stages: candidates of different basins, the ones dropped after the first stage last."""
+        target = evidence.target
+        table = VoxelTarget(target.points_mm, self.cells, exact=target)
+        step = PointToPoint() if target.normals is None else PointToPlane(COARSE_DAMPING)
+        first = self._aligned(evidence, table, starts, self.first, step)
+        order = np.argsort(first.rmse_mm, kind="stable")
+        count = max(int(np.ceil(self.first_share * len(starts))), min(self.coarse.most, len(starts)))
+        kept, dropped = order[:count], order[count:]
+        coarse = self._aligned(evidence, table, first.fixed_T_moving[kept], self.coarse, step)
+        ranks = np.argsort(coarse.rmse_mm, kind="stable")
+        poses = np.concatenate([coarse.fixed_T_moving[ranks], first.fixed_T_moving[dropped]])
+        residuals_mm = np.concatenate([coarse.rmse_mm[ranks], first.rmse_mm[dropped]])
+        origins = starts[np.concatenate([kept[ranks], dropped])]
+        groups = distinct(poses, evidence.moving_mm[:BASIN_POINTS], self._reach_mm(evidence))
+        found = [
+            _candidate(
+                poses[group[0]],
+                float(residuals_mm[group[0]]),
+                self.coarse.name if group[0] < count else self.first.name,
+                len(group),
+                origins[group[0]],
+            )
+            for group in groups
+        ]
+        return found, int(first.iterations.sum() + coarse.iterations.sum())
+
+    def _refined(
+        self,
+        evidence: Evidence,
+        chosen: list[Candidate],
+        stage: Stage,
+        moving_normals: np.ndarray | None,
+    ) -> tuple[list[Candidate], int, dict[bytes, bool]]:
+        """Exact closest points from the chosen poses on: best first, steps, and which of the poses settled."""
+        if not chosen:
+            return [], 0, {}
+        poses = np.stack([one.fixed_T_moving for one in chosen])
+        found = self._aligned(
+            evidence, evidence.target, poses, stage, self.estimation, self.kernel, moving_normals
+        )
+        scores_mm = np.sqrt(evidence.bounded_mm2(found.fixed_T_moving).mean(axis=1))
+        order = np.argsort(scores_mm, kind="stable")
+        groups = distinct(
+            found.fixed_T_moving[order], evidence.moving_mm[:BASIN_POINTS], self._reach_mm(evidence)
+        )
+        merged = [
+            _candidate(
+                found.fixed_T_moving[order[group[0]]],
+                float(scores_mm[order[group[0]]]),
+                stage.name,
+                sum(chosen[order[member]].starts for member in group),
+                chosen[order[group[0]]].start_fixed_T_moving,
+            )
+            for group in groups
+        ]
+        settled = {
+            pose.tobytes(): bool(still)
+            for pose, still in zip(found.fixed_T_moving, found.converged, strict=True)
+        }
+        return merged, int(found.iterations.sum()), settled
+
+    def _aligned(
+        self,
+        evidence: Evidence,
+        target: Target,
+        poses: np.ndarray,
+        stage: Stage,
+        estimation: Estimation,
+        kernel: RobustKernel | None = None,
+        moving_normals: np.ndarray | None = None,
+    ) -> Alignments:
+        exact = isinstance(target, TreeTarget)
+        return align(
+            evidence.moving_mm[: stage.points],
+            target,
+            poses,
+            keep=self.kept if exact else self.keep,
+            max_iterations=stage.iterations,
+            tolerance=stage.tolerance,
+            estimation=estimation,
+            kernel=kernel,
+            rejections=self.rejections if exact else (),
+            moving_normals=None if moving_normals is None else moving_normals[: stage.points],
+        )
+
+    def _reach_mm(self, evidence: Evidence) -> float:
+        return self.basin_share * float(np.sqrt(evidence.moving_mm.var(axis=0).sum()))
+
+
+def estimation_by(refine_by: str, offset: bool) -> Estimation:
+    """The step of the last stages by its name in the configuration."""
+    steps: dict[str, Estimation] = {
+        "plane": PointToPlane(offset=offset),
+        "symmetric": Symmetric(offset=offset),
+        "point": PointToPoint(),
+    }
+    return steps[refine_by]
+
+
+def _candidate(
+    pose: np.ndarray, score_mm: float, stage: str, starts: int, start: np.ndarray | None
+) -> Candidate:
+    return Candidate(
+        fixed_T_moving=pose,
+        rmse_mm=score_mm,
+        basin=0,
+        starts=starts,
+        stage=stage,
+        start_fixed_T_moving=start,
+        score_mm=score_mm,
+    )
+
+
+def _divided(candidates: list[Candidate], within: Bound | None) -> tuple[list[Candidate], list[Candidate]]:
+    """Those within a bound and those beyond it, in their order."""
+    held = [within is None or within.holds(one.fixed_T_moving) for one in candidates]
+    inside = [one for one, is_held in zip(candidates, held, strict=True) if is_held]
+    return inside, [one for one, is_held in zip(candidates, held, strict=True) if not is_held]
+
+
+def _gaps(evidence: Evidence, candidates: list[Candidate]) -> Float64[np.ndarray, "c"]:
+    if not candidates:
+        return np.zeros(0)
+    return evidence.gaps(np.stack([one.fixed_T_moving for one in candidates]))

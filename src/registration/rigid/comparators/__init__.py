@@ -1,0 +1,9 @@
+"""Rigid methods that multi-start registration is compared with, behind the same call."""
+
+from registration.rigid.comparators.fpfh import FpfhFastGlobal, FpfhRansac
+from registration.rigid.comparators.fpfh_features import FpfhFeatures
+from registration.rigid.comparators.gicp import GeneralisedICP
+from registration.rigid.comparators.kiss_matcher import KissMatcher
+from registration.rigid.comparators.single_icp import SingleStartICP
+
+__all__ = ["FpfhFastGlobal", "FpfhFeatures", "FpfhRansac", "GeneralisedICP", "KissMatcher", "SingleStartICP"]

@@ -1,0 +1,1 @@
+"""The replaceable parts of ICP: correspondence, rejection, robust kernels, estimation."""

@@ -1,0 +1,179 @@
+"""Selection: which candidates are one pose, how well each explains the clouds, and how surely one beats another.
+
+The lowest residual alone proves nothing on a vessel: a pose is the answer only if the others explain the same points
+worse by more than chance. Two poses are compared point by point, as Vuong compares models (Econometrica 57(2), 1989):
+the mean difference of their losses over its standard error, which is taken over blocks of neighbouring points, for
+their residuals hang together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float64, Int64
+from scipy.spatial.distance import cdist
+
+from registration import transforms
+from registration.rigid.icp.correspondence import TreeTarget
+from registration.rigid.icp.pairs import closest_pairs
+from registration.rigid.icp.robust_kernels import MEDIAN_TO_SIGMA
+
+# A standardised residual beyond this is an outlier under either pose and says nothing more.
+LOSS_CAP = 3.0
+# Beside its tangent plane a fixed point stands for the surface as far as this many spacings around it.
+PATCH_SPACINGS = 3.0
+# Residuals below this share of the spacing are the sampling's, not the pose's.
+FLOOR_SPACINGS = 0.1
+# A fixed point within so many inlier distances of the moved cloud lies beside it.
+BESIDE_INLIERS = 3.0
+
+
+def distinct(
+    poses: Float64[np.ndarray, "s 4 4"], probe_mm: Float64[np.ndarray, "p 3"], reach_mm: float
+) -> list[Int64[np.ndarray, "_"]]:
+    """Group poses, best first, that move the probe points alike, within ``reach_mm`` in root mean square.
+
+    The first pose of each group stands for it; groups come in the order of their first ones.
+    """
+    places_mm = probe_mm @ np.swapaxes(poses[:, :3, :3], 1, 2) + poses[:, None, :3, 3]
+    flat_mm = places_mm.reshape(len(poses), -1)
+    near = cdist(flat_mm, flat_mm) <= reach_mm * np.sqrt(len(probe_mm))
+    free = np.ones(len(poses), dtype=bool)
+    groups = []
+    for index in range(len(poses)):
+        if free[index]:
+            members = near[index] & free
+            members[index] = False
+            groups.append(np.concatenate([[index], np.flatnonzero(members)]))
+            free[groups[-1]] = False
+    return groups
+
+
+def blocks_of(points_mm: Float64[np.ndarray, "n 3"], count: int) -> Int64[np.ndarray, "n"]:
+    """Divide a cloud into about ``count`` compact blocks of equally many points.
+
+    The cloud is halved across its longest side again and again, as a k-d tree is built: strays at its outskirts do
+    not get blocks of their own.
+    """
+    block = np.zeros(len(points_mm), dtype=np.int64)
+    for _ in range(round(np.log2(min(count, len(points_mm))))):
+        halves = 2 * block
+        for place in range(int(block.max()) + 1):
+            own = np.flatnonzero(block == place)
+            side = int(np.ptp(points_mm[own], axis=0).argmax())
+            far = np.argsort(points_mm[own, side], kind="stable")[len(own) // 2 :]
+            halves[own[far]] += 1
+        block = halves
+    return block
+
+
+def blocks_of_frames(frame: Int64[np.ndarray, "n"], count: int) -> Int64[np.ndarray, "n"]:
+    """Divide points into at most ``count`` blocks of consecutive frames."""
+    _, order = np.unique(frame, return_inverse=True)
+    frames_n = int(order.max()) + 1
+    return order.reshape(-1).astype(np.int64) * min(count, frames_n) // frames_n
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What the moving points say about poses: points (m, 3), the block of each, and the fixed cloud.
+
+    Poses are found on ``target`` and judged on ``smoothed``, which tells them apart better where there is noise; both
+    are one for a cloud without normals. With ``offset`` a distance that all points have along the normals, which point
+    outwards then, counts for no pose and against none. ``core`` points come first, strays after them.
+    """
+
+    moving_mm: Float64[np.ndarray, "m 3"]
+    block: Int64[np.ndarray, "m"]
+    target: TreeTarget
+    smoothed: TreeTarget
+    offset: bool = False
+    core: int = 0
+    # A search asks about the same pose several times.
+    _known: dict[bytes, np.ndarray] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def squared_mm2(self, poses: Float64[np.ndarray, "s 4 4"]) -> Float64[np.ndarray, "s m"]:
+        """The squared distance from every moved point to the fixed surface.
+
+        Along the normal of the closest fixed point, and beside its patch; to the point itself where there are no
+        normals.
+        """
+        return np.stack([self._squared_mm2(pose) for pose in poses])
+
+    def _squared_mm2(self, pose: np.ndarray) -> Float64[np.ndarray, "m"]:
+        key = pose.tobytes()
+        if key not in self._known:
+            pairs = closest_pairs(self.moving_mm, self.smoothed, pose[None])
+            gap_mm = pairs.gap_mm[0]
+            beside_mm = np.sqrt(np.maximum(pairs.squared_mm2[0] - gap_mm**2, 0.0))
+            along_mm2 = (gap_mm - np.median(gap_mm) if self.offset else gap_mm) ** 2
+            reach_mm = PATCH_SPACINGS * self.smoothed.spacing_mm
+            self._known[key] = along_mm2 + np.maximum(beside_mm - reach_mm, 0.0) ** 2
+        return self._known[key]
+
+    def wall_offset_mm(self, pose: Float64[np.ndarray, "4 4"]) -> float:
+        """By how much the moved wall lies outside the fixed one, as a rule: the median along the normals.
+
+        NaN where it is not looked for.
+        """
+        if not self.offset:
+            return float("nan")
+        return float(-np.median(closest_pairs(self.moving_mm, self.smoothed, pose[None]).gap_mm))
+
+    def bounded_mm2(self, poses: Float64[np.ndarray, "s 4 4"]) -> Float64[np.ndarray, "s m"]:
+        """The squared distances, bounded, so that an outlier weighs the same under every pose.
+
+        The bound follows from the usual distance under the pose that has the smallest.
+        """
+        squared = self.squared_mm2(poses)
+        usual_mm2 = MEDIAN_TO_SIGMA**2 * float(np.median(squared, axis=1).min())
+        floor_mm = FLOOR_SPACINGS * self.smoothed.spacing_mm
+        return np.minimum(squared, LOSS_CAP**2 * max(usual_mm2, floor_mm**2))
+
+    def gaps(self, poses: Float64[np.ndarray, "s 4 4"]) -> Float64[np.ndarray, "s"]:
+        """By how many standard errors each pose explains the points worse than the first one does."""
+        losses = self.bounded_mm2(poses)
+        count = int(self.block.max()) + 1
+        summed = np.stack([np.bincount(self.block, row, count) for row in losses - losses[0]])
+        error = np.sqrt(count * summed.var(axis=1, ddof=1)) if count > 1 else np.zeros(len(losses))
+        return np.divide(summed.sum(axis=1), error, out=np.zeros(len(losses)), where=error > 0)
+
+
+@dataclass(frozen=True)
+class TwoWay:
+    """Residuals of one pose both ways: the way back over the fixed points that the moved cloud lies beside."""
+
+    rmse_bidirectional_mm: float
+    coverage: float
+
+
+def two_way(
+    moving: TreeTarget,
+    fixed_mm: Float64[np.ndarray, "n 3"],
+    fixed_T_moving: Float64[np.ndarray, "4 4"],
+    rmse_mm: float,
+    inlier_mm: float,
+    beside_mm: float,
+) -> TwoWay:
+    """Add the way back to ``rmse_mm``, the way there.
+
+    A fixed point is covered within ``inlier_mm`` of the moved cloud, and counts for the way back within ``beside_mm``:
+    a part of a vessel leaves most of the whole uncovered, which is no fault of the pose.
+    """
+    back_mm = moving.distances_mm(transforms.apply(transforms.invert_rigid(fixed_T_moving), fixed_mm))
+    beside = back_mm[back_mm <= beside_mm]
+    back_mm2 = float((beside**2).mean()) if len(beside) else float("inf")
+    return TwoWay(float(np.sqrt(0.5 * (rmse_mm**2 + back_mm2))), float((back_mm <= inlier_mm).mean()))
+
+
+def both_ways(
+    moving: TreeTarget,
+    fixed: TreeTarget,
+    fixed_T_moving: Float64[np.ndarray, "4 4"],
+    rmse_mm: float,
+    inlier_spacings: float,
+) -> TwoWay:
+    """The same with inliers within so many spacings of the sparser cloud."""
+    inlier_mm = inlier_spacings * max(fixed.spacing_mm, moving.spacing_mm)
+    return two_way(moving, fixed.points_mm, fixed_T_moving, rmse_mm, inlier_mm, BESIDE_INLIERS * inlier_mm)

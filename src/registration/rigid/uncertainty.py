@@ -1,0 +1,102 @@
+"""How far the answer might lie from the truth: the stiffness of the fit, and a bootstrap over blocks of points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64, Int64
+from scipy.spatial.transform import Rotation
+
+from registration import transforms
+from registration.errors import InputError
+from registration.rigid.icp.estimation import motion_jacobian, with_offset
+from registration.rigid.icp.pairs import closest_pairs
+from registration.rigid.icp.robust_kernels import RobustKernel, usual_size
+from registration.rigid.smoothed_target import SmoothedTarget
+
+# A direction with less than this share of the mean stiffness is as good as free.
+FREE_SHARE = 1e-6
+# How much more the answer spreads than a step says, for each square of the roughness: fitted on random anatomies with
+# seeds below 1000 and noise of 0.2, 0.5 and 1 mm.
+STIFFENING = 12.0
+# The spread is itself known only to a factor, whose logarithm has this standard deviation: fitted likewise.
+SPREAD_DOUBT = 0.35
+
+
+@dataclass(frozen=True)
+class LocalFit:
+    """The quadratic that the residuals follow around the answer, block by block.
+
+    Motions are (rotation vector times ``radius_mm``, translation), in mm, about ``centre_mm`` in the fixed frame.
+    ``stiffness`` (b, u, u) and ``pull_mm`` (b, u) are the blocks' shares of the normal equations in these six unknowns,
+    and a seventh where the walls may be offset. ``roughness`` is the usual residual over the reach that normals are
+    estimated from: by about this angle (rad) they are wrong.
+    """
+
+    centre_mm: Float64[np.ndarray, "3"]
+    radius_mm: float
+    stiffness: Float64[np.ndarray, "b u u"]
+    pull_mm: Float64[np.ndarray, "b u"]
+    roughness: float
+
+    def motions(self, motion_mm: Float64[np.ndarray, "k 6"]) -> Float64[np.ndarray, "k 4 4"]:
+        """Small motions as transforms fixed_T_fixed."""
+        turn = Rotation.from_rotvec(motion_mm[:, :3] / self.radius_mm)
+        return transforms.from_rotation(turn, self.centre_mm + motion_mm[:, 3:] - turn.apply(self.centre_mm))
+
+
+def local_fit(
+    moving_mm: Float64[np.ndarray, "m 3"],
+    target: SmoothedTarget,
+    fixed_T_moving: Float64[np.ndarray, "4 4"],
+    block: Int64[np.ndarray, "m"],
+    kernel: RobustKernel,
+    offset: bool = False,
+) -> LocalFit:
+    """Linearise the point-to-plane residuals at a pose.
+
+    Residuals are to the smoothed surface: those to the closest point are too small, the more so the noisier the cloud,
+    for the closest point is one that the noise brought near. With ``offset`` the walls may lie apart by the same
+    distance everywhere.
+    """
+    pairs = closest_pairs(moving_mm, target, fixed_T_moving[None])
+    if pairs.normals is None:
+        raise InputError("target: expected normals of the fixed surface to linearise along, received none")
+    moved_mm, gap_mm = pairs.moved_mm[0], pairs.gap_mm[0]
+    if offset:
+        gap_mm = gap_mm - np.median(gap_mm)
+    centre_mm = moved_mm.mean(axis=0)
+    radius_mm = float(np.sqrt(((moved_mm - centre_mm) ** 2).sum(axis=1).mean()))
+    usual_mm = usual_size(gap_mm[None], FREE_SHARE * radius_mm)[0]
+    jacobian = motion_jacobian((moved_mm - centre_mm) / radius_mm, pairs.normals[0])
+    if offset:
+        jacobian = with_offset(jacobian)
+    weighted = jacobian * kernel(gap_mm / usual_mm)[:, None]
+    count = int(block.max()) + 1
+    order = np.argsort(block, kind="stable")
+    first = np.searchsorted(block[order], np.arange(count))
+    stiffness = np.add.reduceat((weighted[:, :, None] * jacobian[:, None, :])[order], first, axis=0)
+    pull_mm = np.add.reduceat((weighted * gap_mm[:, None])[order], first, axis=0)
+    return LocalFit(centre_mm, radius_mm, stiffness, pull_mm, float(usual_mm[0] / target.reach_mm))
+
+
+def bootstrap_motions(
+    fit: LocalFit, replicates: int, inflation: float, rng: np.random.Generator
+) -> Float64[np.ndarray, "k 6"]:
+    """Where the answer would have moved had other blocks been seen, in mm, blocks drawn with replacement.
+
+    One Gauss-Newton step a replicate (Künsch, Ann. Stat. 17(3), 1989, for the blocks; Schucany and Wang, J. R. Stat.
+    Soc. B 53(3), 1991, for steps in place of solutions). ``inflation`` makes up for what a step leaves out: the fixed
+    cloud's own noise, and that pairs follow the pose. Normals that are wrong make the fit seem stiffer than it is, by
+    the square of their error.
+    """
+    count = len(fit.stiffness)
+    drawn = rng.multinomial(count, np.full(count, 1 / count), size=replicates).astype(np.float64)
+    stiffness = np.tensordot(drawn, fit.stiffness, axes=1)
+    pull_mm = drawn @ (fit.pull_mm - fit.pull_mm.mean(axis=0))
+    unknowns = stiffness.shape[1]
+    mean = np.trace(stiffness, axis1=1, axis2=2)[:, None, None] / unknowns
+    solved = np.linalg.solve(stiffness + FREE_SHARE * mean * np.eye(unknowns), pull_mm[..., None])[:, :6]
+    doubt = np.exp(SPREAD_DOUBT * rng.standard_normal((replicates, 1)))
+    return inflation * (1 + STIFFENING * fit.roughness**2) * doubt * solved[..., 0]

@@ -1,0 +1,168 @@
+"""Rates, tables and doubts of a benchmark, counted by hand from rows written by hand."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pandas as pd
+import pytest
+
+from experiments.analysis.registration.benchmark_figures import benchmark_figures
+from experiments.analysis.registration.benchmark_findings import describe_benchmark
+from experiments.analysis.registration.benchmark_tables import (
+    benchmark_metrics,
+    benchmark_tables,
+    over_cautious,
+    success_interval,
+)
+
+NAN = math.nan
+
+
+def row(case: str, tre_mm: float, verdict: str = "accepted", **change: Any) -> dict[str, Any]:
+    anatomy, kind = case.split("_")
+    made = {
+        "method": "mine", "case": case, "anatomy": anatomy, "kind": kind, "symmetric": False, "rmse_mm": 0.2,
+        "tre_mm": tre_mm, "tre_max_mm": tre_mm, "tre_symmetric_mm": tre_mm, "rotation_error_deg": 0.0,
+        "translation_error_mm": tre_mm, "success": True, "success_tre": tre_mm <= 2,
+        "success_tre_symmetric": tre_mm <= 2, "verdict": verdict, "ambiguity_gap": NAN, "tre_high_mm": NAN,
+        "covered_by_interval": NAN, "second_pose_gap": NAN, "second_tre_mm": NAN, "ambiguous_rightly": NAN,
+        "runtime_s": 0.5, "error": "", "simulated": True,
+    }  # fmt: skip
+    return made | change
+
+
+MINE = pd.DataFrame(
+    [
+        row("a_whole", 0.5, tre_high_mm=0.9, ambiguity_gap=9.0, covered_by_interval=1.0),
+        row("a_piece", 1.0, tre_high_mm=1.2, ambiguity_gap=4.0, covered_by_interval=1.0),
+        row("b_whole", 7.0, tre_high_mm=1.0, ambiguity_gap=3.0, covered_by_interval=0.0),
+        row("b_piece", 9.0, "ambiguous", tre_high_mm=9.5, ambiguity_gap=0.5, covered_by_interval=1.0,
+            second_pose_gap=0.3, second_tre_mm=9.0, ambiguous_rightly=1.0),
+        row("c_whole", 0.4, "ambiguous", tre_high_mm=3.0, ambiguity_gap=1.0, covered_by_interval=1.0,
+            second_pose_gap=6.0, second_tre_mm=4.0, ambiguous_rightly=0.0),
+        row("c_piece", math.inf, "failed", error="lost", rmse_mm=math.inf, success=False),
+    ]
+)  # fmt: skip
+OTHER = MINE.assign(
+    method="other",
+    success_tre_symmetric=[False, False, True, False, False, False],
+    verdict="accepted",
+    tre_high_mm=NAN,
+    ambiguity_gap=NAN,
+    covered_by_interval=NAN,
+    ambiguous_rightly=NAN,
+    error="",
+)
+
+
+def test_rates_are_counted_as_the_specification_has_them() -> None:
+    found = benchmark_metrics(MINE)
+    assert found["success_tre_rate"] == pytest.approx(3 / 6)
+    assert found["acceptance_rate"] == pytest.approx(3 / 6)
+    assert found["success_accepted_rate"] == pytest.approx(2 / 3)
+    # Wilson, z = 1.95996, 2 of 3: worked out apart.
+    assert found["success_accepted_rate_low"] == pytest.approx(0.2077, abs=1e-4)
+    assert found["success_accepted_rate_high"] == pytest.approx(0.9385, abs=1e-4)
+    assert found["interval_coverage_rate"] == pytest.approx(4 / 5)
+    assert found["interval_coverage_accepted_rate"] == pytest.approx(2 / 3)
+    assert found["ambiguous_rightly_rate"] == pytest.approx(1 / 2)
+    assert (found["accepted_failures"], found["over_cautious"], found["cases_unanswered"]) == (1, 1, 1)
+    assert found["tre_mm_mean"] == math.inf
+    assert found["runtime_s_median"] == 0.5
+
+
+def test_the_areas_are_those_of_the_orders() -> None:
+    found = benchmark_metrics(MINE)
+    # By the predicted error: right, wrong, right, right, wrong, wrong (the one without a prediction last).
+    assert found["risk_area_tre_high_mm"] == pytest.approx((0 + 1 / 2 + 1 / 3 + 1 / 4 + 2 / 5 + 3 / 6) / 6)
+    # By the gap: right, right, wrong, right, wrong, wrong.
+    assert found["risk_area_ambiguity_gap"] == pytest.approx((0 + 0 + 1 / 3 + 1 / 4 + 2 / 5 + 3 / 6) / 6)
+
+
+def test_a_right_answer_doubted_without_a_second_pose_is_over_cautious() -> None:
+    assert over_cautious(MINE)["case"].tolist() == ["c_whole"]
+
+
+def test_the_anatomy_is_the_unit_of_the_interval() -> None:
+    interval = success_interval(MINE)
+    assert interval.units == 3
+    assert interval.estimate == pytest.approx(0.5)
+    assert interval.low < 0.5 < interval.high
+
+
+def test_tables_list_what_was_accepted_wrongly_and_what_was_not_accepted() -> None:
+    tables = benchmark_tables(pd.concat([MINE, OTHER], ignore_index=True))
+    assert tables["accepted wrongly, simulated"]["case"].tolist() == ["b_whole"]
+    assert tables["not accepted, simulated"]["case"].tolist() == ["b_piece", "c_whole", "c_piece"]
+    methods = tables["methods, simulated"].set_index("method")
+    assert methods.loc["mine", "success_tre_rate"] == pytest.approx(0.5)
+    assert methods.loc["other", "success_tre_rate"] == pytest.approx(1 / 6)
+    kinds = tables["by kind, simulated"]
+    assert kinds[(kinds["method"] == "mine") & (kinds["kind"] == "piece")]["success_tre_rate"].tolist() == [
+        pytest.approx(1 / 3)
+    ]
+    beside = tables["methods beside each other, simulated"].iloc[0]
+    assert (beside["first_only"], beside["second_only"], beside["anatomies"], beside["cases"]) == (3, 1, 3, 6)
+
+
+def test_methods_are_compared_by_anatomy() -> None:
+    """Anatomies won by 2, lost by 1, won by 1: of 8 patterns of signs six are as far from even as 2 + 1 against 1."""
+    beside = benchmark_tables(pd.concat([MINE, OTHER]))["methods beside each other, simulated"].iloc[0]
+    assert beside["p"] == pytest.approx(0.75)
+    assert beside["least_p"] == pytest.approx(0.25)
+    assert beside["p_holm"] == pytest.approx(0.75)
+
+
+def test_sentences_say_what_failed_and_what_was_doubted() -> None:
+    said = " ".join(describe_benchmark(pd.concat([MINE, OTHER], ignore_index=True)))
+    assert "mine: 3 of 6 cases within 2 mm TRE (50.0%, 95 % interval over 3 anatomies" in said
+    assert "are right (wrong: b_whole)." in said
+    assert "mine doubts 3 answers (1 of them declared failed), 1 of which are right" in said
+    assert "in 1 of 2 a second pose explains the clouds within their noise" in said
+    assert "right answers that were doubted without one: 1 (c_whole)" in said
+    assert "80.0 % (Wilson 95 % interval" in said
+    assert "mine gave no answer to 1 of 6 cases, which count as failed (first: lost)" in said
+    assert "other does not judge its answers: all are accepted." in said
+    assert "mine is right alone in 3 cases, other in 1" in said
+    third = OTHER.assign(method="third")
+    pairs = [one for one in describe_benchmark(pd.concat([OTHER, MINE, third])) if "McNemar" in one]
+    assert len(pairs) == 2 and all("mine" in one for one in pairs)
+    assert "mine: 2 of 2 cases within 2 mm TRE (100.0%)." in describe_benchmark(MINE[:2])
+
+
+def test_symmetric_shapes_that_were_accepted_are_named() -> None:
+    rows = pd.DataFrame(
+        [
+            row("s_whole", 20.0, symmetric=True, tre_symmetric_mm=0.1, success_tre_symmetric=True, tre_high_mm=1.0),
+            row("t_whole", 20.0, "ambiguous", symmetric=True, tre_symmetric_mm=0.1, success_tre_symmetric=True,
+                ambiguous_rightly=1.0, tre_high_mm=1.0),
+        ]
+    )  # fmt: skip
+    said = " ".join(describe_benchmark(rows))
+    assert "mine: 2 of 2 cases within 2 mm TRE, up to symmetry" in said
+    assert "mine is sure of 1 shapes that have more than one right pose (s_whole)." in said
+    found = benchmark_metrics(rows)
+    assert found["success_tre_rate"] == 0.0
+    assert found["success_tre_symmetric_rate"] == 1.0
+    assert benchmark_tables(rows)["methods, simulated"]["success_tre_symmetric_rate"].tolist() == [1.0]
+
+
+def test_a_method_that_accepts_nothing_has_no_rate_among_accepted() -> None:
+    found = benchmark_metrics(MINE[MINE["verdict"] == "ambiguous"])
+    assert found["acceptance_rate"] == 0.0
+    assert "success_accepted_rate" not in found
+    assert describe_benchmark(MINE[MINE["verdict"] == "ambiguous"])
+
+
+def test_the_figure_has_its_three_parts() -> None:
+    figure = benchmark_figures(pd.concat([MINE, OTHER], ignore_index=True))["rigid_benchmark"]
+    risk, predicted, kinds = figure.axes
+    # Two orders and one point for the method that judges itself, one point for the other.
+    assert len(risk.lines) == 4
+    assert risk.lines[2].get_xdata()[0] == pytest.approx(0.5)
+    assert risk.lines[2].get_ydata()[0] == pytest.approx(1 / 3)
+    assert sum(len(dots.get_offsets()) for dots in predicted.collections) == 5
+    assert [label.get_text() for label in kinds.get_xticklabels()] == ["whole", "piece"]
+    assert "simulated" in figure.get_suptitle()

@@ -1,0 +1,109 @@
+"""Jobs side by side in processes of their own: all are run, and one that is killed takes no other with it."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from vessels import bent_tube
+
+from experiments.cli import main
+from experiments.running import local_processes, run_job
+from experiments.running.jobs import Cell, Plan
+from experiments.running.run_job import Report
+from experiments.tracking import Store
+from registration.io.surfaces import write_surface
+
+# A process in the place of a real one: it notes when it started and ended, reports, or ends as its job says.
+STAND_IN = """
+import json, os, signal, sys, time
+from pathlib import Path
+folder, key = Path(sys.argv[1]), sys.argv[2]
+config = json.loads((folder / f"{key}.cell.json").read_text())["config"]
+(folder / f"{key}.threads").write_text(os.environ["OMP_NUM_THREADS"])
+(folder / f"{key}.started").write_text("")
+if config["ends"] == "killed":
+    os.kill(os.getpid(), signal.SIGKILL)
+if config["ends"] == "waits for the other":
+    other = folder / f"{config['other']}.started"
+    for _ in range(600):
+        if other.exists():
+            break
+        time.sleep(0.05)
+    else:
+        sys.exit(3)
+(folder / f"{key}.json").write_text(json.dumps(
+    {"hash": key, "label": key, "status": "finished", "folder": str(folder), "findings": []}))
+"""
+
+
+def planned(folder: Path, **ends: dict) -> tuple[list[Cell], Plan, list[str]]:
+    program = folder / "worker.py"
+    program.write_text(STAND_IN)
+    cells = [Cell(config, key, key) for key, config in ends.items()]
+    return (
+        cells,
+        Plan("counting", {cell.hash: cell.label for cell in cells}, str(folder)),
+        [sys.executable, str(program)],
+    )
+
+
+def test_two_jobs_run_at_the_same_time(tmp_path: Path) -> None:
+    waiting = {"ends": "waits for the other"}
+    cells, plan, worker = planned(tmp_path, a={**waiting, "other": "b"}, b={**waiting, "other": "a"})
+    local_processes.run_beside(cells, plan, tmp_path, 2, worker)
+    assert {Report.read(run_job.report_file(tmp_path, key)).status for key in "ab"} == {"finished"}
+
+
+def test_a_killed_job_is_reported_and_takes_no_other_with_it(tmp_path: Path, capsys) -> None:
+    well = {"ends": "well"}
+    cells, plan, worker = planned(tmp_path, a=well, b={"ends": "killed"}, c=well, d=well)
+    local_processes.run_beside(cells, plan, tmp_path, 2, worker)
+    reports = {key: Report.read(run_job.report_file(tmp_path, key)) for key in "abcd"}
+    assert {key: report.status for key, report in reports.items()} == {
+        "a": "finished",
+        "b": "failed",
+        "c": "finished",
+        "d": "finished",
+    }
+    assert "signal 9" in reports["b"].message
+    assert "b: its process ended by signal 9" in capsys.readouterr().err
+
+
+def test_the_cores_are_shared_out_unless_the_user_says_otherwise(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    monkeypatch.setattr(local_processes.os, "cpu_count", lambda: 8)
+    cells, plan, worker = planned(tmp_path, a={"ends": "well"})
+    local_processes.run_beside(cells, plan, tmp_path, 3, worker)
+    assert (tmp_path / "a.threads").read_text() == "2"
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")
+    local_processes.run_beside(cells, plan, tmp_path, 3, worker)
+    assert (tmp_path / "a.threads").read_text() == "7"
+
+
+def test_a_study_gives_the_same_by_one_process_and_by_two(home: Path) -> None:
+    write_surface(home / "tube.ply", bent_tube())
+    call = ["study=robustness", f"target={home / 'tube.ply'}", "trials=2", "rigid=[single_icp]", "seed=4"]
+    assert main([*call, f"out={home / 'one'}", "tracking.enabled=false"]) == 0
+    assert main([*call, f"out={home / 'two'}", "jobs=2"]) == 0
+    one, two = (pd.read_parquet(home / name / "cases.parquet") for name in ("one", "two"))
+    changing = [name for name in one if name.endswith("_s")]
+    pd.testing.assert_frame_equal(one.drop(columns=changing), two.drop(columns=changing))
+    children = [run for run in Store().runs(["robustness"]) if run.data.tags["ctus.kind"] == "job"]
+    assert len(children) == 2
+    assert {run.info.status for run in children} == {"FINISHED"}
+
+
+@pytest.mark.parametrize("jobs", ["0", "-1", "1.5", "true", "many"])
+def test_a_number_of_jobs_that_is_none_is_refused(home: Path, jobs: str, capsys) -> None:
+    assert main(["study=robustness", "trials=2", f"jobs={jobs}"]) == 2
+    assert "jobs: expected a whole number from 1" in capsys.readouterr().err
+
+
+def test_a_launcher_and_jobs_are_not_both(home: Path, capsys) -> None:
+    assert main(["-m", "study=robustness", "trials=2", "seed=0,1", "jobs=2", "hydra/launcher=joblib"]) == 2
+    assert "jobs: expected 1 where a launcher starts the jobs" in capsys.readouterr().err

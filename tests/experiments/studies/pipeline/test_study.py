@@ -1,0 +1,147 @@
+"""The pipeline study with a network that makes no mistakes: what is left is the geometry's own error."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from experiments.errors import InputError
+from experiments.outcome import Silent
+from experiments.studies.pipeline import study as pipeline
+from models.predictor import Predictor
+from registration import transforms
+from registration.centerline.extractor import CenterlineExtractor
+from registration.errors import InputError as RegistrationInputError
+from registration.geometry.shapes import Mesh
+from registration.io.surfaces import read_centerline, read_surface
+from registration.metrics.surface_distance import SurfaceDistance
+from registration.phantom.acoustics import Scanner
+from registration.phantom.conditions import Deformation, Motion
+from registration.phantom.settings import PhantomSettings
+from registration.reconstruction.contours import ContourExtractor
+from registration.reconstruction.mask_outliers import MaskOutliers
+from registration.reconstruction.outlier_filters import VoxelDownsampling
+from registration.reconstruction.surface import PoissonSurface
+from registration.reconstruction.taubin import TaubinSmoothing
+from registration.reconstruction.vessel_pieces import VesselPieces
+from registration.rigid.multi_start import MultiStartICP
+
+RIGID_PHANTOM = PhantomSettings(
+    subset="artery",
+    scanner=Scanner(height_px=96, width_px=96),
+    motion=Motion(frames=30, noise_mm=0.0, noise_deg=0.0),
+    deformation=Deformation(bend_mm=0.0, pressure_mm=0.0),
+)
+
+
+@pytest.fixture
+def oracle(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """A predictor that answers with the exact masks of the sweep that was simulated last."""
+    last: dict[str, Any] = {}
+    simulate = pipeline.simulate_sweep
+
+    def remembered(settings: PhantomSettings, sweep: int) -> Any:
+        # The oracle looks at no picture, and pictures take far longer than all else.
+        last["truth"] = simulate(settings, sweep, pictures=False)
+        return last["truth"]
+
+    def probability(images: np.ndarray) -> np.ndarray:
+        assert images.shape == last["truth"].masks.shape
+        return last["truth"].masks.astype(np.float32) * last.get("confidence", 1.0)
+
+    monkeypatch.setattr(pipeline, "simulate_sweep", remembered)
+    monkeypatch.setattr(
+        Predictor, "load", lambda path: SimpleNamespace(probability=probability, threshold=0.5)
+    )
+    return last
+
+
+def run(workspace: Path, **changes: Any) -> Any:
+    workspace.mkdir(exist_ok=True)
+    settings: dict[str, Any] = {
+        "phantom": RIGID_PHANTOM, "mask_outliers": MaskOutliers(), "pieces": VesselPieces(),
+        "contours": ContourExtractor(), "filters": {"voxel": VoxelDownsampling(0.5)},
+        "surface": PoissonSurface(cell_mm=0.9, bridge_mm=3.0), "smoothing": TaubinSmoothing(),
+        "centerline": CenterlineExtractor(), "rigid": {"multistart": MultiStartICP()},
+        "model_path": "model.pt", "sweep_index": 3, "max_gap_s": 0.1, "fixed_points": 5000,
+        "inlier_mm": 1.0, "keep": 0.9, "seed": 0, "workspace": workspace, "progress": Silent(),
+    }  # fmt: skip
+    return pipeline.run(**{**settings, **changes})
+
+
+def test_exact_masks_and_poses_bring_the_cloud_home(oracle: dict[str, Any], tmp_path: Path) -> None:
+    outcome = run(tmp_path)
+
+    assert outcome.metrics["dsc_mean"] == 1.0
+    assert outcome.metrics["tre_mm"] < 0.5
+    assert outcome.metrics["rmse_mm"] < 0.5
+    assert outcome.metrics["frames_dropped"] == 0
+    assert outcome.cases is not None
+    assert outcome.cases["simulated"].all()
+    # The files hold the same answer: the cloud, moved by the truth, lies on the model; moved.ply is the cloud moved.
+    truth = np.array(json.loads((tmp_path / "truth.json").read_text())["fixed_T_moving"])
+    found = np.array(json.loads((tmp_path / "registration.json").read_text())["fixed_T_moving"])
+    cloud_mm = np.asarray(read_surface(tmp_path / "cloud.ply"))
+    distances_mm = SurfaceDistance(read_surface(tmp_path / "model.ply"))(transforms.apply(truth, cloud_mm))
+    assert np.sqrt((distances_mm**2).mean()) < 0.5
+    moved_mm = np.asarray(read_surface(tmp_path / "moved.ply"))
+    np.testing.assert_allclose(moved_mm, transforms.apply(found, cloud_mm), atol=1e-3)
+
+
+def test_a_lag_of_the_images_is_felt(oracle: dict[str, Any], tmp_path: Path) -> None:
+    late = PhantomSettings(
+        subset="artery",
+        scanner=RIGID_PHANTOM.scanner,
+        motion=Motion(frames=30, noise_mm=0.0, noise_deg=0.0, latency_s=0.1),
+        deformation=RIGID_PHANTOM.deformation,
+    )
+    still, lagging = run(tmp_path / "a"), run(tmp_path / "b", phantom=late)
+    # 60 mm in 10 s: 0.1 s too late puts the whole cloud 0.6 mm along the vessel, more or less where the path bends.
+    assert still.metrics["tre_mm"] < 0.1
+    assert lagging.metrics["tre_mm"] == pytest.approx(0.6, abs=0.25)
+
+
+def test_a_network_that_finds_nothing_is_refused(oracle: dict[str, Any], tmp_path: Path) -> None:
+    oracle["confidence"] = 0.0
+    with pytest.raises(InputError, match="expected a network that finds the vessel"):
+        run(tmp_path)
+
+
+def test_surface_and_centerline_come_with_the_registration(oracle: dict[str, Any], tmp_path: Path) -> None:
+    outcome = run(tmp_path)
+    truth = oracle["truth"]
+    surface = read_surface(tmp_path / "surface.ply")
+    assert isinstance(surface, Mesh)
+    placed_mm = transforms.apply(truth.ct_T_world, surface.vertices_mm)
+    assert SurfaceDistance(truth.anatomy)(placed_mm).mean() < 0.15
+    lines = read_centerline(tmp_path / "centerline.vtp").lines
+    known_mm = truth.centerline.even_points(500)
+    found_mm = transforms.apply(truth.ct_T_world, np.concatenate([line.points_mm for line in lines]))
+    apart_mm = np.linalg.norm(found_mm[:, None] - known_mm[None], axis=2).min(axis=1)
+    assert np.median(apart_mm) < 0.4
+    stages = [f"{stage}_s" for stage in ("contours", "filters", "surface", "smoothing", "centerline")]
+    assert sum(outcome.metrics[stage] for stage in stages) <= outcome.metrics["reconstruction_s"]
+    assert not any("There is no" in finding for finding in outcome.findings)
+
+
+def test_points_without_a_surface_are_registered_all_the_same(oracle: dict[str, Any], tmp_path: Path) -> None:
+    def none(cloud: object) -> Mesh:
+        raise RegistrationInputError("cloud: expected points that a surface fits, received 12")
+
+    outcome = run(tmp_path, surface=none)
+    assert outcome.metrics["tre_mm"] < 0.5
+    assert np.isnan(outcome.metrics["surface_s"])
+    assert np.isnan(outcome.metrics["centerline_s"])
+    assert "There is no surface: cloud: expected points that a surface fits, received 12." in outcome.findings
+    assert not (tmp_path / "surface.ply").exists()
+
+
+def test_the_filters_thin_the_cloud(oracle: dict[str, Any], tmp_path: Path) -> None:
+    fine = run(tmp_path / "a", filters={"voxel": VoxelDownsampling(0.4)})
+    coarse = run(tmp_path / "b", filters={"voxel": VoxelDownsampling(1.5)})
+    assert coarse.metrics["points"] < 0.4 * fine.metrics["points"]

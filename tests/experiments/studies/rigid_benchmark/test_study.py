@@ -1,0 +1,137 @@
+"""study=rigid_benchmark on small drawn cases: rows, answers, workers, and the same numbers from study=evaluate."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+from benchmark_cases import written_cases
+
+from experiments.analysis.registration.benchmark_cases import subset_specs
+from experiments.cli import compose_points
+from experiments.errors import InputError
+from experiments.outcome import CellResult, Outcome, Silent
+from experiments.running.jobs import cell_configs
+from experiments.studies.evaluate import study as evaluate
+from experiments.studies.rigid_benchmark import study as rigid_benchmark
+from registration.rigid.comparators import SingleStartICP
+from registration.rigid.multi_start import MultiStartICP
+
+ICP = SingleStartICP(max_iterations=10)
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The first three development cases, drawn by formula in place of the simulator's."""
+    folder = tmp_path_factory.mktemp("benchmark")
+    specs = subset_specs("development")[:3]
+    written_cases(folder / "development", {spec.name: (spec.anatomy, spec.kind) for spec in specs})
+    return folder
+
+
+def run(root: Path, workspace: Path, **change: Any) -> Outcome:
+    workspace.mkdir(parents=True, exist_ok=True)
+    given: dict[str, Any] = {
+        "subset": "development", "rigid": {"single_icp": ICP}, "cases": 3, "workers": 1, "root": str(root),
+    }  # fmt: skip
+    return rigid_benchmark.run(**(given | change), workspace=workspace, progress=Silent())
+
+
+def test_multistart_solves_the_cases_and_leaves_an_answer_each(root: Path, tmp_path: Path) -> None:
+    outcome = run(root, tmp_path / "w", rigid={"multistart": MultiStartICP()})
+    assert outcome.cases is not None
+    assert outcome.cases["success_tre"].all()
+    assert outcome.metrics["success_tre_rate"] == 1.0
+    names = [spec.name for spec in subset_specs("development")[:3]]
+    assert outcome.cases["case"].tolist() == names
+    assert sorted(path.stem for path in (tmp_path / "w" / "multistart").iterdir()) == sorted(names)
+    assert outcome.cases["simulated"].all()
+    assert set(outcome.cases["subset"]) == {"development"}
+    assert outcome.tags["rigid"] == "multistart"
+    assert (tmp_path / "w" / "rigid_benchmark.csv").is_file()
+
+
+def test_cases_that_are_not_the_frozen_ones_are_said_plainly(root: Path, tmp_path: Path) -> None:
+    outcome = run(root, tmp_path / "w")
+    assert outcome.findings[-1].startswith("3 of 3 development cases in ")
+    assert "are not the frozen ones" in outcome.findings[-1]
+    assert outcome.tags["frozen"] == "false"
+
+
+def test_rows_do_not_depend_on_the_number_of_workers(root: Path, tmp_path: Path) -> None:
+    one, two = (run(root, tmp_path / str(workers), workers=workers).cases for workers in (1, 2))
+    assert one is not None and two is not None
+    pd.testing.assert_frame_equal(one.drop(columns="runtime_s"), two.drop(columns="runtime_s"))
+
+
+def test_evaluate_gives_the_answers_the_same_scores(root: Path, tmp_path: Path) -> None:
+    own = run(root, tmp_path / "w").cases
+    (tmp_path / "evaluated").mkdir()
+    outcome = evaluate.run(
+        prediction=str(tmp_path / "w" / "single_icp"),
+        reference=str(root / "development"),
+        spacing_mm=None,
+        targets=None,
+        workspace=tmp_path / "evaluated",
+        progress=Silent(),
+    )
+    assert outcome.findings[-2].startswith("3 of 3 development cases in ")
+    other = outcome.cases
+    assert own is not None and other is not None
+    columns = [column for column in other if column != "runtime_s"]
+    one, two = (cases.sort_values("case", ignore_index=True)[columns] for cases in (own, other))
+    pd.testing.assert_frame_equal(one, two)
+
+
+def test_methods_stand_beside_each_other_in_the_summary(root: Path, tmp_path: Path) -> None:
+    first = run(root, tmp_path / "a", rigid={"multistart": MultiStartICP()})
+    second = run(root, tmp_path / "b")
+    results = [CellResult({}, one.metrics, one.cases, tmp_path) for one in (first, second)]
+    outcome = rigid_benchmark.summarise(results)
+    assert outcome.cases is not None and len(outcome.cases) == 6
+    assert any("single_icp" in sentence and "alone" in sentence for sentence in outcome.findings)
+    assert set(outcome.figures) == {"rigid_benchmark"}
+    assert second.cases is not None
+    other = CellResult({}, {}, second.cases.assign(subset="test"), tmp_path)
+    named = rigid_benchmark.summarise([results[0], other]).cases
+    assert named is not None
+    assert set(named["method"]) == {"multistart, development", "single_icp, test"}
+    choices = [{"rigid.single_icp.max_iterations": count} for count in ("20", "40")]
+    twice = [CellResult({}, {}, second.cases, tmp_path, choices=choice) for choice in choices]
+    apart = rigid_benchmark.summarise(twice).cases
+    assert apart is not None
+    assert set(apart["method"]) == {
+        f"single_icp rigid.single_icp.max_iterations={count}" for count in (20, 40)
+    }
+    assert rigid_benchmark.summarise([]).findings == ("No job has cases to summarise.",)
+
+
+def test_one_cell_a_method() -> None:
+    ((config, _),) = compose_points(["study=rigid_benchmark", "rigid=[multistart,single_icp]"])
+    assert [list(cell["rigid"]) for cell, _ in cell_configs(config)] == [["multistart"], ["single_icp"]]
+    with pytest.raises(InputError, match="rigid: expected at least one method"):
+        rigid_benchmark.cells({"rigid": {}})
+
+
+def test_settings_that_allow_no_case_are_refused(root: Path, tmp_path: Path) -> None:
+    for change, told in (
+        ({"subset": "all"}, "subset: expected one of development, test, symmetric"),
+        ({"workers": 0}, "workers: expected a whole number of at least 1"),
+        ({"cases": 0}, "cases: expected a whole number of at least 1"),
+        ({"rigid": {}}, "rigid: expected exactly one method"),
+    ):
+        with pytest.raises(InputError, match=told):
+            run(root, tmp_path / "w", **change)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="root: expected a folder for the cases, received the file"):
+        run(tmp_path / "file", tmp_path / "w")
+
+
+def test_a_file_of_answers_is_json_that_others_can_write(root: Path, tmp_path: Path) -> None:
+    run(root, tmp_path / "w", cases=1)
+    (path,) = (tmp_path / "w" / "single_icp").iterdir()
+    told = json.loads(path.read_text())
+    assert {"case", "rigid", "fixed_T_moving", "verdict", "predicted_tre_mm", "runtime_s"} <= set(told)

@@ -1,0 +1,259 @@
+"""Runs as Parquet: what is exported here is the same run when restored elsewhere."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from types import ModuleType
+
+import pandas as pd
+import pytest
+
+from experiments.cli import main
+from experiments.errors import InputError
+from experiments.tracking import ORIGIN_TAG, PARENT_TAG, Store
+from experiments.tracking.archive import read_archive, without_folders, write_archive
+from experiments.tracking.run_record import RunRecord
+
+
+def record(run_id: str, parent_id: str | None = None, value: float = 1.0) -> RunRecord:
+    history = pd.DataFrame(
+        [("dsc", 0, 0.5, 111), ("dsc", 1, value, 222)], columns=["metric", "step", "value", "timestamp_ms"]
+    )
+    cases = pd.DataFrame({"case_id": ["a", "b"], "dsc": [0.1, float("inf")]})
+    return RunRecord(
+        run_id, "segmentation", f"run {run_id}", "FINISHED", 1000, 2000, parent_id, {"k": "v"}, {"fold": "0"},
+        "fold: 0\n", history, cases,
+    )  # fmt: skip
+
+
+def test_write_then_read_gives_the_same_runs_parents_first(tmp_path: Path) -> None:
+    assert write_archive([record("child", "parent"), record("parent")], tmp_path) == 2
+    parent, child = read_archive(tmp_path)
+    assert (parent.run_id, child.run_id, child.parent_id) == ("parent", "child", "parent")
+    assert child.params == {"fold": "0"}
+    assert child.tags == {"k": "v"}
+    assert child.history["value"].tolist() == [0.5, 1.0]
+    assert child.cases is not None
+    assert child.cases["dsc"].tolist() == [0.1, float("inf")]
+
+
+def test_a_second_export_replaces_its_runs_and_keeps_the_others(tmp_path: Path) -> None:
+    write_archive([record("one"), record("two")], tmp_path)
+    write_archive([record("two", value=0.9)], tmp_path)
+    found = {run.run_id: run for run in read_archive(tmp_path)}
+    assert set(found) == {"one", "two"}
+    assert found["one"].history["value"].tolist() == [0.5, 1.0]
+    assert found["two"].history["value"].tolist() == [0.5, 0.9]
+
+
+@pytest.mark.parametrize(
+    ("text", "shared"),
+    [
+        ("/data/usgra", ".../usgra"),
+        ("of 3 in /home/a, 1 is new", "of 3 in .../a, 1 is new"),
+        ("cache: '/srv/x/.cache/phantom'\nroot: /mnt/d/e\n", "cache: '.../phantom'\nroot: .../e\n"),
+        ("[/a/b, /c/d/e]", "[.../b, .../e]"),
+        ("results/runs", "results/runs"),
+        ("https://host/a/b", "https://host/a/b"),
+        ("sqlite:////srv/mlruns/ctus.db", "sqlite:///.../ctus.db"),
+        ("1/2 of 3", "1/2 of 3"),
+        ("/tmp", "/tmp"),
+    ],
+)
+def test_folders_of_a_machine_are_cut_to_their_last_part(text: str, shared: str) -> None:
+    assert without_folders(text) == shared
+
+
+def test_an_archive_names_no_folder_of_the_machine(tmp_path: Path) -> None:
+    named = dataclasses.replace(
+        record("one"),
+        params={"root": "/srv/data/usgra"},
+        tags={"ctus.error": "no file /srv/data/x.png"},
+        config="root: /srv/data/usgra\n",
+    )
+    write_archive([named], tmp_path)
+    (found,) = read_archive(tmp_path)
+    assert found.params == {"root": ".../usgra"}
+    assert found.tags == {"ctus.error": "no file .../x.png"}
+    assert found.config == "root: .../usgra\n"
+
+
+NAMES = [
+    "/x",
+    "team/x",
+    "../up",
+    "..",
+    ".",
+    ".hidden",
+    " x ",
+    "a%2Fb",
+    "a\\b",
+    "con/..",
+    "x" * 400,
+    "\u00e4" * 90,
+]
+
+
+def test_experiments_of_any_name_stay_inside_the_archive_and_keep_it(tmp_path: Path) -> None:
+    archive = tmp_path / "around" / "archive"
+    records = [
+        dataclasses.replace(record(f"run{number}"), experiment=name) for number, name in enumerate(NAMES)
+    ]
+    assert write_archive(records, archive) == len(NAMES)
+    assert [path.name for path in (tmp_path / "around").iterdir()] == ["archive"]
+    assert len(list(archive.iterdir())) == len(NAMES)
+    assert all((path / "runs.parquet").is_file() for path in archive.iterdir())
+    assert {run.experiment: run.run_id for run in read_archive(archive)} == {
+        name: f"run{number}" for number, name in enumerate(NAMES)
+    }
+    assert [run.experiment for run in read_archive(archive, ["../up"])] == ["../up"]
+
+
+def test_experiments_of_odd_names_survive_export_and_import(home: Path, tmp_path: Path) -> None:
+    for name in ("/x", "team/x", "../up"):
+        run = Store().start(name, "r", {"ctus.kind": "job"})
+        run.text("a: 1\n", "config.yaml")
+        run.end("FINISHED")
+    archive = tmp_path / "archive"
+    assert main(["study=export_runs", f"archive={archive}"]) == 0
+    assert sorted(path.name for path in archive.iterdir()) == ["%2E.%2Fup", "%2Fx", "team%2Fx"]
+    other = Store(uri=f"sqlite:///{tmp_path / 'other.db'}")
+    assert main(["study=import_runs", f"archive={archive}", f"tracking.uri={other.address}"]) == 0
+    names = {experiment.name for experiment in other.client().search_experiments()}
+    assert {"/x", "team/x", "../up"} <= names
+    (one,) = other.runs(["../up"])
+    assert one.info.status == "FINISHED"
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "sentence"),
+    [
+        ("run_id", "../../../evil", "expected run ids of letters, digits, - and _, received '../../../evil'"),
+        ("run_id", "/etc/passwd", "received '/etc/passwd'"),
+        ("status", "RUNNING", "expected runs that ended (FINISHED, FAILED, KILLED), found 'RUNNING'"),
+        ("tags", "not json", "expected the fields of an exported run, found"),
+        ("tags", "[1]", "expected the fields of an exported run, found"),
+        ("params", '{"a": 1}', "expected the fields of an exported run, found"),
+        ("name", None, "expected the fields of an exported run, found"),
+    ],
+)
+def test_an_archive_that_says_what_it_must_not_is_refused(
+    tmp_path: Path, column: str, value: object, sentence: str
+) -> None:
+    write_archive([record("one")], tmp_path)
+    path = tmp_path / "segmentation" / "runs.parquet"
+    pd.read_parquet(path).assign(**{column: value}).to_parquet(path)
+    with pytest.raises(InputError) as refusal:
+        list(read_archive(tmp_path))
+    assert f"{path}: " in str(refusal.value)
+    assert sentence in str(refusal.value)
+
+
+def test_a_run_that_claims_a_place_outside_is_not_exported(home: Path, tmp_path: Path) -> None:
+    run = Store().start("segmentation", "r", {ORIGIN_TAG: "../../evil"})
+    run.text("a: 1\n", "config.yaml")
+    run.end("FINISHED")
+    assert main(["study=export_runs", f"archive={tmp_path / 'archive'}"]) == 2
+    assert not (tmp_path / "archive").exists()
+
+
+def test_files_that_are_no_tables_are_refused_by_name(tmp_path: Path) -> None:
+    write_archive([record("one")], tmp_path)
+    for name, wrong in (("history.parquet", b"no table"), ("cases/one.parquet", b"PAR1")):
+        path = tmp_path / "segmentation" / name
+        whole = path.read_bytes()
+        path.write_bytes(wrong)
+        with pytest.raises(InputError, match=f"{name}: expected a table of exported runs"):
+            list(read_archive(tmp_path))
+        path.write_bytes(whole)
+    path = tmp_path / "segmentation" / "runs.parquet"
+    pd.read_parquet(path).drop(columns="tags").to_parquet(path)
+    with pytest.raises(InputError, match="found no tags"):
+        list(read_archive(tmp_path))
+
+
+def test_runs_that_lost_their_files_keep_what_was_exported_before(
+    counting_study: ModuleType, home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import shutil
+
+    assert main(["study=counting"]) == 0
+    assert main(["study=export_runs"]) == 0
+    archive = home / "results" / "runs"
+    before = {run.run_id: run for run in read_archive(archive)}
+    shutil.rmtree(home / "mlruns" / "artifacts")
+    capsys.readouterr()
+    assert main(["study=export_runs"]) == 0
+    assert "3 of them have no files where the tracker says they are" in capsys.readouterr().out
+    after = {run.run_id: run for run in read_archive(archive)}
+    assert {run: one.config for run, one in after.items()} == {run: one.config for run, one in before.items()}
+    assert all(one.cases is not None for one in after.values())
+
+
+def test_of_a_run_that_is_there_twice_the_finished_one_is_kept(tmp_path: Path) -> None:
+    lost = dataclasses.replace(record("one", value=0.1), status="FAILED")
+    for order in ([lost, record("one")], [record("one"), lost]):
+        write_archive(order, tmp_path)
+        (found,) = read_archive(tmp_path)
+        assert found.status == "FINISHED"
+
+
+def test_an_imported_sweep_keeps_its_family_when_it_is_exported_again(
+    counting_study: ModuleType, home: Path, tmp_path: Path
+) -> None:
+    assert main(["study=counting"]) == 0
+    assert main(["study=export_runs", f"archive={tmp_path / 'one'}"]) == 0
+    other = f"tracking.uri=sqlite:///{tmp_path / 'other.db'}"
+    assert main(["study=import_runs", f"archive={tmp_path / 'one'}", other]) == 0
+    assert main(["study=export_runs", f"archive={tmp_path / 'two'}", other]) == 0
+    families = [
+        {run.run_id: run.parent_id for run in read_archive(tmp_path / name)} for name in ("one", "two")
+    ]
+    assert families[0] == families[1]
+    tags = [{run.run_id: run.tags for run in read_archive(tmp_path / name)} for name in ("one", "two")]
+    assert tags[0] == tags[1]
+
+
+def test_an_empty_folder_is_refused_by_name(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"expected exported runs .* found none"):
+        list(read_archive(tmp_path))
+
+
+def test_runs_survive_the_store_they_were_made_in(
+    counting_study: ModuleType,
+    home: Path,
+    store_template: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    assert main(["study=counting"]) == 0
+    assert main(["study=export_runs"]) == 0
+    before = {run.info.run_id: run for run in Store().runs(["counting"])}
+    fresh = tmp_path / "fresh"
+    (fresh / "mlruns").mkdir(parents=True)
+    (fresh / "mlruns" / "ctus.db").write_bytes((store_template / "ctus.db").read_bytes())
+    monkeypatch.setenv("CTUS_HOME", str(fresh))
+
+    assert main(["study=import_runs", f"archive={home / 'results' / 'runs'}"]) == 0
+    assert main(["study=import_runs", f"archive={home / 'results' / 'runs'}"]) == 0  # adds nothing
+
+    store = Store()
+    after = {run.data.tags[ORIGIN_TAG]: run for run in store.runs(["counting"])}
+    assert set(after) == set(before)
+    for origin, run in after.items():
+        old = before[origin]
+        assert run.data.metrics == old.data.metrics
+        assert run.data.params == old.data.params
+        assert (run.info.status, run.info.start_time, run.info.end_time, run.info.run_name) == (
+            old.info.status, old.info.start_time, old.info.end_time, old.info.run_name
+        )  # fmt: skip
+        if PARENT_TAG in old.data.tags:
+            assert run.data.tags[PARENT_TAG] == after[old.data.tags[PARENT_TAG]].info.run_id
+            cases = store.cases(run.info.run_id)
+            assert cases is not None
+            assert len(cases) == 3
+    # A restored run counts as done: nothing is computed again.
+    counting_study.calls.clear()
+    assert main(["study=counting", "resume=true"]) == 0
+    assert counting_study.calls == []

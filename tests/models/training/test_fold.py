@@ -1,0 +1,272 @@
+import dataclasses
+import signal
+from pathlib import Path
+
+import pytest
+import torch
+from drawn_vessels import drawn_frames
+
+from models.checkpoint import Checkpoint
+from models.errors import InputError
+from models.evaluation import predict, score_cases
+from models.networks.unet import UNet
+from models.predictor import Predictor
+from models.preprocessing.preprocessing import Preprocessing
+from models.training.augmentation import Augmentation
+from models.training.fold import TrainedFold, initial_network, train_fold
+from models.training.losses import DiceCrossEntropy
+from models.training.settings import TrainerSettings
+from models.training.spec import FoldTraining
+
+RECIPE = UNet(width=4, depth=3)
+TRAIN, VALIDATION = drawn_frames(16, seed=0), drawn_frames(6, seed=1)
+MEASURED = ("images_per_s", "peak_memory_mb")
+
+
+def settings(epochs: int, **changes: object) -> TrainerSettings:
+    given = {"max_epochs": epochs, "batch_size": 4, "learning_rate": 0.01, "patience": epochs}
+    return TrainerSettings(**{**given, **changes})
+
+
+def trained(
+    directory: Path,
+    *,
+    trainer: TrainerSettings | None = None,
+    seed: int = 0,
+    fold: int = 0,
+    epochs: int = 2,
+    state: Path | None = None,
+    on_epoch=None,
+) -> TrainedFold:
+    training = FoldTraining(
+        model=RECIPE,
+        train=TRAIN,
+        validation=VALIDATION,
+        preprocessing=Preprocessing(32),
+        trainer=trainer or settings(epochs),
+        augmentation=Augmentation(),
+        loss=DiceCrossEntropy(),
+        seed=seed,
+        fold=fold,
+    )
+    return train_fold(training, directory=directory, state_directory=state, on_epoch=on_epoch)
+
+
+def weights(result: TrainedFold) -> dict[str, torch.Tensor]:
+    return dict(Checkpoint.load(result.checkpoint).weights)
+
+
+def same(first: dict[str, torch.Tensor], second: dict[str, torch.Tensor]) -> bool:
+    return all(torch.equal(first[name], second[name]) for name in first)
+
+
+def test_a_network_learns_to_find_drawn_vessels(tmp_path) -> None:
+    unseen = drawn_frames(8, seed=2, size=(60, 44))
+    result = trained(tmp_path, epochs=20)
+    rows = score_cases(unseen, dict(predict(Predictor.load(result.checkpoint), unseen)), {})
+    assert sum(row["dsc"] for row in rows) / len(rows) > 0.8
+    assert result.history[-1]["train_loss"] < result.history[0]["train_loss"]
+
+
+def test_the_checkpoint_is_that_of_the_best_epoch(tmp_path) -> None:
+    reports: list[dict[str, float]] = []
+    result = trained(tmp_path, epochs=4, on_epoch=reports.append)
+    by_epoch = [epoch["validation_dsc"] for epoch in result.history]
+    assert list(result.history) == reports and len(reports) == 4
+    assert result.best_validation_dsc == max(by_epoch) == by_epoch[result.best_epoch]
+    checkpoint = Checkpoint.load(result.checkpoint)
+    assert checkpoint.recipe == RECIPE
+    assert checkpoint.notes == {
+        "seed": 0,
+        "fold": 0,
+        "epoch": result.best_epoch,
+        "validation_dsc": result.best_validation_dsc,
+    }
+    assert [path.name for path in tmp_path.iterdir()] == ["model.pt"]
+
+
+def test_the_same_seed_gives_the_same_weights_and_others_do_not(tmp_path) -> None:
+    first = weights(trained(tmp_path / "a"))
+    torch.manual_seed(123)
+    assert same(first, weights(trained(tmp_path / "b")))
+    assert not same(first, weights(trained(tmp_path / "c", seed=1)))
+    assert not same(first, weights(trained(tmp_path / "d", fold=1)))
+
+
+def test_training_leaves_torch_as_it_was(tmp_path) -> None:
+    torch.manual_seed(7)
+    expected = torch.rand(2)
+    torch.manual_seed(7)
+    trained(tmp_path, epochs=1)
+    assert torch.equal(torch.rand(2), expected)
+    assert not torch.are_deterministic_algorithms_enabled()
+
+
+def test_seed_zero_seeds_and_first_weights_depend_on_the_seed_alone() -> None:
+    torch.manual_seed(1)
+    first = initial_network(RECIPE, 0).state_dict()
+    torch.manual_seed(2)
+    assert same(first, initial_network(RECIPE, 0).state_dict())
+    assert not same(first, initial_network(RECIPE, 1).state_dict())
+
+
+def test_training_stops_when_validation_no_longer_improves(tmp_path) -> None:
+    result = trained(
+        tmp_path, trainer=settings(30, batch_size=8, learning_rate=1e-9, patience=2, warmup_epochs=0)
+    )
+    assert len(result.history) < 30
+    assert len(result.history) == result.best_epoch + 1 + 2
+
+
+def test_every_epoch_reports_its_measures(tmp_path) -> None:
+    result = trained(tmp_path, epochs=2)
+    for report in result.history:
+        assert set(report) == {"learning_rate", "train_loss", "validation_loss", "validation_dsc", *MEASURED}
+        assert report["images_per_s"] > 0 and report["peak_memory_mb"] > 0
+
+
+def test_a_training_that_diverges_says_so(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(DiceCrossEntropy, "__call__", lambda self, logits, masks: logits.mean() * torch.nan)
+    with pytest.raises(RuntimeError, match="expected a finite validation loss, received nan after 1 epochs"):
+        trained(tmp_path)
+
+
+class InterruptionError(Exception):
+    """Stands for whatever stops a training."""
+
+
+def interrupt_after(epochs: int):
+    """An ``on_epoch`` that raises at the end of that epoch."""
+    left = iter(range(epochs - 1))
+
+    def interrupt(report: object) -> None:
+        if next(left, None) is None:
+            raise InterruptionError
+
+    return interrupt
+
+
+def comparable(result: TrainedFold) -> list[dict[str, float]]:
+    """The history without what no two runs have alike."""
+    return [
+        {name: value for name, value in epoch.items() if name not in MEASURED} for epoch in result.history
+    ]
+
+
+@pytest.mark.parametrize("schedule", ["cosine", "one_cycle"])
+def test_an_interrupted_training_goes_on_to_the_same_result(tmp_path, schedule: str) -> None:
+    budget = settings(5, schedule=schedule, learning_rate=0.02)
+    whole = trained(tmp_path / "whole", trainer=budget)
+    state = tmp_path / "state"
+    with pytest.raises(InterruptionError):
+        trained(tmp_path / "x", trainer=budget, state=state, on_epoch=interrupt_after(3))
+    done = torch.load(state / "state.pt", weights_only=True)["history"]
+    assert 1 <= len(done) <= 3
+    torch.rand(7)  # what else the process draws doesn't matter
+    reports: list[dict[str, float]] = []
+    resume = dataclasses.replace(budget, resume=True)
+    resumed = trained(tmp_path / "resumed", trainer=resume, state=state, on_epoch=reports.append)
+    # The first epochs are those of the interrupted run, down to how fast they were: they were not trained again.
+    assert list(resumed.history[: len(done)]) == list(done) and reports == list(resumed.history)
+    assert comparable(resumed) == comparable(whole)
+    assert resumed.best_epoch == whole.best_epoch
+    assert same(weights(resumed), weights(whole))
+    # Not the best epoch's weights alone: the last state is the same as well.
+    trained(tmp_path / "again", trainer=budget, state=tmp_path / "other")
+    last, expected = (
+        torch.load(folder / "state.pt", weights_only=True) for folder in (state, tmp_path / "other")
+    )
+    assert same(last["weights"], expected["weights"])
+    for moments, others in zip(
+        last["optimiser"]["state"].values(), expected["optimiser"]["state"].values(), strict=True
+    ):
+        assert same(moments, others)
+
+
+def test_a_training_can_be_interrupted_again_and_again(tmp_path) -> None:
+    budget = settings(4)
+    resume = dataclasses.replace(budget, resume=True)
+    whole = trained(tmp_path / "whole", trainer=budget)
+    for epochs in (1, 2, 3):
+        with pytest.raises(InterruptionError):
+            trained(tmp_path / "x", trainer=resume, state=tmp_path / "s", on_epoch=interrupt_after(epochs))
+    resumed = trained(tmp_path / "resumed", trainer=resume, state=tmp_path / "s")
+    assert comparable(resumed) == comparable(whole) and same(weights(resumed), weights(whole))
+
+
+def test_without_resume_a_training_begins_anew_and_a_finished_one_is_taken_as_it_is(tmp_path) -> None:
+    first = trained(tmp_path / "a", state=tmp_path / "state")
+    resume = settings(2, resume=True)
+    taken = trained(tmp_path / "b", trainer=resume, state=tmp_path / "state")
+    assert taken.history == first.history and same(weights(taken), weights(first))
+    anew = trained(tmp_path / "c", state=tmp_path / "state")
+    assert anew.history != first.history and comparable(anew) == comparable(first)
+    names = {path.name for path in (tmp_path / "state").iterdir()}
+    assert names == {"state.pt", f"model-{anew.best_epoch}.pt", ".lock"}
+
+
+def test_a_finished_training_is_extended_and_by_more_later(tmp_path) -> None:
+    state = tmp_path / "state"
+    two, four = (settings(2, patience=9, extend_epochs=epochs) for epochs in (2, 4))
+    base = trained(tmp_path / "base", trainer=settings(2, patience=9), state=state)
+    extended = trained(tmp_path / "two", trainer=two, state=state)
+    assert len(extended.history) == 4 and list(extended.history[:2]) == list(base.history)
+    assert [epoch["learning_rate"] for epoch in extended.history[2:]] == [0.001, 0.001]
+    longer = trained(tmp_path / "four", trainer=four, state=state)
+    further = trained(tmp_path / "go-on", trainer=two, state=state)
+    with pytest.raises(InterruptionError):
+        trained(tmp_path / "x", trainer=four, state=state, on_epoch=interrupt_after(5))
+    resumed = trained(tmp_path / "resumed", trainer=dataclasses.replace(four, resume=True), state=state)
+    assert len(longer.history) == 6 and comparable(longer)[:4] == comparable(extended) == comparable(further)
+    assert comparable(resumed) == comparable(longer) and same(weights(resumed), weights(longer))
+    # What it began from is still there.
+    again = trained(tmp_path / "again", trainer=settings(2, patience=9, resume=True), state=state)
+    assert again.history == base.history and same(weights(again), weights(base))
+
+
+def test_an_extension_without_a_better_epoch_keeps_the_weights_there_were(tmp_path, monkeypatch) -> None:
+    state, budget = tmp_path / "state", settings(3, patience=3)
+    base = trained(tmp_path / "base", trainer=budget, state=state)
+    monkeypatch.setattr("models.training.phase.EXTENSION_FACTOR", 1e3)  # ruins the network
+    worse = trained(tmp_path / "worse", trainer=dataclasses.replace(budget, extend_epochs=1), state=state)
+    assert worse.best_epoch == base.best_epoch and len(worse.history) == 4
+    assert same(weights(worse), weights(base))
+
+
+def test_a_stop_by_the_keyboard_stays_one_and_leaves_the_signals_alone(tmp_path) -> None:
+    def stop(report: object) -> None:
+        raise KeyboardInterrupt
+
+    handlers = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    with pytest.raises(KeyboardInterrupt):
+        trained(tmp_path, on_epoch=stop)
+    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == handlers
+
+
+def test_refuses_to_extend_what_is_not_finished(tmp_path) -> None:
+    state, extend = tmp_path / "state", settings(3, extend_epochs=2)
+    with pytest.raises(InputError, match=r"extend_epochs: expected a finished .* received one with 0 of 3"):
+        trained(tmp_path, trainer=extend, state=state)
+    with pytest.raises(InterruptionError):
+        trained(tmp_path, trainer=settings(3), state=state, on_epoch=interrupt_after(1))
+    with pytest.raises(InputError, match=r"extend_epochs: expected a finished .* received one with 1 of 3"):
+        trained(tmp_path, trainer=extend, state=state)
+
+
+def test_refuses_the_state_of_another_training(tmp_path) -> None:
+    trained(tmp_path, state=tmp_path / "state")
+    resume = settings(2, resume=True)
+    with pytest.raises(
+        InputError, match=r"state\.pt: expected the state of this very training .* another seed"
+    ):
+        trained(tmp_path, trainer=resume, seed=1, state=tmp_path / "state")
+    with pytest.raises(InputError, match=r"state_directory: expected the folder .* received none"):
+        trained(tmp_path, trainer=resume)
+
+
+def test_refuses_the_folder_of_a_training_at_work(tmp_path) -> None:
+    def meanwhile(report: object) -> None:
+        trained(tmp_path / "second", state=tmp_path / "state")
+
+    with pytest.raises(InputError, match="expected no other process at this training, found one at work"):
+        trained(tmp_path / "first", state=tmp_path / "state", on_epoch=meanwhile)

@@ -1,0 +1,104 @@
+"""Motions named by what they do to a vessel, and verdicts by the rule that decides them."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from registration import transforms
+from registration.errors import InputError
+from registration.geometry.shapes import PrincipalFrame
+from registration.rigid.acceptance import Judge, displacement_mm, named_motion, probes, weak_motion
+
+OBLIQUE = Rotation.from_rotvec([0.7, -0.4, 1.1])
+CENTRE = np.array([20.0, -300, 41])
+VESSEL = PrincipalFrame(CENTRE, OBLIQUE.as_matrix(), np.array([20.0, 4.0, 3.0]))
+CALM = {"settled": True, "inlier_share": 0.95, "gap": 8.0, "expected_mm": 0.4, "weak": ()}
+
+
+def motion(turn: list[float], shift_mm: list[float]) -> np.ndarray:
+    """A motion given along the vessel's own axes, about its centre."""
+    about = transforms.rotate_about(Rotation.from_rotvec(OBLIQUE.apply(turn)), CENTRE)
+    return transforms.compose(transforms.translation(OBLIQUE.apply(shift_mm)), about)
+
+
+@pytest.mark.parametrize(
+    "turn, shift_mm, names",
+    [
+        ([0, 0, 0], [6, 0, 0], ("slide",)),
+        ([0, 0, 0], [-6, 0, 0], ("slide",)),
+        ([0, 0, 0], [0, 2, -3], ("shift",)),
+        ([2.0, 0, 0], [0, 0, 0], ("roll",)),
+        ([np.pi, 0, 0], [0, 0, 0], ("roll",)),
+        ([0, 0.2, 0], [0, 0, 0], ("tilt",)),
+        ([0, 0, np.pi], [0, 0, 0], ("flip",)),
+        ([1.5, 0, 0], [6, 0, 0], ("slide", "roll")),
+    ],
+)
+def test_a_motion_is_named(turn: list[float], shift_mm: list[float], names: tuple[str, ...]) -> None:
+    assert named_motion(motion(turn, shift_mm), VESSEL) == names
+
+
+def test_a_motion_too_small_to_matter_has_no_name() -> None:
+    assert named_motion(motion([0, 0, 0], [0.2, 0, 0]), VESSEL, least_mm=0.5) == ()
+    assert named_motion(np.eye(4), VESSEL) == ()
+
+
+def test_an_answer_is_accepted_with_what_speaks_for_it() -> None:
+    verdict, reason = Judge()(**CALM)
+    assert verdict == "accepted"
+    assert "worse by 8.0 standard errors" in reason
+    assert "below 0.4 mm" in reason
+    assert "no other pose" in Judge()(**(CALM | {"gap": float("inf")}))[1]
+    assert "not predicted" in Judge()(**(CALM | {"expected_mm": float("nan")}))[1]
+
+
+@pytest.mark.parametrize(
+    "change, verdict, said",
+    [
+        ({"inlier_share": 0.3}, "failed", "only 30 % of the moving points"),
+        ({"settled": False}, "failed", "had not settled"),
+        (
+            {"gap": 1.2, "weak": ("slide", "roll")},
+            "ambiguous",
+            r"another pose \(slide, roll\).* 1.2 standard errors",
+        ),
+        ({"expected_mm": 3.1, "weak": ("slide",)}, "ambiguous", r"pose open \(slide\).* 3.1 mm, 2 mm"),
+    ],
+)
+def test_an_answer_is_not_accepted_for_a_reason(change: dict[str, object], verdict: str, said: str) -> None:
+    found = Judge()(**(CALM | change))
+    assert found[0] == verdict
+    assert re.search(said, found[1])
+
+
+def test_probes_roll_and_slide_about_the_vessels_own_axis() -> None:
+    tried = probes(VESSEL, 3.0)
+    assert [named_motion(one, VESSEL) for one in tried] == [("roll",)] * 3 + [("slide",)] * 2
+    np.testing.assert_allclose(transforms.rotation_angle_deg(tried), [30, 90, 180, 0, 0], atol=1e-6)
+    along = (transforms.apply_each(tried, np.tile(CENTRE, (5, 1))) - CENTRE) @ VESSEL.axes[:, 0]
+    np.testing.assert_allclose(along, [0, 0, 0, 3, -3], atol=1e-9)
+
+
+def test_the_weakest_motion_is_where_samples_spread_most() -> None:
+    rng = np.random.default_rng(0)
+    samples = rng.standard_normal((5000, 6)) * [0.1, 0.1, 0.1, 2.0, 0.2, 0.1]
+    weakest = weak_motion(samples)
+    assert abs(weakest[3]) == pytest.approx(2.0, rel=0.05)
+    assert np.abs(np.delete(weakest, 3)).max() < 0.1
+
+
+def test_displacements_are_root_mean_squares() -> None:
+    points = np.array([[1.0, 0, 0], [3.0, 0, 0]])
+    half = transforms.rotate_about(Rotation.from_rotvec([0, 0, np.pi]), np.zeros(3))
+    found = displacement_mm(np.stack([transforms.translation((3.0, 4, 0)), half]), points)
+    np.testing.assert_allclose(found, [5, np.sqrt((4 + 36) / 2)])
+
+
+@pytest.mark.parametrize("settings", [{"tolerated_mm": 0.0}, {"least_gap": -1.0}, {"least_inliers": 1.5}])
+def test_settings_out_of_range_are_refused(settings: dict[str, float]) -> None:
+    with pytest.raises(InputError, match=f"{next(iter(settings))}: expected"):
+        Judge(**settings)
