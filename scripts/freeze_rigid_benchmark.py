@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from experiments.analysis.registration.benchmark_cases import freeze, frozen_file
+from experiments.analysis.registration.benchmark.cases import freeze, frozen_file
 from registration.benchmark.build import SUBSETS
 
 if __name__ == "__main__":

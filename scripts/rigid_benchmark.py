@@ -12,9 +12,9 @@ from pathlib import Path
 import pandas as pd
 
 from experiments import files
-from experiments.analysis.registration.benchmark_figures import benchmark_figures
-from experiments.analysis.registration.benchmark_findings import describe_benchmark
-from experiments.analysis.registration.benchmark_tables import benchmark_tables
+from experiments.analysis.registration.benchmark.figures import benchmark_figures
+from experiments.analysis.registration.benchmark.findings import describe_benchmark
+from experiments.analysis.registration.benchmark.tables import benchmark_tables
 from experiments.reporting.figure_files import save_figure
 from experiments.running.terminal import markdown
 

@@ -80,7 +80,7 @@ def import_graph(modules: Mapping[str, Module]) -> dict[str, set[str]]:
 
 
 def room_of(module: Module) -> str:
-    """The folder of a module; a file directly under a top package or under ``experiments.studies`` is a room of its own."""
+    """The folder of a module; a file directly under a top package or ``experiments.studies`` stands for itself."""
     return module.name if module.package in (*PACKAGES, "experiments.studies") else module.package
 
 
@@ -160,10 +160,10 @@ def code_lines(module: Module) -> int:
     """Lines that hold code: without docstrings, comments and blank lines."""
     docstrings: set[int] = set()
     for node in ast.walk(module.tree):
-        if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)):
-            first = node.body[0] if node.body else None
-            if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant) and isinstance(first.value.value, str):
-                docstrings |= set(range(first.lineno, (first.end_lineno or first.lineno) + 1))
+        documented = isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef))
+        if documented and ast.get_docstring(node, clean=False) is not None:
+            first = node.body[0]
+            docstrings |= set(range(first.lineno, (first.end_lineno or first.lineno) + 1))
     return sum(
         bool(line.strip()) and not line.lstrip().startswith("#") and number not in docstrings
         for number, line in enumerate(module.path.read_text(encoding="utf-8").splitlines(), 1)
@@ -177,7 +177,10 @@ def summary(src: Path) -> dict[str, str]:
     packages = package_graph(modules, graph)
     files = Counter(module.package for module in modules.values() if module.path.stem != "__init__")
     (fullest, most), (longest, function) = files.most_common(1)[0], functions(modules)[0]
-    tops = {top: sum(1 for name in graph for other in graph[name] if _between(modules, name, other, top)) for top in PACKAGES}
+    tops = {
+        top: sum(_between(modules, name, other, top) for name in graph for other in graph[name])
+        for top in PACKAGES
+    }
     return {
         "modules": str(sum(files.values())),
         "folders": str(len(files)),
@@ -204,7 +207,9 @@ def main(folders: list[str]) -> int:
     trees = [Path(folder) for folder in folders] or [Path(__file__).resolve().parents[1] / "src"]
     for tree in trees:
         if not any((tree / package).is_dir() for package in PACKAGES):
-            print(f"{tree}: expected a folder with {', '.join(PACKAGES)}, found none of them", file=sys.stderr)
+            print(
+                f"{tree}: expected a folder with {', '.join(PACKAGES)}, found none of them", file=sys.stderr
+            )
             return 2
     columns = [summary(tree) for tree in trees]
     width = max(map(len, columns[0]))

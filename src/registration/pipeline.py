@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from experiments.errors import InputError
-from registration.errors import InputError as RegistrationInputError
+from registration.errors import InputError
 from registration.reconstruction.contours import ContourCloud, ContourExtractor
 from registration.reconstruction.mask_outliers import MaskCheck, MaskOutliers
+from registration.reconstruction.outlier_filters import Filtered
 from registration.reconstruction.surface import SurfaceMethod
 from registration.reconstruction.taubin import Smoothed, TaubinSmoothing
 from registration.reconstruction.vessel_pieces import KeptPieces, VesselPieces
@@ -21,7 +21,6 @@ from registration.reconstruction.vessel_pieces import KeptPieces, VesselPieces
 if TYPE_CHECKING:
     from registration.centerline.extractor import CenterlineExtractor
     from registration.geometry.shapes import Centerline, Mesh
-    from registration.reconstruction.outlier_filters import Filtered
 
 STAGES = ("contours", "filters", "surface", "smoothing", "centerline")
 
@@ -156,7 +155,7 @@ def _centerline(extract: CenterlineExtractor, surface: Mesh) -> tuple[Centerline
     """The centerline, or none and why: a surface is of use without one."""
     try:
         return extract(surface), ""
-    except RegistrationInputError as refusal:
+    except InputError as refusal:
         return None, str(refusal)
 
 

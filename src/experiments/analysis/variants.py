@@ -8,7 +8,8 @@ from collections.abc import Collection, Hashable, Mapping, Sequence
 from pathlib import Path, PurePath
 
 from experiments.outcome import CellResult
-from experiments.running.config_hash import NEVER_PART, NOT_PART_OF_THE_JOB, flatten, job_config
+from experiments.running.config_hash import NEVER_PART, NOT_PART_OF_THE_JOB, job_config
+from experiments.tracking.names import flatten
 
 # What stands for the choices of jobs that no command line made.
 SETTINGS = "settings"

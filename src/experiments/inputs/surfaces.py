@@ -11,11 +11,10 @@ import numpy as np
 
 from experiments.errors import InputError
 from registration import errors as registration_errors
-from registration.geometry.shapes import LINE_SHARE, Mesh, diagonal_mm, principal_frame
+from registration.geometry.shapes import LINE_SHARE, Mesh, Surface, diagonal_mm, principal_frame
 from registration.io.patient_space import lps_from, stated_space
 from registration.io.surfaces import read_surface
 from registration.io.transforms import read_transform
-from registration.metrics.surface_distance import Surface
 
 # A vessel model is tens to hundreds of millimetres long: a diagonal under 1 is metres, and so is one that is a hundred
 # times smaller than the other, for no two views of one vessel differ so.

@@ -20,9 +20,9 @@ from experiments.errors import InputError
 from experiments.outcome import CellResult, Outcome
 from experiments.reporting.figure_files import save_figure
 from experiments.running import jobs, terminal
-from experiments.running.config_hash import flatten
 from experiments.running.jobs import Cell, Plan
 from experiments.tracking import HASH_TAG, RunWriter, Store, ending
+from experiments.tracking.names import flatten
 
 # In place of a run's hash where its inputs changed under it: it is never taken for the result of any of them.
 CHANGED = "inputs changed while it ran"

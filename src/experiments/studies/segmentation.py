@@ -7,21 +7,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments import registry
-from experiments.analysis.segmentation.case_table import smoke_note
-from experiments.analysis.segmentation.findings import (
-    compare_models,
-    comparison_metrics,
-    describe,
-    describe_comparison,
-    overlays,
-    pool,
-    pooled_metrics,
-    spread,
-    table,
-    tables,
-    training_curves,
+from experiments.analysis.segmentation.case_table import pool, smoke_note
+from experiments.analysis.segmentation.comparison import compare_models
+from experiments.analysis.segmentation.comparison_findings import comparison_metrics, describe_comparison
+from experiments.analysis.segmentation.figures import overlays, spread, training_curves
+from experiments.analysis.segmentation.findings import describe
+from experiments.analysis.segmentation.fold_run import (
+    FoldRun,
+    fold_cells,
+    require_fitting_size,
+    training_metrics,
 )
-from experiments.analysis.segmentation.fold_run import FoldRun, fold_cells, training_metrics
+from experiments.analysis.segmentation.summary import pooled_metrics
+from experiments.analysis.segmentation.tables import table, tables
 from experiments.datasets.exclusion_report import write_report
 from experiments.datasets.protocol import DataSet, input_data, name_of, notes_of, outside_groups, require_root
 from experiments.outcome import CellResult, Outcome, Progress
@@ -48,9 +46,7 @@ def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 def check(*, model: NetworkRecipe, preprocessing: Preprocessing) -> None:
     """Raise InputError for an image size that the network doesn't take."""
-    from models.networks.blocks import require_size
-
-    require_size(preprocessing.image_size_px, preprocessing.image_size_px, model.multiple)
+    require_fitting_size(model, preprocessing)
 
 
 def run(

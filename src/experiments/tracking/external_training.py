@@ -10,7 +10,7 @@ import pandas as pd
 
 from experiments.errors import InputError
 from experiments.files import digest
-from experiments.running.config_hash import flatten
+from experiments.tracking.names import flatten
 from experiments.tracking.run_record import RunRecord
 from models.settings_file import parse_settings
 

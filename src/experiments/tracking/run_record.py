@@ -14,8 +14,8 @@ import yaml
 
 from experiments.outcome import Outcome
 from experiments.provenance import process_tags
-from experiments.running.config_hash import flatten
 from experiments.tracking import ORIGIN_TAG, PARENT_TAG, RunWriter, Store, loggable
+from experiments.tracking.names import flatten
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from registration.errors import InputError
 from registration.geometry.point_cloud import take
 from registration.geometry.shapes import Centerline, Polyline
 from registration.io.surfaces import write_surface
+from registration.metrics.targets import MAX_TARGETS
 from registration.phantom.conditions import Deformation, Motion
 from registration.phantom.scan import SimulatedSweep, simulate_sweep
 from registration.phantom.settings import MESH, RANDOM, PhantomSettings
@@ -36,7 +37,6 @@ from registration.reconstruction.outlier_filters import (
 from registration.synchronisation import synchronise
 
 FRAMES, SWEEP_MM, MAX_GAP_S = 200, 90.0, 0.1
-MOST_TARGETS = 500
 # A target is covered if the plane of a frame passes it within this distance: two and a half times that of the frames.
 COVERED_MM = 1.0
 
@@ -79,7 +79,7 @@ class Swept:
         z_mm = self.sweep.model.vertices_mm[:, 2]
         inside = [_between(line, float(z_mm.min()), float(z_mm.max())) for line in self.lines.lines]
         roots_mm = [line.points_mm[0] for line in self.lines.lines[1:]]
-        even_mm = Centerline(tuple(inside)).even_points(MOST_TARGETS - len(roots_mm))
+        even_mm = Centerline(tuple(inside)).even_points(MAX_TARGETS - len(roots_mm))
         return np.concatenate([even_mm, np.array(roots_mm).reshape(-1, 3)])
 
     @cached_property

@@ -59,6 +59,16 @@ class Lumen:
         walls = f"joined to one surface of genus {self.genus}" if self.joined else "in pieces of their own"
         return f"The surface is a hollow body, its outer and inner wall {walls}: the inner wall was taken, the lumen's."
 
+    def record(self) -> dict[str, bool | int]:
+        """Tell how the lumen was found, for a file of results.
+
+        Returns
+        -------
+        dict
+            ``walls_joined`` and ``genus``.
+        """
+        return {"walls_joined": self.joined, "genus": self.genus}
+
 
 @dataclass(frozen=True)
 class _Sizes:

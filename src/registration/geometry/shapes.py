@@ -57,6 +57,10 @@ class Mesh:
         return (1 - root) * a + root * (1 - along) * b + root * along * c
 
 
+# What is registered: a mesh, or the points of a cloud (n, 3) in mm.
+Surface = Mesh | Float64[np.ndarray, "_ 3"]
+
+
 @dataclass(frozen=True)
 class Polyline:
     """One line of a centerline: ordered ``points_mm`` (n, 3), n at least 2, and the vessel's ``radius_mm`` (n,)."""

@@ -9,8 +9,7 @@ from jaxtyping import Float64, Int64
 
 from registration.checks import require_count
 from registration.errors import InputError
-from registration.geometry.shapes import Mesh, surface_frame
-from registration.metrics.surface_distance import Surface
+from registration.geometry.shapes import Mesh, Surface, surface_frame
 
 
 @dataclass(frozen=True)

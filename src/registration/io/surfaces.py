@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from registration.errors import InputError
-from registration.geometry.shapes import Centerline, Mesh, Polyline, require_cloud
+from registration.geometry.shapes import Centerline, Mesh, Polyline, Surface, require_cloud
 from registration.io.atomic import written_beside
 from registration.io.surface_files.obj import read_obj
 from registration.io.surface_files.pcd import read_pcd
@@ -26,7 +26,6 @@ from registration.io.surface_files.text_clouds import read_text_cloud
 from registration.io.surface_files.vtk_polydata import SUFFIXES as VTK_SUFFIXES
 from registration.io.surface_files.vtk_polydata import read_polydata, read_vtk_surface
 from registration.io.truncation import require_file
-from registration.metrics.surface_distance import Surface
 
 WRITABLE = (".ply", ".xyz")
 _READERS: dict[str, Callable[[Path], Polygons]] = {

@@ -2,7 +2,6 @@
 
 from registration.metrics.surface_distance import (
     PoseError,
-    Surface,
     SurfaceDistance,
     SurfaceResiduals,
     pose_error,
@@ -13,7 +12,6 @@ from registration.metrics.surface_distance import (
 
 __all__ = [
     "PoseError",
-    "Surface",
     "SurfaceDistance",
     "SurfaceResiduals",
     "pose_error",

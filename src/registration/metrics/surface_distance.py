@@ -17,10 +17,9 @@ from scipy.spatial import cKDTree
 from registration import transforms
 from registration.checks import require_count, require_positive
 from registration.errors import InputError
-from registration.geometry.shapes import Mesh, require_cloud
+from registration.geometry.shapes import Mesh, Surface, require_cloud
 
 # A mesh, or the points of a cloud; the axis has no name, because two surfaces differ in size.
-Surface = Mesh | Float64[np.ndarray, "_ 3"]
 
 # Success is a residual, or a target registration error, of at most so much; the second is what counts.
 SUCCESS_RMSE_MM, SUCCESS_TRE_MM = 1.0, 2.0

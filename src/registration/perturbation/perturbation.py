@@ -15,9 +15,8 @@ from jaxtyping import Bool, Float64, Int64
 from registration import transforms
 from registration.checks import require_at_least, require_count, require_positive
 from registration.errors import InputError
-from registration.geometry.shapes import Mesh
+from registration.geometry.shapes import Mesh, Surface
 from registration.geometry.vessel_axis import AlongVessel
-from registration.metrics.surface_distance import Surface
 from registration.perturbation.frame_dropout import ALTERNATING, loss_of, seen
 from registration.perturbation.random_pose import ANY, ROTATIONS, PoseRange
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from experiments.running.config_hash import config_hash, flatten
+from experiments.running.config_hash import config_hash
+from experiments.tracking.names import flatten
 
 BASE = {"study": "robustness", "trials": 60, "rigid": {"starts": 24}, "target": "nowhere.stl"}
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.errors import InputError
-from experiments.studies.robustness.problem import MOST_TARGETS
 
 if TYPE_CHECKING:
-    from registration.phantom.scan import SimulatedSweep
+    from registration.metrics.targets import target_points
+from registration.phantom.scan import SimulatedSweep
 
 TARGETS, FRAME = "targets_mm", "targets_frame"
 # The model from CT stays, the sweep in its world moves.
@@ -24,9 +24,7 @@ def targets_of(truth: SimulatedSweep) -> np.ndarray:
 
     They are the same whatever the seed of a run, so that two answers are measured at the same places.
     """
-    if truth.centerline is not None:
-        return truth.centerline.even_points(MOST_TARGETS)
-    return truth.anatomy.sample(MOST_TARGETS, np.random.default_rng(0))
+    return target_points(truth.anatomy, truth.centerline)
 
 
 def truth_record(truth: SimulatedSweep) -> dict[str, Any]:

@@ -1,43 +1,15 @@
-"""What the segmentation study says of each model, in sentences; and all that its report is made of, by one name."""
+"""Findings of segmentation: a sentence for each model and data set."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from experiments.analysis.segmentation.case_table import distance, groups, pool, seeds
-from experiments.analysis.segmentation.comparison import compare_models
-from experiments.analysis.segmentation.comparison_findings import (
-    comparison_metrics,
-    comparison_table,
-    describe_comparison,
-)
-from experiments.analysis.segmentation.figures import overlays, spread, training_curves
-from experiments.analysis.segmentation.summary import bounded_summary, pooled_metrics
-from experiments.analysis.segmentation.tables import intervals, table, tables
-from experiments.studies.domain_transfer.transfer_table import describe_transfer, transfer_map, transfer_table
+from experiments.analysis.segmentation.case_table import distance, groups, seeds
+from experiments.analysis.segmentation.summary import bounded_summary
 
 if TYPE_CHECKING:
     import pandas as pd
-
-__all__ = [
-    "compare_models",
-    "comparison_metrics",
-    "comparison_table",
-    "describe",
-    "describe_comparison",
-    "describe_transfer",
-    "intervals",
-    "overlays",
-    "pool",
-    "pooled_metrics",
-    "spread",
-    "table",
-    "tables",
-    "training_curves",
-    "transfer_map",
-    "transfer_table",
-]
 
 # Below, an interval over groups is too narrow (see Bootstrap), and the sentence says so.
 FEW_GROUPS = 5

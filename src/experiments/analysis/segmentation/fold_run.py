@@ -29,6 +29,26 @@ if TYPE_CHECKING:
     from models.training.settings import TrainerSettings
 
 
+def require_fitting_size(model: NetworkRecipe, preprocessing: Preprocessing) -> None:
+    """Refuse an image size that a network does not take.
+
+    Parameters
+    ----------
+    model : NetworkRecipe
+        The network; its ``multiple`` divides both sides of an image.
+    preprocessing : Preprocessing
+        Gives the side of the square image, in px.
+
+    Raises
+    ------
+    models.errors.InputError
+        If the side is no multiple of the network's.
+    """
+    from models.networks.blocks import require_size
+
+    require_size(preprocessing.image_size_px, preprocessing.image_size_px, model.multiple)
+
+
 def fold_cells(split: GroupSplits, outer_fold: object, fold: object) -> list[dict[str, int]]:
     """A cell for each fold of ``split``, or for those that ``outer_fold`` and ``fold`` name (null: all)."""
     pairs = split.pairs()

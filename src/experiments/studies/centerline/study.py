@@ -15,20 +15,18 @@ from experiments.outcome import InputData, Outcome, Progress
 from experiments.paths import PathSetting
 from experiments.reporting.scene import CloudLayer, Layer, LineLayer, Scene, SurfaceLayer
 from experiments.studies.centerline.report import cases, metrics, table
-from experiments.studies.ct_model.report import lumen_record
 from registration.centerline.extractor import CenterlineExtractor
 from registration.errors import InputError as RegistrationInputError
 from registration.geometry.hollow import Lumen
 from registration.geometry.mesh_quality import mesh_quality
 from registration.geometry.mesh_repair import repair
 from registration.geometry.point_cloud import with_normals
-from registration.geometry.shapes import Centerline, Mesh, diagonal_mm
+from registration.geometry.shapes import Centerline, Mesh, Surface, diagonal_mm
 from registration.io.centerlines import write_centerline
 from registration.io.landmarks import Landmarks, read_landmarks
 from registration.io.patient_space import lps_from, stated_space, write_model
 from registration.io.surfaces import read_surface
 from registration.io.units import DIAGONAL_MM, MM_PER_UNIT, to_millimetres
-from registration.metrics.surface_distance import Surface
 from registration.pipeline import timed
 from registration.reconstruction.surface import SurfaceMethod
 from registration.reconstruction.vessel_pieces import VesselPieces
@@ -79,7 +77,7 @@ def run(
     told = _record(path, wall, found, landmarks, seconds) | {
         "input_space": axes,
         "input_units": units or "mm",
-        "lumen": lumen_record(lumen),
+        "lumen": None if lumen is None else lumen.record(),
     }
     files.write_text(workspace / "centerline.json", json.dumps(told, indent=2, allow_nan=False) + "\n")
     _scene(path, wall, found, landmarks).write(workspace / "scene.html")

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from registration.ct_model.loader import ModelInput
-from registration.geometry.hollow import Lumen
 from registration.geometry.mesh_quality import MeshQuality
 from registration.geometry.shapes import Centerline
 from registration.io.units import typical_radius_mm
@@ -57,7 +56,7 @@ def record(model: CtModel) -> dict[str, Any]:
         "low_mm": low_mm.tolist(),
         "high_mm": high_mm.tolist(),
         "quality": asdict(model.quality),
-        "lumen": lumen_record(model.source.lumen),
+        "lumen": None if model.source.lumen is None else model.source.lumen.record(),
         "label": _label(model),
         "repair": _repair(model),
         "centerline": _centerline(model),
@@ -99,11 +98,6 @@ def table(model: CtModel) -> pd.DataFrame:
         lines.append(("centerline", f"{found['lines']} lines, {found['length_mm']:.1f} mm"))
     lines.append(("time", ", ".join(f"{name[:-2]} {value:.2f} s" for name, value in model.timing.items())))
     return pd.DataFrame(lines, columns=["what", "value"])
-
-
-def lumen_record(lumen: Lumen | None) -> dict[str, Any] | None:
-    """How the lumen of a hollow body was found; None for a surface with one wall."""
-    return None if lumen is None else {"walls_joined": lumen.joined, "genus": lumen.genus}
 
 
 def _label(model: CtModel) -> dict[str, Any] | None:

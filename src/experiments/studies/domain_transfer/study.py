@@ -9,16 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments import registry
-from experiments.analysis.segmentation.case_table import place_of, smoke_note
-from experiments.analysis.segmentation.findings import (
-    describe_transfer,
-    pool,
-    pooled_metrics,
-    training_curves,
-    transfer_map,
-    transfer_table,
+from experiments.analysis.segmentation.case_table import place_of, pool, smoke_note
+from experiments.analysis.segmentation.figures import training_curves
+from experiments.analysis.segmentation.fold_run import (
+    FoldRun,
+    fold_cells,
+    require_fitting_size,
+    training_metrics,
 )
-from experiments.analysis.segmentation.fold_run import FoldRun, fold_cells, training_metrics
+from experiments.analysis.segmentation.summary import pooled_metrics
 from experiments.datasets.protocol import (
     DataSet,
     input_data,
@@ -31,7 +30,7 @@ from experiments.datasets.protocol import (
 from experiments.errors import InputError
 from experiments.outcome import CellResult, Outcome, Progress
 from experiments.splits.group_splits import GroupSplits
-from experiments.studies import segmentation
+from experiments.studies.domain_transfer.transfer_table import describe_transfer, transfer_map, transfer_table
 
 if TYPE_CHECKING:
     from models.networks.registry import NetworkRecipe
@@ -65,7 +64,7 @@ def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 def check(*, first: DataSet, second: DataSet, model: NetworkRecipe, preprocessing: Preprocessing) -> None:
     """Raise InputError if a data set is not there, the two can't be told apart, or the image size does not fit."""
-    segmentation.check(model=model, preprocessing=preprocessing)
+    require_fitting_size(model, preprocessing)
     for place, dataset in (("first", first), ("second", second)):
         with _at(place):
             require_root(dataset)

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments import files
-from experiments.analysis.registration.benchmark_cases import differences
-from experiments.analysis.registration.benchmark_figures import benchmark_figures
-from experiments.analysis.registration.benchmark_findings import describe_benchmark
-from experiments.analysis.registration.benchmark_tables import benchmark_metrics, benchmark_tables
+from experiments.analysis.registration.benchmark.cases import differences
+from experiments.analysis.registration.benchmark.figures import benchmark_figures
+from experiments.analysis.registration.benchmark.findings import describe_benchmark
+from experiments.analysis.registration.benchmark.tables import benchmark_metrics, benchmark_tables
 from experiments.analysis.registration.pose_scores import plain_metrics
 from experiments.errors import InputError
 from experiments.inputs.paths import input_data, require_exists

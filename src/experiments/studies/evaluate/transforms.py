@@ -25,10 +25,10 @@ from registration.io.centerlines import read_centerline_table
 from registration.io.surfaces import read_centerline
 from registration.io.transforms import ITK_SUFFIXES
 from registration.metrics.surface_distance import pose_error
+from registration.metrics.targets import MAX_TARGETS
 from registration.rigid.result import FAILED
 
 SUFFIXES = (".json", *ITK_SUFFIXES)
-MOST_TARGETS = 500
 TRUTH_FILE, ANSWER_FILE = "truth.json", "registration.json"
 MISSING = "no file for this case"
 # Files of JSON that lie beside answers and hold none.
@@ -200,8 +200,8 @@ def _one_file(path: Path, name: str) -> Path:
 def _targets(path: Path) -> np.ndarray:
     with naming("targets"):
         if path.suffix.lower() == ".csv":
-            return read_centerline_table(path).even_points(MOST_TARGETS)
-        return read_centerline(path).even_points(MOST_TARGETS)
+            return read_centerline_table(path).even_points(MAX_TARGETS)
+        return read_centerline(path).even_points(MAX_TARGETS)
 
 
 def _named(folder: Path, setting: str) -> dict[str, Path]:

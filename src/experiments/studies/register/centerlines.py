@@ -9,11 +9,17 @@ import numpy as np
 
 from experiments.errors import InputError
 from experiments.inputs.surfaces import MM_PER_UNIT, naming, points_of
-from registration.geometry.shapes import LINE_SHARE, Centerline, Polyline, diagonal_mm, principal_frame
+from registration.geometry.shapes import (
+    LINE_SHARE,
+    Centerline,
+    Polyline,
+    Surface,
+    diagonal_mm,
+    principal_frame,
+)
 from registration.io.centerlines import read_centerline_table
 from registration.io.patient_space import lps_from, stated_space
 from registration.io.surfaces import read_centerline
-from registration.metrics.surface_distance import Surface
 
 # The value of the setting that keeps a centerline beside the surface's file from being taken.
 NO_CENTERLINE = "none"

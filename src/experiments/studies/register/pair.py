@@ -25,10 +25,9 @@ from experiments.inputs.surfaces import (
 from experiments.outcome import InputData
 from experiments.studies.register.centerlines import CenterlineSource, centerline_of
 from registration import errors as registration_errors
-from registration.geometry.shapes import Centerline, diagonal_mm
+from registration.geometry.shapes import Centerline, Surface, diagonal_mm
 from registration.io.landmarks import LandmarkPairs, paired, read_landmarks
 from registration.io.patient_space import lps_from, stated_space
-from registration.metrics.surface_distance import Surface
 
 # A landmark lies on its vessel or near it; what is farther off than this share of the vessel's size is elsewhere.
 NEAR_SHARE = 0.1

@@ -11,6 +11,7 @@ import numpy as np
 from experiments.studies.register.pair import Pair
 from registration.geometry.shapes import Mesh
 from registration.metrics.surface_distance import SurfaceResiduals, rms
+from registration.metrics.targets import MAX_TARGETS, target_points
 
 if TYPE_CHECKING:
     from registration.rigid.result import Candidate, RigidResult
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 LENGTHS = ("rmse_mm", "rmse_trimmed_mm", "rmse_bidirectional_mm", "msd_mm", "hd95_mm")
 SHARES = ("inlier_share", "coverage")
 # The error is predicted at so many points of the fixed model.
-MOST_TARGETS = 500
 
 
 @dataclass(frozen=True)
@@ -40,14 +40,9 @@ class Registered:
     def predicted_tre_mm(self) -> tuple[float, float]:
         """The 90 % interval that the method predicts for the target registration error; NaN if it predicts none."""
         fixed = self.pair.fixed
-        targets_mm = fixed.centerline_mm(MOST_TARGETS)
+        targets_mm = fixed.centerline_mm(MAX_TARGETS)
         if targets_mm is None:
-            rng = np.random.default_rng(0)
-            targets_mm = (
-                fixed.surface.sample(MOST_TARGETS, rng)
-                if isinstance(fixed.surface, Mesh)
-                else rng.permutation(fixed.surface, axis=0)[:MOST_TARGETS]
-            )
+            targets_mm = target_points(fixed.surface)
         return self.result.tre_interval_mm(targets_mm)
 
 

@@ -14,10 +14,10 @@ from experiments.outcome import Outcome
 from experiments.studies.register.record import LENGTHS, SHARES, Registered, record
 from experiments.studies.register.scene import register_scene
 from registration import transforms
-from registration.geometry.shapes import Mesh
+from registration.geometry.shapes import Mesh, Surface
 from registration.io.surfaces import write_surface
 from registration.io.transforms import write_transform
-from registration.metrics.surface_distance import Surface, rms
+from registration.metrics.surface_distance import rms
 from registration.rigid.result import FAILED, predicted_sentence, verdict_sentence
 
 # Landmarks whose error is this many times what they and the surfaces reach at best speak for another pose.

@@ -11,8 +11,8 @@ from experiments.reporting.scene import CloudLayer, LineLayer, Scene, SurfaceLay
 from experiments.reporting.scene_layers import BLUE, GREY, ORANGE, RED
 from experiments.studies.register.pair import Pair
 from registration import transforms
-from registration.geometry.shapes import Mesh, diagonal_mm
-from registration.metrics.surface_distance import Surface, SurfaceDistance
+from registration.geometry.shapes import Mesh, Surface, diagonal_mm
+from registration.metrics.surface_distance import SurfaceDistance
 
 # What lies farther away before registration than this many times the fixed surface's size would shrink all else to a
 # speck.

@@ -15,8 +15,8 @@ from experiments.studies.register.centerlines import bends, centerlines_beside
 from experiments.studies.register.pair import Pair, SideFiles, read_pair
 from experiments.studies.register.record import Registered
 from experiments.studies.register.report import outcome, write
-from registration.geometry.shapes import Mesh
-from registration.metrics.surface_distance import Surface, surface_residuals
+from registration.geometry.shapes import Mesh, Surface
+from registration.metrics.surface_distance import surface_residuals
 
 if TYPE_CHECKING:
     from registration.rigid.result import RigidResult

@@ -6,15 +6,15 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments.analysis.registration.benchmark_cases import (
+from experiments.analysis.registration.benchmark.cases import (
     DEFAULT_FOLDER,
     frozen_digests,
     make_cases,
     subset_specs,
 )
-from experiments.analysis.registration.benchmark_figures import benchmark_figures
-from experiments.analysis.registration.benchmark_findings import describe_benchmark
-from experiments.analysis.registration.benchmark_tables import benchmark_metrics, benchmark_tables
+from experiments.analysis.registration.benchmark.figures import benchmark_figures
+from experiments.analysis.registration.benchmark.findings import describe_benchmark
+from experiments.analysis.registration.benchmark.tables import benchmark_metrics, benchmark_tables
 from experiments.analysis.variants import told_apart
 from experiments.errors import InputError
 from experiments.inputs.surfaces import one_method

@@ -13,14 +13,13 @@ from experiments.inputs.surfaces import read_mm, read_pose, refuse_metres, requi
 from experiments.outcome import InputData
 from registration import errors as registration_errors
 from registration import transforms
-from registration.geometry.shapes import Mesh
+from registration.geometry.shapes import Mesh, Surface
 from registration.geometry.vessel_axis import AlongVessel
 from registration.io.surfaces import read_centerline
-from registration.metrics.surface_distance import Surface
+from registration.metrics.targets import MAX_TARGETS, target_points
 from registration.perturbation.perturbation import Piece, draw
 
 # At most this many points carry the target registration error.
-MOST_TARGETS = 500
 # Drawn once for every study, so that all runs on a surface share their targets.
 TARGET_SEED = 20250
 COVERING_POINTS = 2000
@@ -103,10 +102,7 @@ def _moving(moving: str | None, moving_truth: str | None, fixed: Surface) -> tup
 def _targets(centerline: str | None, fixed: Surface) -> tuple[np.ndarray, str]:
     if centerline is not None:
         try:
-            return read_centerline(Path(centerline)).even_points(MOST_TARGETS), "centerline"
+            return read_centerline(Path(centerline)).even_points(MAX_TARGETS), "centerline"
         except registration_errors.InputError as refusal:
             raise InputError(f"target_centerline: {refusal}") from refusal
-    rng = np.random.default_rng(TARGET_SEED)
-    if isinstance(fixed, Mesh):
-        return fixed.sample(MOST_TARGETS, rng), "surface"
-    return rng.permutation(fixed, axis=0)[:MOST_TARGETS], "surface"
+    return target_points(fixed, seed=TARGET_SEED), "surface"

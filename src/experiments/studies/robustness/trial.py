@@ -12,12 +12,12 @@ import numpy as np
 
 from experiments.studies.robustness.design import WHOLE, Condition
 from registration import transforms
+from registration.geometry.shapes import Surface
 from registration.geometry.vessel_axis import AlongVessel
 from registration.metrics.pose_error import vessel_error
 from registration.metrics.surface_distance import (
     SUCCESS_RMSE_MM,
     SUCCESS_TRE_MM,
-    Surface,
     SurfaceDistance,
     pose_error,
     rms,

@@ -13,9 +13,8 @@ from tubes import tube
 from experiments.studies.register.pair import Pair, Side
 from experiments.studies.register.scene import register_scene
 from registration import transforms
-from registration.geometry.shapes import Centerline, Mesh, Polyline
+from registration.geometry.shapes import Centerline, Mesh, Polyline, Surface
 from registration.io.landmarks import LandmarkPairs
-from registration.metrics.surface_distance import Surface
 
 MIDDLE = np.stack([np.zeros(30), np.zeros(30), np.linspace(0.0, 60.0, 30)], axis=1)
 LINE = Centerline((Polyline(MIDDLE, np.full(30, 4.0)),))

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from benchmark_cases import written_cases
 
-from experiments.analysis.registration.benchmark_cases import subset_specs
+from experiments.analysis.registration.benchmark.cases import subset_specs
 from experiments.cli import compose_points
 from experiments.errors import InputError
 from experiments.outcome import CellResult, Outcome, Silent

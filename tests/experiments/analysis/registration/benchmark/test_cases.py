@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from benchmark_cases import written_cases
 
-from experiments.analysis.registration import benchmark_cases
-from experiments.analysis.registration.benchmark_cases import (
+from experiments.analysis.registration.benchmark import cases
+from experiments.analysis.registration.benchmark.cases import (
     differences,
     freeze,
     frozen_digests,
@@ -50,7 +50,7 @@ def test_cases_are_made_once_and_the_same_by_one_worker_or_two(tmp_path: Path) -
 def test_a_case_that_changed_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     written_cases(tmp_path, NAMES)
     right = {name: written_digest(tmp_path, name) for name in NAMES}
-    monkeypatch.setattr(benchmark_cases, "frozen_digests", lambda: {"drawn": right})
+    monkeypatch.setattr(cases, "frozen_digests", lambda: {"drawn": right})
     assert differences(tmp_path, list(NAMES), "drawn") == ()
     truth = truth_file(tmp_path, "tube_b")
     truth.write_text(json.dumps(json.loads(truth.read_text()) | {"digest": "0" * 16}))
@@ -60,7 +60,7 @@ def test_a_case_that_changed_is_noticed(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 def test_freezing_writes_the_digests_of_all_cases(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(benchmark_cases, "frozen_file", lambda: tmp_path / "rigid.json")
+    monkeypatch.setattr(cases, "frozen_file", lambda: tmp_path / "rigid.json")
     folder = tmp_path / "symmetric"
     names = {spec.name: (spec.anatomy, spec.kind) for spec in subset_specs("symmetric")}
     written_cases(folder, names)

@@ -8,9 +8,9 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from experiments.analysis.registration.benchmark_figures import benchmark_figures
-from experiments.analysis.registration.benchmark_findings import describe_benchmark
-from experiments.analysis.registration.benchmark_tables import (
+from experiments.analysis.registration.benchmark.figures import benchmark_figures
+from experiments.analysis.registration.benchmark.findings import describe_benchmark
+from experiments.analysis.registration.benchmark.tables import (
     benchmark_metrics,
     benchmark_tables,
     over_cautious,

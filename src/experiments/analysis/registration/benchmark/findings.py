@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from experiments.analysis.registration.benchmark_tables import (
+from experiments.analysis.registration.benchmark.tables import (
     RIGHT,
     benchmark_metrics,
     beside_each_other,
