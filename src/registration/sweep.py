@@ -49,7 +49,7 @@ class TrackedSweep:
     ``images`` (n, height, width) uint8, ``image_times_s`` (n,), ``world_T_ee`` (m, 4, 4) rigid, in mm,
     ``pose_times_s`` (m,) strictly increasing. A tracker-only recording has n = 0. ``dropped`` counts by
     reason the recorded frames that the reader left out, and, under reasons that begin with ``pose:``, the poses;
-    ``remarks`` are sentences for the user about what contradicts itself in the recording. ``image_A_pixel`` (n, 4, 4),
+    ``notes`` are sentences for the user about what contradicts itself in the recording. ``image_A_pixel`` (n, 4, 4),
     where the calibration is not the same for all frames (cropped elsewhere, another depth), maps each frame's pixels to
     those that ``calibration`` speaks of.
     """
@@ -60,7 +60,7 @@ class TrackedSweep:
     pose_times_s: Float64[np.ndarray, "m"]
     calibration: ProbeCalibration
     dropped: Mapping[str, int] = field(default_factory=dict)
-    remarks: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     image_A_pixel: Float64[np.ndarray, "n 4 4"] | None = None
 
     def __post_init__(self) -> None:

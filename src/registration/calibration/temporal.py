@@ -16,7 +16,7 @@ from registration.checks import require_count, require_positive
 from registration.errors import InputError
 
 # Motion at constant speed correlates equally at all lags; what differs then is rounding.
-_LEAST_CONTRAST = 1e-3
+_MIN_CONTRAST = 1e-3
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,7 @@ class TemporalCalibration:
         found = f"expected a correlation of at least {self.min_correlation:g} at a lag within {self.max_lag_s:g} s"
         if heights.max() < self.min_correlation:
             raise InputError(f"signals: {found}, received at most {heights.max():.3f}")
-        if np.ptp(heights) < _LEAST_CONTRAST:
+        if np.ptp(heights) < _MIN_CONTRAST:
             raise InputError(
                 "signals: expected a motion that tells one lag from another, such as up and down, "
                 "received one that fits all lags alike"

@@ -21,7 +21,7 @@ from registration.reconstruction.open_ends import clip
 
 # How well the surface's volume has to meet that of the voxels, and how many times its level is corrected for it.
 VOLUME_TOLERANCE = 1e-3
-MOST_CORRECTIONS = 4
+MAX_CORRECTIONS = 4
 # The field goes on so many smoothing widths around the vessel.
 MARGIN_WIDTHS = 4.0
 
@@ -76,7 +76,7 @@ class LabelSurface:
         ]
         # A first guess: as many voxels below it as are inside.
         level_mm = float(np.partition(own, voxels, axis=None)[voxels]) if voxels < own.size else 0.0
-        for _ in range(MOST_CORRECTIONS):
+        for _ in range(MAX_CORRECTIONS):
             mesh = _at_level(field_mm, level_mm, margin, mask)
             missing_mm3 = mask.volume_mm3 - enclosed_volume_mm3(mesh)
             if abs(missing_mm3) <= VOLUME_TOLERANCE * mask.volume_mm3:

@@ -13,7 +13,7 @@ from registration.errors import InputError
 from registration.io.segments import Segment
 
 # Segmentations of the whole body have a hundred labels or two, a CT itself has thousands of values.
-MOST_LABELS = 300
+MAX_LABELS = 300
 LISTED_LABELS = 20
 # Noise leaves cavities of a few voxels; the lumen of a printed wall is as large as the wall itself.
 CAVITY_SHARE = 0.1
@@ -140,7 +140,7 @@ def _named(segment: Segment) -> str:
 def _value(label_map: LabelMap, label: int | None) -> int:
     there = label_map.labels[label_map.labels != 0]
     values = [int(value) for value in np.unique(there)]
-    if len(values) > MOST_LABELS:
+    if len(values) > MAX_LABELS:
         raise InputError(
             f"labels: expected a label map, received {len(values)} different values from {values[0]} to {values[-1]}: "
             "a grey image?"

@@ -30,16 +30,16 @@ from registration.geometry.shapes import Mesh
 # hole of a ring with a round section is always shorter than half of the ring's width.
 LUMEN_SHARE, NO_LUMEN_SHARE = 0.7, 0.5
 # Pieces and patches of less than this share of the area are no walls of a vessel.
-LEAST_AREA_SHARE = 0.05
+MIN_AREA_SHARE = 0.05
 # Rays along normals that tell whether a surface faces itself.
 SCREENING_RAYS = 4000
 # With no hole through it, a surface that faces itself on less than this share of its area has no inner wall.
 FACING_SHARE = 0.15
 # From inside a lumen less than half of the sky is seen, and half of it at the mouth, give or take a few directions;
 # from the rim and the outer wall far more.
-MOST_SKY = 0.6
+MAX_SKY_SHARE = 0.6
 # Of the rays across a lumen most meet the lumen's own wall, at about its diameter.
-LEAST_OWN_SHARE, DIAMETER_RANGE = 0.8, (0.6, 1.7)
+MIN_OWN_SHARE, DIAMETER_RANGE = 0.8, (0.6, 1.7)
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ def _nested(mesh: Mesh) -> Mesh | None:
     if count < 2:
         return None
     areas_mm2 = np.bincount(of_triangle, weights=mesh.areas_mm2)
-    large = np.flatnonzero(areas_mm2 >= LEAST_AREA_SHARE * areas_mm2.max())
+    large = np.flatnonzero(areas_mm2 >= MIN_AREA_SHARE * areas_mm2.max())
     parts = [keep_triangles(mesh, of_triangle == one) for one in large]
     parts.sort(key=lambda part: -abs(enclosed_volume_mm3(part)))
     outer = parts[0]
@@ -170,9 +170,9 @@ def _joined(body: Mesh) -> Lumen | None:
     )
     weights = body.areas_mm2[chosen]
     facing = float((weights * np.isfinite(rays.across(chosen)[0])).sum() / max(weights.sum(), 1e-300))
-    if facing < (LEAST_AREA_SHARE if handles else FACING_SHARE):
+    if facing < (MIN_AREA_SHARE if handles else FACING_SHARE):
         return None
-    hidden = rays.sky(np.arange(len(body.triangles))) < MOST_SKY
+    hidden = rays.sky(np.arange(len(body.triangles))) < MAX_SKY_SHARE
     if not hidden.any():
         return None
     own = np.flatnonzero(hidden)
@@ -202,7 +202,7 @@ def _inner(body: Mesh, wall: Int64[np.ndarray, "w"]) -> Mesh:
 def _without_islands(body: Mesh, patch: Int64[np.ndarray, "p"]) -> Int64[np.ndarray, "w"] | None:
     """A patch with what it surrounds; None for one too small to be a wall."""
     areas_mm2 = body.areas_mm2
-    if areas_mm2[patch].sum() < LEAST_AREA_SHARE * areas_mm2.sum():
+    if areas_mm2[patch].sum() < MIN_AREA_SHARE * areas_mm2.sum():
         return None
     rest = np.ones(len(body.triangles), dtype=bool)
     rest[patch] = False
@@ -212,7 +212,7 @@ def _without_islands(body: Mesh, patch: Int64[np.ndarray, "p"]) -> Int64[np.ndar
     if others < 2:
         return patch
     # The outer wall is what is left, as one piece; anything small beside it that touches the patch lies within.
-    small = np.bincount(of_rest, weights=areas_mm2[rest]) < 0.5 * LEAST_AREA_SHARE * areas_mm2[patch].sum()
+    small = np.bincount(of_rest, weights=areas_mm2[rest]) < 0.5 * MIN_AREA_SHARE * areas_mm2[patch].sum()
     touched = np.zeros(len(body.vertices_mm), dtype=bool)
     touched[body.triangles[patch]] = True
     near = np.bincount(of_rest, weights=touched[body.triangles[rest]].any(axis=1)) > 0
@@ -230,7 +230,7 @@ def _is_tube(body: Mesh, rays: OutwardRays, wall: Int64[np.ndarray, "w"]) -> boo
     apart_mm, met = rays.across(wall)
     weights = body.areas_mm2[wall]
     own = np.isfinite(apart_mm) & np.isin(met, wall)
-    if weights[own].sum() < LEAST_OWN_SHARE * weights.sum():
+    if weights[own].sum() < MIN_OWN_SHARE * weights.sum():
         return False
     order = np.argsort(apart_mm[own])
     total = np.cumsum(weights[own][order])

@@ -39,9 +39,9 @@ def take(cloud: AnyCloud, index: Int64[np.ndarray, "k"]) -> AnyCloud:
     return replace(cloud, **chosen)
 
 
-def require_oriented(cloud: OrientedCloud, least: int = 10) -> OrientedCloud:
+def require_oriented(cloud: OrientedCloud, min_points: int = 10) -> OrientedCloud:
     """Return the cloud, or raise InputError unless it spans a surface and every normal has length one."""
-    require_cloud(cloud.points_mm, "cloud", least)
+    require_cloud(cloud.points_mm, "cloud", min_points)
     lengths = np.linalg.norm(cloud.normals, axis=1)
     broken = int((~(np.abs(lengths - 1) < 1e-3)).sum())
     if broken:
@@ -68,7 +68,7 @@ def with_normals(points_mm: Float64[np.ndarray, "p 3"], neighbours: int = 30) ->
     return OrientedCloud(points_mm, normals)
 
 
-def with_surface_normals(cloud: AnyCloud, reach_mm: float, most: int = 40) -> AnyCloud:
+def with_surface_normals(cloud: AnyCloud, reach_mm: float, max_neighbours: int = 40) -> AnyCloud:
     """Replace each normal by that of the plane through the points within ``reach_mm``, on the side it pointed to.
 
     The normals of a contour lie in the image; those of the vessel lean out of it wherever the vessel narrows or runs
@@ -81,9 +81,9 @@ def with_surface_normals(cloud: AnyCloud, reach_mm: float, most: int = 40) -> An
     near = cKDTree(points_mm).query_ball_point(points_mm, reach_mm, return_sorted=False)
     normals = cloud.normals.copy()
     sizes = np.array([len(found) for found in near])
-    owner = np.repeat(np.arange(len(near)), np.minimum(sizes, most))
-    picked = np.concatenate([_thinned(found, most) for found in near]).astype(np.int64)
-    count = np.minimum(sizes, most)
+    owner = np.repeat(np.arange(len(near)), np.minimum(sizes, max_neighbours))
+    picked = np.concatenate([_thinned(found, max_neighbours) for found in near]).astype(np.int64)
+    count = np.minimum(sizes, max_neighbours)
     offset_mm = points_mm[picked] - points_mm[owner]
     middle_mm = _sums(offset_mm, owner, len(near)) / count[:, None]
     offset_mm = offset_mm - middle_mm[owner]
@@ -96,10 +96,10 @@ def with_surface_normals(cloud: AnyCloud, reach_mm: float, most: int = 40) -> An
     return replace(cloud, normals=normals)
 
 
-def _thinned(found: list[int], most: int) -> np.ndarray:
-    if len(found) <= most:
+def _thinned(found: list[int], max_neighbours: int) -> np.ndarray:
+    if len(found) <= max_neighbours:
         return np.array(found, dtype=np.int64)
-    return np.array(found, dtype=np.int64)[np.linspace(0, len(found) - 1, most).astype(np.int64)]
+    return np.array(found, dtype=np.int64)[np.linspace(0, len(found) - 1, max_neighbours).astype(np.int64)]
 
 
 def _sums(values: np.ndarray, owner: np.ndarray, count: int) -> np.ndarray:

@@ -108,17 +108,18 @@ class Centerline:
         """Sum of the lines' arc lengths."""
         return float(sum(line.length_mm for line in self.lines))
 
-    def even_points(self, most: int) -> Float64[np.ndarray, "k 3"]:
-        """At most ``most`` points at even arc length, both ends of each line included.
+    def even_points(self, max_points: int) -> Float64[np.ndarray, "k 3"]:
+        """At most ``max_points`` points at even arc length, both ends of each line included.
 
         A stretch that several lines share is sampled once: a point closer than half a step to one of an earlier
         line is left out, so that the trunk does not weigh more than the branches.
         """
-        if most < 2 * len(self.lines):
+        if max_points < 2 * len(self.lines):
             raise InputError(
-                f"most: expected at least {2 * len(self.lines)} (both ends of each line), received {most}"
+                f"max_points: expected at least {2 * len(self.lines)} (both ends of each line), "
+                f"received {max_points}"
             )
-        step_mm = self.length_mm / (most - len(self.lines)) if self.length_mm > 0 else 1.0
+        step_mm = self.length_mm / (max_points - len(self.lines)) if self.length_mm > 0 else 1.0
         kept: Float64[np.ndarray, "k 3"] = np.empty((0, 3))
         for line in self.lines:
             count = int(np.floor(line.length_mm / step_mm + 1e-9)) + 1
@@ -170,11 +171,11 @@ def surface_frame(surface: Mesh | Float64[np.ndarray, "n 3"]) -> PrincipalFrame:
     return principal_frame(surface)
 
 
-def require_points(points_mm: ArrayLike, name: str, least: int = 1) -> Float64[np.ndarray, "n 3"]:
+def require_points(points_mm: ArrayLike, name: str, min_points: int = 1) -> Float64[np.ndarray, "n 3"]:
     """Points as float64, from an array or anything that NumPy makes one of, such as a list of triples.
 
-    Raises InputError naming them for numbers that are none, another shape than (n, 3), fewer than ``least`` points, and
-    coordinates that are not finite.
+    Raises InputError naming them for numbers that are none, another shape than (n, 3), fewer than ``min_points`` points,
+    and coordinates that are not finite.
     """
     try:
         found = np.asarray(points_mm)
@@ -188,7 +189,7 @@ def require_points(points_mm: ArrayLike, name: str, least: int = 1) -> Float64[n
         ) from refusal
     if found.ndim != 2 or found.shape[1] != 3:
         if found.size == 0:
-            raise InputError(f"{name}: expected at least {least} points, received 0")
+            raise InputError(f"{name}: expected at least {min_points} points, received 0")
         hint = ""
         if found.shape == (3,):
             hint = "; one point is points[None]"
@@ -197,8 +198,8 @@ def require_points(points_mm: ArrayLike, name: str, least: int = 1) -> Float64[n
         elif found.ndim == 2 and found.shape[1] == 2:
             hint = "; points in a plane need a third coordinate"
         raise InputError(f"{name}: expected points of shape (n, 3), received shape {found.shape}{hint}")
-    if len(found) < least:
-        raise InputError(f"{name}: expected at least {least} points, received {len(found)}")
+    if len(found) < min_points:
+        raise InputError(f"{name}: expected at least {min_points} points, received {len(found)}")
     if not np.isfinite(found).all():
         broken = int((~np.isfinite(found)).any(axis=1).sum())
         raise InputError(
@@ -207,12 +208,12 @@ def require_points(points_mm: ArrayLike, name: str, least: int = 1) -> Float64[n
     return found
 
 
-def require_cloud(points_mm: ArrayLike, name: str, least: int = 3) -> Float64[np.ndarray, "n 3"]:
+def require_cloud(points_mm: ArrayLike, name: str, min_points: int = 3) -> Float64[np.ndarray, "n 3"]:
     """Return the cloud as float64, or raise InputError naming it.
 
     It is refused if ``require_points`` refuses it, and if it lies on a point or a line.
     """
-    cloud_mm = require_points(points_mm, name, least)
+    cloud_mm = require_points(points_mm, name, min_points)
     extent_mm = np.ptp(cloud_mm, axis=0)
     if not extent_mm.any():
         raise InputError(

@@ -13,29 +13,29 @@ from registration.errors import InputError
 
 
 @contextmanager
-def written_beside(path: Path) -> Iterator[Path]:
+def atomic_write(path: Path) -> Iterator[Path]:
     """Give a temporary name in the folder of ``path`` to write to; rename it to ``path`` when all went well.
 
     The temporary name keeps the suffix, because many writers choose the format by it. What was at ``path`` before stays
     when writing fails.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.parent / f".{path.stem}.partial-{os.getpid()}{path.suffix}"
+    temporary = path.parent / f".{path.stem}.partial-{os.getpid()}{path.suffix}"
     try:
-        yield beside
-        beside.replace(path)
+        yield temporary
+        temporary.replace(path)
     finally:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
-def write_whole(path: Path, content: bytes) -> None:
+def write_atomic(path: Path, content: bytes) -> None:
     """Write a file as a whole or not at all."""
-    with written_beside(path) as beside:
-        beside.write_bytes(content)
+    with atomic_write(path) as temporary:
+        temporary.write_bytes(content)
 
 
 @contextmanager
-def whole_folder(path: Path) -> Iterator[Path]:
+def atomic_folder(path: Path) -> Iterator[Path]:
     """Give a folder to fill that becomes ``path`` when all went well; ``path`` must be absent or empty."""
     if path.exists() and (not path.is_dir() or any(path.iterdir())):
         raise InputError(

@@ -11,7 +11,7 @@ import numpy as np
 
 from registration.errors import InputError
 from registration.geometry.shapes import Centerline, Polyline
-from registration.io.atomic import write_whole, written_beside
+from registration.io.atomic import atomic_write, write_atomic
 from registration.text_files import parse_number, read_text
 
 COLUMNS = ("line", "x", "y", "z", "radius_mm")
@@ -32,9 +32,9 @@ def write_centerline(path: Path, centerline: Centerline, space: str = "LPS") -> 
     if space not in ("LPS", "RAS"):
         raise InputError(f"space: expected LPS or RAS, received {space!r}")
     if path.name.lower().endswith(".mrk.json"):
-        write_whole(path, json.dumps(_markups(centerline, space), indent=1).encode())
+        write_atomic(path, json.dumps(_markups(centerline, space), indent=1).encode())
     elif path.suffix.lower() == ".csv":
-        write_whole(path, _table(centerline).encode())
+        write_atomic(path, _table(centerline).encode())
     elif path.suffix.lower() == ".vtp":
         _write_vtp(path, centerline)
     else:
@@ -118,7 +118,7 @@ def _write_vtp(path: Path, centerline: Centerline) -> None:
     radius = numpy_to_vtk(np.concatenate([line.radius_mm for line in centerline.lines]), deep=True)
     radius.SetName("MaximumInscribedSphereRadius")
     data.GetPointData().AddArray(radius)
-    with written_beside(path) as temporary:
+    with atomic_write(path) as temporary:
         writer = vtkXMLPolyDataWriter()
         writer.SetFileName(str(temporary))
         writer.SetInputData(data)

@@ -19,7 +19,7 @@ from registration.io.patient_space import lps_from
 from registration.io.truncation import require_file
 from registration.text_files import parse_number, read_text
 
-LEAST_PAIRS = 3
+MIN_PAIRS = 3
 # Numbers stand for the axes in .fcsv files of 3D Slicer before 4.11 (user guide, "Markups").
 SPACES = {"ras": "ras", "lps": "lps", "0": "ras", "1": "lps"}
 # Lengths by their code in UCUM, which 3D Slicer gives alone or as [code, "UCUM", meaning] (markups schema 1.0.3).
@@ -60,9 +60,9 @@ class LandmarkPairs:
     fixed_mm: Float64[np.ndarray, "n 3"]
 
     def __post_init__(self) -> None:
-        if not len(self.names) == len(self.moving_mm) == len(self.fixed_mm) >= LEAST_PAIRS:
+        if not len(self.names) == len(self.moving_mm) == len(self.fixed_mm) >= MIN_PAIRS:
             raise InputError(
-                f"landmarks: expected at least {LEAST_PAIRS} pairs with the same names, received {len(self.names)}"
+                f"landmarks: expected at least {MIN_PAIRS} pairs with the same names, received {len(self.names)}"
             )
         for side, points_mm in (("moving", self.moving_mm), ("fixed", self.fixed_mm)):
             spread_mm = principal_frame(points_mm).spread_mm

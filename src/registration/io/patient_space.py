@@ -16,7 +16,7 @@ from jaxtyping import Float64
 
 from registration.errors import InputError
 from registration.geometry.shapes import Mesh
-from registration.io.atomic import written_beside
+from registration.io.atomic import atomic_write
 from registration.io.surface_files.stl import is_text
 from registration.io.surface_files.vtk_polydata import read_polydata
 
@@ -80,7 +80,7 @@ def write_model(path: Path, mesh: Mesh, space: str = "lps") -> None:
         writer.SetHeader(stated)
     writer.SetFileTypeToBinary()
     writer.SetInputData(_polydata(mesh))
-    with written_beside(path) as temporary:
+    with atomic_write(path) as temporary:
         writer.SetFileName(str(temporary))
         if not writer.Write():
             raise OSError(f"{path}: could not be written")

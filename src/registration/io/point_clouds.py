@@ -8,7 +8,7 @@ import numpy as np
 
 from registration.errors import InputError
 from registration.geometry.point_cloud import OrientedCloud
-from registration.io.atomic import write_whole
+from registration.io.atomic import write_atomic
 from registration.reconstruction.contours import ContourCloud
 
 _TYPES = {"<f4": "float", "<i4": "int"}
@@ -34,4 +34,4 @@ def write_cloud(path: Path, cloud: OrientedCloud, space: str = "LPS") -> None:
         rows[name] = values
     head = ["ply", "format binary_little_endian 1.0", f"comment SPACE={space}", f"element vertex {len(rows)}"]
     head += [f"property {_TYPES[kind]} {name}" for name, kind, _ in columns]
-    write_whole(path, "\n".join([*head, "end_header", ""]).encode() + rows.tobytes())
+    write_atomic(path, "\n".join([*head, "end_header", ""]).encode() + rows.tobytes())

@@ -17,7 +17,7 @@ import numpy as np
 from registration.errors import InputError
 
 _NUMBERED = re.compile(r"%0?\d*[diu]")
-_MOST_FILES = 100_000
+_MAX_FILES = 100_000
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def numbered_files(pattern: str, words: Sequence[str], path: Path) -> list[Path]
         raise InputError(
             f"{path}: expected first, last and step of the numbers in {pattern}, found {' '.join(words)!r}"
         ) from failure
-    if len(_NUMBERED.findall(pattern)) != 1 or pattern.count("%") != 1 or not 0 < len(numbers) <= _MOST_FILES:
+    if len(_NUMBERED.findall(pattern)) != 1 or pattern.count("%") != 1 or not 0 < len(numbers) <= _MAX_FILES:
         raise InputError(
             f"{path}: expected a pattern with one number (slice%03d.raw 1 20 1), found {pattern}"
         )

@@ -1,7 +1,7 @@
 """Clouds, meshes and centerlines from and to files, in millimetres as the file has them.
 
 A file with triangles is read as a ``Mesh``, one without as points (n, 3). Every refusal is one sentence that names the
-file. Files are written beside their final name and renamed, so that nothing half-written is left under it.
+file. Files are written atomically, so that nothing half-written is left under it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from registration.errors import InputError
 from registration.geometry.shapes import Centerline, Mesh, Polyline, Surface, require_cloud
-from registration.io.atomic import written_beside
+from registration.io.atomic import atomic_write
 from registration.io.surface_files.obj import read_obj
 from registration.io.surface_files.pcd import read_pcd
 from registration.io.surface_files.ply import read_ply
@@ -77,7 +77,7 @@ def write_surface(path: Path, surface: Surface) -> None:
     if path.suffix.lower() == ".xyz":
         if isinstance(surface, Mesh):
             raise InputError(f"{path}: expected a cloud to write as XYZ, received a mesh")
-        with written_beside(path) as temporary:
+        with atomic_write(path) as temporary:
             np.savetxt(temporary, surface, fmt="%.10g")
         return
     open3d = _open3d()
@@ -90,7 +90,7 @@ def write_surface(path: Path, surface: Surface) -> None:
     else:
         body = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(surface))
         write = open3d.io.write_point_cloud
-    with written_beside(path) as temporary, _quiet_open3d():
+    with atomic_write(path) as temporary, _quiet_open3d():
         if not write(str(temporary), body):
             raise OSError(f"{path}: could not be written")
 

@@ -24,7 +24,7 @@ from jaxtyping import Float64
 
 from registration import transforms
 from registration.errors import InputError
-from registration.io.atomic import written_beside
+from registration.io.atomic import atomic_write
 from registration.io.itk_mat import require_itk_mat
 from registration.io.truncation import require_file
 from registration.text_files import parse_number, read_text
@@ -71,7 +71,7 @@ def write_transform(path: Path, fixed_T_moving: Float64[np.ndarray, "4 4"]) -> N
     transform = sitk.AffineTransform(3)
     transform.SetMatrix(moving_T_fixed[:3, :3].ravel().tolist())
     transform.SetTranslation(moving_T_fixed[:3, 3].tolist())
-    with written_beside(path) as temporary:
+    with atomic_write(path) as temporary:
         sitk.WriteTransform(transform, str(temporary))
 
 

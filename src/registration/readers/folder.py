@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 
 from registration import transforms
 from registration.errors import InputError
-from registration.io.atomic import whole_folder
+from registration.io.atomic import atomic_folder
 from registration.readers.plus.calibration_file import calibration_from, calibration_yaml, read_yaml
 from registration.readers.plus.sequence import to_mf
 from registration.readers.streams.checks import distinct_times
@@ -38,7 +38,7 @@ POSE_COLUMNS = ("timestamp_s", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
 FRAME_COLUMNS = ("file", "timestamp_s")
 UNLISTED = "image without a row in frames.csv"
 # A lever between end effector and probe is either nothing or longer than a millimetre.
-_LEAST_LEVER_MM = 1.0
+_MIN_LEVER_MM = 1.0
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class FolderReader:
 def write_folder(path: Path, sweep: TrackedSweep) -> None:
     """Write a sweep as a plain folder; both streams keep their own times, nothing is lost but what was dropped."""
     sweep.require_one_calibration("a plain folder")
-    with whole_folder(path) as stage:
+    with atomic_folder(path) as stage:
         (stage / "frames").mkdir()
         names = [f"{index:06d}.png" for index in range(len(sweep.images))]
         for name, image in zip(names, sweep.images, strict=True):
@@ -103,7 +103,7 @@ def frame_names(path: Path) -> tuple[str, ...] | None:
 
 def _require_lever(calibration: ProbeCalibration, path: Path) -> None:
     lever_mm = float(np.linalg.norm(calibration.ee_T_probe[:3, 3]))
-    if 0 < lever_mm < _LEAST_LEVER_MM:
+    if 0 < lever_mm < _MIN_LEVER_MM:
         raise InputError(
             f"{path}: expected ee_T_probe in millimetres, found a lever of {lever_mm:.3g} mm "
             "(was it metres? say units: m, or units: mm)"

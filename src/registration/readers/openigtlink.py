@@ -16,7 +16,7 @@ from pyigtl.messages import MessageBase  # type: ignore[import-untyped]
 from registration.errors import InputError
 
 _HEADER_BYTES = 58
-_LARGEST_BODY_BYTES = 1 << 28
+_MAX_BODY_BYTES = 1 << 28
 _RECEIVED_AT_ONCE = 1 << 20
 
 
@@ -67,7 +67,7 @@ def next_message(
         fields = MessageBase.parse_header(header)
     except (struct.error, UnicodeDecodeError) as failure:
         raise InputError(f"{name}: expected OpenIGTLink messages, found others") from failure
-    if fields["header_version"] not in (1, 2) or fields["body_size"] > _LARGEST_BODY_BYTES:
+    if fields["header_version"] not in (1, 2) or fields["body_size"] > _MAX_BODY_BYTES:
         raise InputError(f"{name}: expected OpenIGTLink messages, found others")
     body, whole = _read(connection, int(fields["body_size"]), ended)
     if not whole:

@@ -20,7 +20,7 @@ _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 # x, x_mm, x[mm], x(mm), and the names of ParaView's tables.
 _AXIS = re.compile(r"([xyz])(?:[_ ]?[(\[]?mm[)\]]?)?|points[:_]([012])")
 # From so many rows on, a first column that counts them is not taken for x.
-_LEAST_COUNTED = 4
+_MIN_COUNTED_ROWS = 4
 
 
 def read_text_cloud(path: Path) -> Polygons:
@@ -146,7 +146,12 @@ def _refuse_whole(rows: list[list[str]]) -> None:
 
 def _refuse_counted(rows: list[list[str]], names: list[str]) -> None:
     """A first column that counts the rows is no x."""
-    if names or len(rows) < _LEAST_COUNTED or len(rows[0]) < 4 or not all(row[0].isdigit() for row in rows):
+    if (
+        names
+        or len(rows) < _MIN_COUNTED_ROWS
+        or len(rows[0]) < 4
+        or not all(row[0].isdigit() for row in rows)
+    ):
         return
     first: Float64[np.ndarray, "n"] = np.array([row[0] for row in rows], dtype=np.float64)
     if first[0] in (0, 1) and (np.diff(first) == 1).all():

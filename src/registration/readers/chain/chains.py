@@ -16,8 +16,8 @@ from registration import transforms
 from registration.errors import InputError
 
 # A recording has some ten transforms, most of them to one tracker: chains are few unless its names mean nothing.
-_MOST_CHAINS = 2000
-_MOST_STEPS = 200_000
+_MAX_CHAINS = 2000
+_MAX_STEPS = 200_000
 
 
 @dataclass(frozen=True)
@@ -109,9 +109,9 @@ def chains(
     found: list[Chain] = []
     for chain in _paths(links, source, target):
         found.append(Chain(source, chain))
-        if len(found) > _MOST_CHAINS:
+        if len(found) > _MAX_CHAINS:
             raise InputError(
-                f"transform {source}To{target}: expected a few chains of transforms, found more than {_MOST_CHAINS}"
+                f"transform {source}To{target}: expected a few chains of transforms, found more than {_MAX_CHAINS}"
             )
     if not found:
         known = ", ".join(dict.fromkeys(link.name for link in links)) or "none"
@@ -129,7 +129,7 @@ def _paths(links: Sequence[Link], source: str, target: str) -> Iterator[tuple[Li
     while waiting:
         at, passed, seen = waiting.pop()
         steps += 1
-        if steps > _MOST_STEPS:
+        if steps > _MAX_STEPS:
             raise InputError(
                 f"transform {source}To{target}: expected a few transforms between frames, found {len(links)}"
             )

@@ -54,5 +54,5 @@ def resolve(names: Iterable[str], known: Collection[str] = ()) -> dict[str, Pair
 def _best(readings: list[Pair], mentioned: set[str]) -> Pair | None:
     """The reading with most frames that are mentioned elsewhere; None for none or several such."""
     counts = [sum(frame in mentioned for frame in pair) for pair in readings]
-    most = max(counts, default=0)
-    return readings[counts.index(most)] if most and counts.count(most) == 1 else None
+    highest = max(counts, default=0)
+    return readings[counts.index(highest)] if highest and counts.count(highest) == 1 else None

@@ -27,13 +27,13 @@ class ImagePlacement:
     """From pixels to the tracked marker.
 
     ``ee_A_pixel`` is that of the first frame with one; ``image_A_pixel`` (n, 4, 4) leads from each frame's pixels to
-    that frame's, None where all are the same. ``reasons`` (n,) say why a frame has none, ``remarks`` what contradicts.
+    that frame's, None where all are the same. ``reasons`` (n,) say why a frame has none, ``notes`` what contradicts.
     """
 
     ee_A_pixel: Float64[np.ndarray, "4 4"]
     image_A_pixel: Float64[np.ndarray, "n 4 4"] | None
     reasons: np.ndarray
-    remarks: tuple[str, ...]
+    notes: tuple[str, ...]
 
 
 def known_frames(defined: TransformGraph, known: tuple[str, ...]) -> set[str]:
@@ -59,10 +59,10 @@ def poses(
         best = found[0]
         world_A_ee = np.array(np.broadcast_to(best.matrix, (count, 4, 4)))
         reasons = _reasons(best.links, count)
-        remarks = _pose_remarks(found, world_A_ee, reasons == "", path)
+        notes = _pose_notes(found, world_A_ee, reasons == "", path)
     except InputError as failure:
         raise InputError(f"{path}: {failure}") from failure
-    return world_A_ee, reasons, remarks
+    return world_A_ee, reasons, notes
 
 
 def image_placement(
@@ -71,7 +71,7 @@ def image_placement(
     """The chain from the pixels that the file holds to ``ee``. Raises InputError where there is none.
 
     A frame that was cropped has the pixels of CroppedImage, not of Image. What a device set says comes before what
-    the recording says; where both say something else, the placement's remarks tell by how much.
+    the recording says; where both say something else, the placement's notes tell by how much.
     """
     cropped = CROPPED + image
     is_cropped = any({link.source, link.target} == {image, cropped} for link in links)
@@ -85,7 +85,7 @@ def image_placement(
     if not len(valid):
         raise InputError(f"{path}: expected at least one frame with a valid {best.text}, found none")
     first = ee_A_pixel[valid[0]] if ee_A_pixel.ndim == 3 else ee_A_pixel
-    remarks = (
+    notes = (
         *_unused(links, best, path),
         *_image_remarks(found, ee_A_pixel, (height, width), reasons == "", path),
     )
@@ -94,7 +94,7 @@ def image_placement(
         ee_A_pixel=first,
         image_A_pixel=np.linalg.inv(first) @ ee_A_pixel if moving else None,
         reasons=reasons,
-        remarks=remarks,
+        notes=notes,
     )
 
 
@@ -117,7 +117,7 @@ def _reasons(links: tuple[Link, ...], count: int) -> np.ndarray:
     return reasons
 
 
-def _pose_remarks(
+def _pose_notes(
     found: list[Chain], world_A_ee: np.ndarray, valid: Bool[np.ndarray, "n"], path: Path
 ) -> tuple[str, ...]:
     """By how much another chain puts the end effector elsewhere, for the one that differs most."""

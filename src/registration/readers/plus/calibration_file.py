@@ -16,7 +16,7 @@ from registration.sweep import ProbeCalibration
 from registration.text_files import read_text
 
 # Pixels of ultrasound images measure 0.02 to 0.5 mm. A thousandth of that was written in metres.
-_LEAST_PIXEL_MM = 2e-3
+_MIN_PIXEL_MM = 2e-3
 
 
 def read_calibration(path: Path, image: str = "Image", probe: str = "Probe") -> ProbeCalibration:
@@ -41,7 +41,7 @@ def calibration_from(content: Mapping[str, Any], name: str) -> ProbeCalibration:
     except InputError as refusal:
         raise InputError(f"{name}: {refusal}") from refusal
     pixel_mm = float(np.linalg.norm(probe_A_pixel[:3, :2], axis=0).min())
-    if pixel_mm < _LEAST_PIXEL_MM:
+    if pixel_mm < _MIN_PIXEL_MM:
         raise InputError(
             f"{name}: expected probe_A_pixel in millimetres, found pixels of {pixel_mm:.3g} (were they metres?)"
         )

@@ -10,7 +10,7 @@ from jaxtyping import Float64
 
 from registration import transforms
 from registration.errors import InputError
-from registration.io.atomic import write_whole
+from registration.io.atomic import write_atomic
 from registration.readers.chain.names import resolve, splits
 from registration.readers.plus.metaimage import metaimage_bytes, read_metaimage
 from registration.readers.plus.nrrd import nrrd_bytes, read_nrrd
@@ -44,7 +44,7 @@ def write_sequence(path: Path, sequence: PlusSequence, compressed: bool = True) 
         raise InputError(
             f"{path}: expected a name that ends in {' or '.join(_WRITTEN)}, received {path.suffix!r}"
         )
-    write_whole(path, write(sequence, compressed))
+    write_atomic(path, write(sequence, compressed))
 
 
 def frame_times_s(sequence: PlusSequence, clock: str, name: str) -> Float64[np.ndarray, "n"]:

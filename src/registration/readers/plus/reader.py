@@ -34,7 +34,7 @@ class PlusReader:
     through the transforms that each frame carries, the calibration is the chain from ``image`` to ``ee`` through
     those and the coordinate definitions of ``device_set`` (an XML file; or a ``.results.xml`` of a calibration).
     What the device set says of the calibration comes before what the file says; of poses, what was tracked comes
-    first. Contradictions are in the sweep's ``remarks``. Frames with ``ImageToCroppedImageTransform`` were cropped:
+    first. Contradictions are in the sweep's ``notes``. Frames with ``ImageToCroppedImageTransform`` were cropped:
     their pixels are those of CroppedImage. A calibration that changes from frame to frame is kept for each frame.
     The tracked marker on the probe, which PLUS calls Probe, is the end effector; ``ee_T_probe`` is the identity.
     ``tracker`` names a second sequence with the poses, recorded beside a video. ``clock`` is ``filtered`` or
@@ -72,7 +72,7 @@ class PlusReader:
             if self.device_set is None
             else read_device_set(Path(self.device_set)).transforms
         )
-        world_T_ee, pose_reasons, remarks = self._poses(tracked, defined, tracker_path)
+        world_T_ee, pose_reasons, notes = self._poses(tracked, defined, tracker_path)
         placed = self._placement(video, defined, path)
         image_reasons = _image_reasons(video)
         dropped: Counter[str] = Counter()
@@ -96,7 +96,7 @@ class PlusReader:
             pose_times_s=pose_times_s,
             calibration=ProbeCalibration(ee_T_probe=np.eye(4), probe_A_pixel=placed.ee_A_pixel),
             dropped=dict(dropped),
-            remarks=(*remarks, *placed.remarks),
+            notes=(*notes, *placed.notes),
             image_A_pixel=None if placed.image_A_pixel is None else placed.image_A_pixel[keep],
         )
 
@@ -106,7 +106,7 @@ class PlusReader:
         """The pose of every frame, why it has none (n,), empty where it has one, and what contradicts the poses."""
         links = recorded_links(sequence, defined, self._known, path)
         try:
-            rigid, reasons, remarks = poses(links, self.ee, self.world, len(sequence.frame_fields), path)
+            rigid, reasons, notes = poses(links, self.ee, self.world, len(sequence.frame_fields), path)
         except InputError as failure:
             unclear = ambiguous_names(sequence, known_frames(defined, self._known))
             several = f" ({', '.join(unclear)} could link several pairs of frames)" if unclear else ""
@@ -117,7 +117,7 @@ class PlusReader:
             )
         name = f"{path}: {self.ee}To{self.world}"
         transforms.require_rigid(rigid[reasons == ""], name, self.rigid_tolerance)
-        return transforms.nearest_rigid(rigid), reasons, remarks
+        return transforms.nearest_rigid(rigid), reasons, notes
 
     def _placement(self, video: PlusSequence, defined: TransformGraph, path: Path) -> ImagePlacement:
         """From pixels to the tracked marker; millimetres where there are no pixels or no calibration is wanted."""

@@ -24,7 +24,7 @@ def write_plus(
     """Write a sweep as one sequence file in which each frame carries its pose; say what had to be dropped.
 
     A sequence file has one transform a frame, so poses are brought to the frames' times first (see
-    ``synchronise``); frames without one are left out and counted in the answer. A sweep without images becomes a
+    ``synchronise``); frames without one are left out and counted in the result. A sweep without images becomes a
     tracker-only file. The calibration goes into every frame as ``ImageToProbeTransform`` under the names of
     ``reader``, so that a reader with those names needs no device set.
     """

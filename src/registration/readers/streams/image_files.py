@@ -18,7 +18,7 @@ _WIDE = ("I", "I;16", "I;16B", "I;16L", "I;16N")
 # 16 bits a pixel hold 65535 = 255 * 257 at full scale (PNG specification, "Sample depth scaling").
 _WIDE_STEP = 257
 _TOP_BIT = 1 << 15
-_LARGEST_WIDE = np.uint16(65535)
+_MAX_WIDE = np.uint16(65535)
 _PHOTOMETRIC = 262
 
 
@@ -103,7 +103,7 @@ def _pixels(image: Image.Image, white_is_0: bool) -> np.ndarray:
         wide = np.asarray(image)
         if image.mode == "I":
             return wide
-        return _LARGEST_WIDE - wide.astype(np.uint16) if white_is_0 else wide.astype(np.uint16)
+        return _MAX_WIDE - wide.astype(np.uint16) if white_is_0 else wide.astype(np.uint16)
     if image.has_transparency_data:
         pixels = np.asarray(image.convert("RGBA"))
         colour, alpha = pixels[..., :3], pixels[..., 3:]

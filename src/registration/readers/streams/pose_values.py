@@ -15,7 +15,7 @@ QUATERNION_TOLERANCE = 0.01
 # patient is longer than 3 m. Where the origin lies has no part in it.
 SPAN_MM = (1.0, 3000.0)
 # No end effector keeps within 3 mm of its robot's base.
-_LEAST_REACH_MM = 3.0
+_MIN_REACH_MM = 3.0
 # A single mislaid pose decides nothing: the span is that of the middle 90 % along each axis.
 _MIDDLE = (5, 95)
 
@@ -41,7 +41,7 @@ def require_unit(positions_mm: Float64[np.ndarray, "n 3"], unit: str, name: str,
         return
     found_mm, scale = span_mm(positions_mm), MM_PER_UNIT[unit]
     reach_mm = float(np.abs(positions_mm).max())
-    small = 0 < found_mm < SPAN_MM[0] or 0 < reach_mm < _LEAST_REACH_MM
+    small = 0 < found_mm < SPAN_MM[0] or 0 < reach_mm < _MIN_REACH_MM
     if unit == "mm" and small:
         raise InputError(
             f"{name}: expected positions in mm, found a span of {found_mm:.3g} mm within {reach_mm:.3g} mm of the "
