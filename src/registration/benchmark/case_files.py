@@ -15,6 +15,7 @@ import numpy as np
 from registration.benchmark.cases import BenchmarkCase, CaseTruth, digest
 from registration.benchmark.truth_files import read_json, truth_as_json
 from registration.errors import InputError
+from registration.geometry.open3d_bridge import quiet_open3d
 from registration.geometry.shapes import Mesh, require_cloud
 from registration.io.atomic import atomic_folder, write_atomic
 from registration.io.point_clouds import write_cloud
@@ -170,10 +171,8 @@ def _contours(case: BenchmarkCase) -> ContourCloud:
 
 
 def _read_moving(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    import open3d
-
     read_surface(path)  # refuses what is missing, cut short or degenerate, in one sentence
-    with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
+    with quiet_open3d() as open3d:
         cloud = open3d.t.io.read_point_cloud(path)
     if "normals" not in cloud.point or "frame" not in cloud.point:
         raise InputError(f"{path}: expected points with normals and frames, received points without")

@@ -23,7 +23,8 @@ from registration.geometry.mesh_topology import (
     pieces,
     with_caps,
 )
-from registration.geometry.outward_rays import OutwardRays, occupied
+from registration.geometry.open3d_bridge import TriangleScene
+from registration.geometry.outward_rays import OutwardRays
 from registration.geometry.shapes import Mesh
 
 # A cavity or hole is the lumen if it is this share of the body's length or more, and none below the second share. The
@@ -158,7 +159,7 @@ def _is_lumen(sizes: _Sizes, body: Mesh) -> bool:
 def _lies_in(part: Mesh, outer: Mesh) -> bool:
     """Whether most of a piece lies inside another, whose open ends count as closed."""
     closed = with_caps(outer, borders(outer))
-    return float(occupied(closed, part.sample(500, np.random.default_rng(0))).mean()) > 0.5
+    return float(TriangleScene(closed).occupied(part.sample(500, np.random.default_rng(0))).mean()) > 0.5
 
 
 def _joined(body: Mesh) -> Lumen | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from registration.errors import InputError
 from registration.geometry.hollow import Lumen, find_lumen
 from registration.geometry.mesh_quality import enclosed_volume_mm3
 from registration.geometry.mesh_topology import directed_edges, largest_piece, pieces
+from registration.geometry.open3d_bridge import triangle_body
 from registration.geometry.shapes import Mesh
 
 
@@ -71,11 +71,7 @@ def _wound_alike(mesh: Mesh) -> Mesh:
     edges = directed_edges(mesh) @ np.array([len(mesh.vertices_mm), 1])
     if len(np.unique(edges)) == len(edges):
         return mesh
-    open3d = _open3d()
-    body = open3d.geometry.TriangleMesh(
-        open3d.utility.Vector3dVector(mesh.vertices_mm),
-        open3d.utility.Vector3iVector(mesh.triangles.astype(np.int32)),
-    )
+    body = triangle_body(mesh)
     if not body.orient_triangles():
         return mesh
     return Mesh(mesh.vertices_mm, np.asarray(body.triangles, dtype=np.int64))
@@ -85,10 +81,3 @@ def _outward(mesh: Mesh) -> Mesh:
     if enclosed_volume_mm3(mesh) >= 0:
         return mesh
     return Mesh(mesh.vertices_mm, np.ascontiguousarray(mesh.triangles[:, ::-1]))
-
-
-def _open3d() -> Any:
-    """Open3D, imported only where windings differ: it takes a second, and its type stubs are not right."""
-    import open3d
-
-    return open3d

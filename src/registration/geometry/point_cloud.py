@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from registration.checks import require_positive
 from registration.errors import InputError
+from registration.geometry.open3d_bridge import import_open3d, point_body
 from registration.geometry.shapes import require_cloud
 
 
@@ -56,9 +57,9 @@ def with_normals(points_mm: Float64[np.ndarray, "p 3"], neighbours: int = 30) ->
     whole faces outwards.
     """
     require_cloud(points_mm, "points_mm", neighbours)
-    open3d = _open3d()
+    open3d = import_open3d()
     middle_mm = points_mm.mean(axis=0)
-    body = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points_mm - middle_mm))
+    body = point_body(points_mm - middle_mm)
     body.estimate_normals(open3d.geometry.KDTreeSearchParamKNN(neighbours))
     body.orient_normals_consistent_tangent_plane(neighbours)
     normals = np.asarray(body.normals).copy()
@@ -106,10 +107,3 @@ def _sums(values: np.ndarray, owner: np.ndarray, count: int) -> np.ndarray:
     """Sum rows by owner; owners are sorted and each has at least one row."""
     starts = np.searchsorted(owner, np.arange(count))
     return np.add.reduceat(values, starts, axis=0)
-
-
-def _open3d() -> Any:
-    """Open3D, imported only where it is needed: it takes a second, and its type stubs are not right."""
-    import open3d
-
-    return open3d

@@ -174,8 +174,8 @@ def surface_frame(surface: Mesh | Float64[np.ndarray, "n 3"]) -> PrincipalFrame:
 def require_points(points_mm: ArrayLike, name: str, min_points: int = 1) -> Float64[np.ndarray, "n 3"]:
     """Points as float64, from an array or anything that NumPy makes one of, such as a list of triples.
 
-    Raises InputError naming them for numbers that are none, another shape than (n, 3), fewer than ``min_points`` points,
-    and coordinates that are not finite.
+    Raises InputError naming them for numbers that are none, another shape than (n, 3), fewer than ``min_points``
+    points, and coordinates that are not finite.
     """
     try:
         found = np.asarray(points_mm)

@@ -7,14 +7,13 @@ file. Files are written atomically, so that nothing half-written is left under i
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from registration.errors import InputError
+from registration.geometry.open3d_bridge import point_body, quiet_open3d, triangle_body
 from registration.geometry.shapes import Centerline, Mesh, Polyline, Surface, require_cloud
 from registration.io.atomic import atomic_write
 from registration.io.surface_files.obj import read_obj
@@ -80,18 +79,12 @@ def write_surface(path: Path, surface: Surface) -> None:
         with atomic_write(path) as temporary:
             np.savetxt(temporary, surface, fmt="%.10g")
         return
-    open3d = _open3d()
-    if isinstance(surface, Mesh):
-        body = open3d.geometry.TriangleMesh(
-            open3d.utility.Vector3dVector(surface.vertices_mm),
-            open3d.utility.Vector3iVector(surface.triangles.astype(np.int32)),
-        )
-        write = open3d.io.write_triangle_mesh
-    else:
-        body = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(surface))
-        write = open3d.io.write_point_cloud
-    with atomic_write(path) as temporary, _quiet_open3d():
-        if not write(str(temporary), body):
+    with atomic_write(path) as temporary, quiet_open3d() as open3d:
+        if isinstance(surface, Mesh):
+            written = open3d.io.write_triangle_mesh(str(temporary), triangle_body(surface))
+        else:
+            written = open3d.io.write_point_cloud(str(temporary), point_body(surface))
+        if not written:
             raise OSError(f"{path}: could not be written")
 
 
@@ -136,17 +129,3 @@ def _used(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.nda
     if len(used) == len(points):
         return points, triangles
     return points[used], np.searchsorted(used, triangles)
-
-
-def _open3d() -> Any:
-    """Open3D, imported only where a file needs it: it takes a second, and its type stubs are not right."""
-    import open3d
-
-    return open3d
-
-
-@contextmanager
-def _quiet_open3d() -> Iterator[None]:
-    open3d = _open3d()
-    with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
-        yield
