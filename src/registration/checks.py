@@ -8,7 +8,22 @@ from registration.errors import InputError
 
 
 def require_at_least(name: str, value: float, minimum: float) -> None:
-    """Raise InputError unless ``value`` is a finite number of at least ``minimum``."""
+    """Raise InputError unless a setting is a finite number that is large enough.
+
+    Parameters
+    ----------
+    name : str
+        Name of the setting, for the message.
+    value : float
+        Its value.
+    minimum : float
+        Smallest value allowed.
+
+    Raises
+    ------
+    InputError
+        If ``value`` is no number, NaN, infinite or below ``minimum``.
+    """
     if (
         isinstance(value, bool)
         or not isinstance(value, (int, float))
@@ -19,13 +34,43 @@ def require_at_least(name: str, value: float, minimum: float) -> None:
 
 
 def require_count(name: str, value: int, minimum: int) -> None:
-    """Raise InputError unless ``value`` is a whole number of at least ``minimum``."""
+    """Raise InputError unless a setting is a whole number that is large enough.
+
+    Parameters
+    ----------
+    name : str
+        Name of the setting, for the message.
+    value : int
+        Its value.
+    minimum : int
+        Smallest value allowed.
+
+    Raises
+    ------
+    InputError
+        If ``value`` is no whole number (True and False are none) or below ``minimum``.
+    """
     if isinstance(value, bool) or not isinstance(value, int) or value < minimum:
         raise InputError(f"{name}: expected a whole number of at least {minimum}, received {value!r}")
 
 
 def require_positive(name: str, value: float, maximum: float = math.inf) -> None:
-    """Raise InputError unless ``value`` is a finite number above 0 and at most ``maximum``."""
+    """Raise InputError unless a setting is a finite number above 0.
+
+    Parameters
+    ----------
+    name : str
+        Name of the setting, for the message.
+    value : float
+        Its value.
+    maximum : float, optional
+        Largest value allowed.
+
+    Raises
+    ------
+    InputError
+        If ``value`` is no number, NaN, infinite, 0 or less, or above ``maximum``.
+    """
     if (
         isinstance(value, bool)
         or not isinstance(value, (int, float))

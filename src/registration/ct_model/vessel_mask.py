@@ -23,10 +23,25 @@ CAVITY_SHARE = 0.1
 class VesselMask:
     """The voxels of one vessel: its largest piece, small cavities filled, cropped to the box around it.
 
-    ``inside`` (i, j, k) with the map ``ct_A_voxel`` of its own indices to mm in LPS. ``cut`` (3, 2) says for the low
-    and the high side of each axis whether the vessel reaches the border of the scan there: it was cut off, and goes on.
-    ``name`` is the segment's, where the file has one. ``pieces_dropped`` and ``voxels_dropped`` count what was not in
-    the largest piece, ``voxels_filled`` those in cavities.
+    Parameters
+    ----------
+    inside : ndarray of bool, shape (i, j, k)
+        Which voxels belong to the vessel.
+    ct_A_voxel : ndarray, shape (4, 4)
+        Map from the indices of ``inside`` to mm in LPS.
+    cut : ndarray of bool, shape (3, 2)
+        For the low and the high side of each axis, whether the vessel reaches the border of the scan there:
+        it was cut off, and goes on.
+    label : int
+        Value of the label.
+    pieces_dropped : int
+        Number of smaller pieces left out.
+    voxels_dropped : int
+        Number of voxels in them.
+    voxels_filled : int
+        Number of voxels in cavities that were filled.
+    name : str, optional
+        Name of the segment, where the file has one.
     """
 
     inside: Bool[np.ndarray, "i j k"]
@@ -50,11 +65,27 @@ class VesselMask:
 
 
 def vessel_mask(label_map: LabelMap, label: int | str | None = None) -> VesselMask:
-    """The vessel with that ``label``, a number or the name of a segment; it may be left out where there is only one.
+    """Take one vessel out of a label map.
 
-    The largest piece is by voxels that touch at least at a corner; cavities are what it encloses on all sides. A cavity
-    of ``CAVITY_SHARE`` of the piece or more may be a lumen and is left. Raises InputError for an empty map, for a label
-    that is not there, and for a choice that was not made.
+    The largest piece is by voxels that touch at least at a corner; cavities are what it encloses on all
+    sides. A cavity of ``CAVITY_SHARE`` of the piece or more may be a lumen and is left.
+
+    Parameters
+    ----------
+    label_map : LabelMap
+        Labels and where they lie.
+    label : int or str, optional
+        Number or name of the segment; may be left out where there is only one.
+
+    Returns
+    -------
+    VesselMask
+        Voxels of the vessel.
+
+    Raises
+    ------
+    InputError
+        If the map is empty, the label is not there, or a choice was not made.
     """
     from scipy.ndimage import label as label_pieces
 

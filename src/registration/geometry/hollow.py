@@ -45,9 +45,16 @@ MIN_OWN_SHARE, DIAMETER_RANGE = 0.8, (0.6, 1.7)
 
 @dataclass(frozen=True)
 class Lumen:
-    """The inner wall of a hollow body: ``mesh``, wound out of the lumen and open at its mouths.
+    """The inner wall of a hollow body.
 
-    ``joined`` says whether inner and outer wall were one surface (of that ``genus``) or two nested pieces.
+    Parameters
+    ----------
+    mesh : Mesh
+        Inner wall, wound out of the lumen and open at its mouths.
+    joined : bool
+        Whether inner and outer wall were one surface, not two nested pieces.
+    genus : int
+        Genus of that surface.
     """
 
     mesh: Mesh
@@ -90,15 +97,39 @@ class _Sizes:
 
 
 def vessel_surface(mesh: Mesh) -> Mesh:
-    """The lumen of a hollow body, or the largest piece of any other surface. Raises InputError as ``find_lumen``."""
+    """Take the lumen of a hollow body, or the largest piece of any other surface.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Closed or open surface in mm.
+
+    Returns
+    -------
+    Mesh
+        Surface of the vessel.
+
+    Raises
+    ------
+    InputError
+        As ``find_lumen``.
+    """
     found = find_lumen(mesh)
     return largest_piece(mesh) if found is None else found.mesh
 
 
 def genus(mesh: Mesh) -> int:
-    """How many handles one piece of surface has, its borders closed (Euler: V - E + F = 2 - 2 g).
+    """Count the handles of one piece of surface, its borders closed (Euler: V - E + F = 2 - 2 g).
 
-    A surface with edges of more than two triangles has no genus: what is returned then is a bound.
+    Parameters
+    ----------
+    mesh : Mesh
+        Surface in one piece.
+
+    Returns
+    -------
+    int
+        Genus; a bound where edges have more than two triangles, for which there is no genus.
     """
     numbers = np.unique(edge_numbers(directed_edges(mesh), len(mesh.vertices_mm)))
     euler = len(np.unique(mesh.triangles)) - len(numbers) + len(mesh.triangles) + len(borders(mesh))
@@ -106,10 +137,22 @@ def genus(mesh: Mesh) -> int:
 
 
 def find_lumen(mesh: Mesh) -> Lumen | None:
-    """The lumen of a hollow body, or None where the surface has one wall.
+    """Find the lumen of a hollow body.
 
-    Triangles need be wound alike within a piece, on either side. Raises InputError where the body has an inner wall
-    that may or may not be a lumen, or several.
+    Parameters
+    ----------
+    mesh : Mesh
+        Surface whose triangles are wound alike within a piece, on either side.
+
+    Returns
+    -------
+    Lumen or None
+        Inner wall, or None where the surface has one wall.
+
+    Raises
+    ------
+    InputError
+        If the body has several inner walls, or one that may or may not be a lumen.
     """
     if not len(mesh.triangles):
         return None

@@ -13,7 +13,13 @@ DIRECTIONS = 64
 
 
 class OutwardRays:
-    """What the triangles of a body see outside of it."""
+    """Visibility from the triangles of a body to its outside, by rays.
+
+    Parameters
+    ----------
+    body : Mesh
+        Body in mm, wound outwards.
+    """
 
     def __init__(self, body: Mesh) -> None:
         a, b, c = np.moveaxis(body.corners_mm, 1, 0)
@@ -26,13 +32,36 @@ class OutwardRays:
     def across(
         self, triangles: Int64[np.ndarray, "n"]
     ) -> tuple[Float64[np.ndarray, "n"], Int64[np.ndarray, "n"]]:
-        """Along the normal of each triangle, how far it is to the body and to which triangle; infinite past it."""
+        """Measure from each triangle along its normal how far away the body is.
+
+        Parameters
+        ----------
+        triangles : ndarray, shape (n,)
+            Indices of triangles.
+
+        Returns
+        -------
+        distance_mm : ndarray, shape (n,)
+            Distance in mm, infinite where the normal meets nothing.
+        met : ndarray, shape (n,)
+            Index of the triangle met.
+        """
         return self._scene.cast(self._from_mm[triangles], self._normals[triangles])
 
     def sky(self, triangles: Int64[np.ndarray, "n"]) -> Float64[np.ndarray, "n"]:
-        """The share of all directions in front of each triangle in which the body is not in the way.
+        """Compute the share of all directions in front of each triangle in which the body is not in the way.
 
         The directions are the same for all triangles, so that neighbours get like values.
+
+        Parameters
+        ----------
+        triangles : ndarray, shape (n,)
+            Indices of triangles.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Shares, 0 to 1.
         """
         seen, ahead = np.zeros(len(triangles)), np.zeros(len(triangles))
         for way in _directions(DIRECTIONS):

@@ -17,7 +17,15 @@ from registration.geometry.shapes import require_cloud
 
 @dataclass(frozen=True)
 class OrientedCloud:
-    """Points on a surface: ``points_mm`` (p, 3) and unit ``normals`` (p, 3) that point out of the vessel."""
+    """Points on a surface with their normals.
+
+    Parameters
+    ----------
+    points_mm : ndarray, shape (p, 3)
+        Points in mm.
+    normals : ndarray, shape (p, 3)
+        Unit normals that point out of the vessel.
+    """
 
     points_mm: Float64[np.ndarray, "p 3"]
     normals: Float64[np.ndarray, "p 3"]
@@ -31,7 +39,20 @@ AnyCloud = TypeVar("AnyCloud", bound=OrientedCloud)
 
 
 def take(cloud: AnyCloud, index: Int64[np.ndarray, "k"]) -> AnyCloud:
-    """Some points of a cloud, with all that is known of each of them."""
+    """Choose some points of a cloud, with all that is known of each of them.
+
+    Parameters
+    ----------
+    cloud : OrientedCloud
+        Cloud of any kind.
+    index : ndarray, shape (k,)
+        Indices of the points to keep.
+
+    Returns
+    -------
+    OrientedCloud
+        Cloud of the same kind with these points.
+    """
     chosen = {
         entry.name: getattr(cloud, entry.name)[index]
         for entry in fields(cloud)
@@ -41,7 +62,25 @@ def take(cloud: AnyCloud, index: Int64[np.ndarray, "k"]) -> AnyCloud:
 
 
 def require_oriented(cloud: OrientedCloud, min_points: int = 10) -> OrientedCloud:
-    """Return the cloud, or raise InputError unless it spans a surface and every normal has length one."""
+    """Return a cloud, or raise InputError unless it spans a surface and every normal has length one.
+
+    Parameters
+    ----------
+    cloud : OrientedCloud
+        Cloud to check.
+    min_points : int, optional
+        Smallest number of points.
+
+    Returns
+    -------
+    OrientedCloud
+        The same cloud.
+
+    Raises
+    ------
+    InputError
+        If there are too few points, they span no surface, or a normal is off length one by 1e-3.
+    """
     require_cloud(cloud.points_mm, "cloud", min_points)
     lengths = np.linalg.norm(cloud.normals, axis=1)
     broken = int((~(np.abs(lengths - 1) < 1e-3)).sum())
@@ -51,10 +90,30 @@ def require_oriented(cloud: OrientedCloud, min_points: int = 10) -> OrientedClou
 
 
 def with_normals(points_mm: Float64[np.ndarray, "p 3"], neighbours: int = 30) -> OrientedCloud:
-    """Estimate normals from ``neighbours`` points each and turn them out, for a cloud that comes without any.
+    """Estimate normals and turn them outwards, for a cloud that comes without any.
 
-    Sides are made consistent along a spanning tree (Hoppe et al., SIGGRAPH 1992), then turned so that the cloud as a
-    whole faces outwards.
+    Sides are made consistent along a spanning tree, then turned so that the cloud as a whole faces outwards.
+
+    Parameters
+    ----------
+    points_mm : ndarray, shape (p, 3)
+        Points in mm, at least ``neighbours``.
+    neighbours : int, optional
+        Number of points that each normal is estimated from.
+
+    Returns
+    -------
+    OrientedCloud
+        The points with unit normals.
+
+    Raises
+    ------
+    InputError
+        If there are too few points or they span no surface.
+
+    References
+    ----------
+    H. Hoppe et al., SIGGRAPH 1992.
     """
     require_cloud(points_mm, "points_mm", neighbours)
     open3d = import_open3d()
@@ -70,11 +129,30 @@ def with_normals(points_mm: Float64[np.ndarray, "p 3"], neighbours: int = 30) ->
 
 
 def with_surface_normals(cloud: AnyCloud, reach_mm: float, max_neighbours: int = 40) -> AnyCloud:
-    """Replace each normal by that of the plane through the points within ``reach_mm``, on the side it pointed to.
+    """Replace each normal by that of the plane through the points around it, on the side it pointed to.
 
-    The normals of a contour lie in the image; those of the vessel lean out of it wherever the vessel narrows or runs
-    obliquely. A plane is taken only where at least 6 points define it and its normal agrees with the old one within 60
-    degrees; other normals stay.
+    The normals of a contour lie in the image; those of the vessel lean out of it wherever the vessel narrows
+    or runs obliquely. A plane is taken only where at least 6 points define it and its normal agrees with the
+    old one within 60 deg; other normals stay.
+
+    Parameters
+    ----------
+    cloud : OrientedCloud
+        Cloud of any kind.
+    reach_mm : float
+        Radius of the neighbourhood in mm, above 0.
+    max_neighbours : int, optional
+        Largest number of neighbours used; more are thinned evenly.
+
+    Returns
+    -------
+    OrientedCloud
+        Cloud of the same kind with new normals.
+
+    Raises
+    ------
+    InputError
+        If ``reach_mm`` is not above 0.
     """
     require_positive("reach_mm", reach_mm)
     points_mm = cloud.points_mm

@@ -19,7 +19,15 @@ METRES_BELOW_MM = 2.0
 
 @dataclass(frozen=True)
 class Mesh:
-    """A triangle surface: ``vertices_mm`` (v, 3) and ``triangles`` (t, 3), indices wound so that normals point out."""
+    """A surface of triangles.
+
+    Parameters
+    ----------
+    vertices_mm : ndarray, shape (v, 3)
+        Vertices in mm.
+    triangles : ndarray, shape (t, 3)
+        Indices of each triangle's corners, wound so that normals point out.
+    """
 
     vertices_mm: Float64[np.ndarray, "v 3"]
     triangles: Int64[np.ndarray, "t 3"]
@@ -47,7 +55,29 @@ class Mesh:
         return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
     def sample(self, count: int, rng: np.random.Generator) -> Float64[np.ndarray, "count 3"]:
-        """Draw points uniformly by area (Osada et al., ACM Trans. Graph. 21(4), 2002: square-root barycentrics)."""
+        """Draw points uniformly by area, by square-root barycentric coordinates.
+
+        Parameters
+        ----------
+        count : int
+            Number of points.
+        rng : numpy.random.Generator
+            Source of random numbers.
+
+        Returns
+        -------
+        ndarray, shape (count, 3)
+            Points on the triangles in mm.
+
+        Raises
+        ------
+        InputError
+            If no triangle has an area.
+
+        References
+        ----------
+        R. Osada et al., ACM Trans. Graph. 21(4), 2002.
+        """
         areas_mm2 = self.areas_mm2
         if not areas_mm2.sum() > 0:
             raise InputError("mesh: expected a surface with area to sample, received none")
@@ -63,7 +93,20 @@ Surface = Mesh | Float64[np.ndarray, "_ 3"]
 
 @dataclass(frozen=True)
 class Polyline:
-    """One line of a centerline: ordered ``points_mm`` (n, 3), n at least 2, and the vessel's ``radius_mm`` (n,)."""
+    """One line of a centerline.
+
+    Parameters
+    ----------
+    points_mm : ndarray, shape (n, 3)
+        Ordered points in mm, at least two.
+    radius_mm : ndarray, shape (n,)
+        Radius of the vessel at each point in mm.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two points, not as many radii, or numbers that are not finite.
+    """
 
     points_mm: Float64[np.ndarray, "n 3"]
     radius_mm: Float64[np.ndarray, "n"]
@@ -88,14 +131,36 @@ class Polyline:
         return float(self.arc_mm[-1])
 
     def at(self, arc_mm: Float64[np.ndarray, "k"]) -> Float64[np.ndarray, "k 3"]:
-        """Points at the given arc lengths, linear between neighbours."""
+        """Find the points at given arc lengths, linear between neighbours.
+
+        Parameters
+        ----------
+        arc_mm : ndarray, shape (k,)
+            Arc lengths from the first point in mm.
+
+        Returns
+        -------
+        ndarray, shape (k, 3)
+            Points in mm.
+        """
         own_mm = self.arc_mm
         return np.stack([np.interp(arc_mm, own_mm, self.points_mm[:, axis]) for axis in range(3)], axis=1)
 
 
 @dataclass(frozen=True)
 class Centerline:
-    """The centerline of a vessel tree, each branch a line of its own (lines may share a trunk)."""
+    """The centerline of a vessel tree.
+
+    Parameters
+    ----------
+    lines : tuple of Polyline
+        At least one line, each branch a line of its own; lines may share a trunk.
+
+    Raises
+    ------
+    InputError
+        If there is no line.
+    """
 
     lines: tuple[Polyline, ...]
 
@@ -109,10 +174,25 @@ class Centerline:
         return float(sum(line.length_mm for line in self.lines))
 
     def even_points(self, max_points: int) -> Float64[np.ndarray, "k 3"]:
-        """At most ``max_points`` points at even arc length, both ends of each line included.
+        """Place points at even arc length, both ends of each line included.
 
-        A stretch that several lines share is sampled once: a point closer than half a step to one of an earlier
-        line is left out, so that the trunk does not weigh more than the branches.
+        A stretch that several lines share is sampled once: a point closer than half a step to one of an
+        earlier line is left out, so that the trunk does not weigh more than the branches.
+
+        Parameters
+        ----------
+        max_points : int
+            Largest number of points, at least two for each line.
+
+        Returns
+        -------
+        ndarray, shape (k, 3)
+            Points in mm.
+
+        Raises
+        ------
+        InputError
+            If ``max_points`` is too small for both ends of each line.
         """
         if max_points < 2 * len(self.lines):
             raise InputError(
@@ -131,10 +211,19 @@ class Centerline:
 
 @dataclass(frozen=True)
 class PrincipalFrame:
-    """Where a shape lies: ``centre_mm`` (3,), right-handed ``axes`` (3, 3) in columns, longest first, ``spread_mm``.
+    """Where a shape lies: its centre, its principal axes and its extent along them.
 
-    ``spread_mm`` (3,) is the standard deviation along each axis. An axis points where its largest component is
-    positive, the third axis excepted, which completes a right-handed frame.
+    An axis points where its largest component is positive, the third axis excepted, which completes a
+    right-handed coordinate frame.
+
+    Parameters
+    ----------
+    centre_mm : ndarray, shape (3,)
+        Centre in mm.
+    axes : ndarray, shape (3, 3)
+        Right-handed unit axes in columns, longest first.
+    spread_mm : ndarray, shape (3,)
+        Standard deviation along each axis in mm.
     """
 
     centre_mm: Float64[np.ndarray, "3"]
@@ -145,8 +234,22 @@ class PrincipalFrame:
 def principal_frame(
     points_mm: Float64[np.ndarray, "n 3"], weights: Float64[np.ndarray, "n"] | None = None
 ) -> PrincipalFrame:
-    """Principal component analysis of a cloud, each point weighted if ``weights`` are given.
+    """Compute the principal axes of a cloud.
 
+    Parameters
+    ----------
+    points_mm : ndarray, shape (n, 3)
+        Points in mm.
+    weights : ndarray, shape (n,), optional
+        Weight of each point; None weighs all alike.
+
+    Returns
+    -------
+    PrincipalFrame
+        Centre, axes and standard deviations.
+
+    Examples
+    --------
     >>> principal_frame(np.array([[0.0, 0, 0], [0, 4, 0], [0, 2, 1]])).axes[:, 0].round(3).tolist()
     [0.0, 1.0, 0.0]
     """
@@ -162,7 +265,18 @@ def principal_frame(
 
 
 def surface_frame(surface: Mesh | Float64[np.ndarray, "n 3"]) -> PrincipalFrame:
-    """The principal frame of a mesh, triangles weighted by area, or of a cloud."""
+    """Compute the principal axes of a mesh, triangles weighted by area, or of a cloud.
+
+    Parameters
+    ----------
+    surface : Mesh or ndarray, shape (n, 3)
+        Mesh or points in mm.
+
+    Returns
+    -------
+    PrincipalFrame
+        Centre, axes and standard deviations.
+    """
     if isinstance(surface, Mesh):
         # Exact for the triangles' second moment: the three mid-edges integrate a quadratic over a triangle.
         corners_mm = surface.corners_mm
@@ -172,10 +286,26 @@ def surface_frame(surface: Mesh | Float64[np.ndarray, "n 3"]) -> PrincipalFrame:
 
 
 def require_points(points_mm: ArrayLike, name: str, min_points: int = 1) -> Float64[np.ndarray, "n 3"]:
-    """Points as float64, from an array or anything that NumPy makes one of, such as a list of triples.
+    """Return points as float64, or raise InputError naming them.
 
-    Raises InputError naming them for numbers that are none, another shape than (n, 3), fewer than ``min_points``
-    points, and coordinates that are not finite.
+    Parameters
+    ----------
+    points_mm : array_like, shape (n, 3)
+        Array, or anything that NumPy makes one of, such as a list of triples.
+    name : str
+        Name of the points, for messages.
+    min_points : int, optional
+        Smallest number of points.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        The same points, in an array of their own.
+
+    Raises
+    ------
+    InputError
+        If these are no numbers, of another shape, too few, or not all finite.
     """
     try:
         found = np.asarray(points_mm)
@@ -209,9 +339,26 @@ def require_points(points_mm: ArrayLike, name: str, min_points: int = 1) -> Floa
 
 
 def require_cloud(points_mm: ArrayLike, name: str, min_points: int = 3) -> Float64[np.ndarray, "n 3"]:
-    """Return the cloud as float64, or raise InputError naming it.
+    """Return a cloud that spans a surface as float64, or raise InputError naming it.
 
-    It is refused if ``require_points`` refuses it, and if it lies on a point or a line.
+    Parameters
+    ----------
+    points_mm : array_like, shape (n, 3)
+        Points in mm.
+    name : str
+        Name of the cloud, for messages.
+    min_points : int, optional
+        Smallest number of points.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        The same points.
+
+    Raises
+    ------
+    InputError
+        If ``require_points`` refuses them, or all lie on a point or a line.
     """
     cloud_mm = require_points(points_mm, name, min_points)
     extent_mm = np.ptp(cloud_mm, axis=0)
@@ -226,9 +373,27 @@ def require_cloud(points_mm: ArrayLike, name: str, min_points: int = 3) -> Float
 
 
 def require_millimetres(cloud_mm: Float64[np.ndarray, "n 3"], name: str) -> Float64[np.ndarray, "n 3"]:
-    """Return the cloud, or raise InputError if it is so small that it must be in metres.
+    """Return a cloud, or raise InputError if it is so small that it must be in metres.
 
-    A piece of a vessel 2 m long would be 2 mm across as such; nothing that is registered here is as small as that.
+    A piece of a vessel 2 m long would be 2 mm across as such; nothing that is registered here is as small as
+    that.
+
+    Parameters
+    ----------
+    cloud_mm : ndarray, shape (n, 3)
+        Points, taken to be in mm.
+    name : str
+        Name of the cloud, for messages.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        The same points.
+
+    Raises
+    ------
+    InputError
+        If the bounding box's diagonal is shorter than ``METRES_BELOW_MM``.
     """
     across_mm = diagonal_mm(cloud_mm)
     if across_mm < METRES_BELOW_MM:
@@ -246,5 +411,16 @@ def _number(value: object) -> float:
 
 
 def diagonal_mm(points_mm: Float64[np.ndarray, "n 3"]) -> float:
-    """The diagonal of the axis-parallel bounding box."""
+    """Compute the diagonal of the axis-parallel bounding box.
+
+    Parameters
+    ----------
+    points_mm : ndarray, shape (n, 3)
+        Points in mm.
+
+    Returns
+    -------
+    float
+        Diagonal in mm.
+    """
     return float(np.linalg.norm(np.ptp(points_mm, axis=0)))
