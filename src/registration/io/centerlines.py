@@ -22,11 +22,25 @@ MARKUPS_SCHEMA = (
 
 
 def write_centerline(path: Path, centerline: Centerline, space: str = "LPS") -> None:
-    """Write a centerline by its suffix: ``.csv``, ``.vtp`` or ``.mrk.json``; the folder must exist.
+    """Write a centerline in the format that the suffix names.
 
-    The table has the columns line, x, y, z, radius_mm. The polylines carry their radius under the name that VMTK gives
-    it, so that ``read_centerline`` reads them back. The curves of ``.mrk.json`` name the axes they are in, ``space``
-    (LPS or RAS); positions are written as they are.
+    The polylines of ``.vtp`` carry their radius under the name that VMTK gives it, so that
+    ``read_centerline`` reads them back. Positions are written as they are.
+
+    Parameters
+    ----------
+    path : Path
+        File ending in ``.csv`` (columns line, x, y, z, radius_mm), ``.vtp`` or ``.mrk.json``; its folder must
+        exist.
+    centerline : Centerline
+        Lines in mm.
+    space : {'LPS', 'RAS'}, optional
+        Axes that the curves of ``.mrk.json`` name.
+
+    Raises
+    ------
+    InputError
+        If the suffix or a setting is another.
     """
     path = Path(path)
     if space not in ("LPS", "RAS"):
@@ -44,7 +58,23 @@ def write_centerline(path: Path, centerline: Centerline, space: str = "LPS") -> 
 
 
 def read_centerline_table(path: Path) -> Centerline:
-    """Read the table that ``write_centerline`` writes; points of a line must follow each other in order."""
+    """Read the table that ``write_centerline`` writes.
+
+    Parameters
+    ----------
+    path : Path
+        File with the columns line, x, y, z, radius_mm; the points of a line follow each other in order.
+
+    Returns
+    -------
+    Centerline
+        Lines in mm.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, has other columns or rows that are no points, or lines are mixed.
+    """
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: expected a table of a centerline, received no file")

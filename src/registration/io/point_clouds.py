@@ -15,10 +15,24 @@ _TYPES = {"<f4": "float", "<i4": "int"}
 
 
 def write_cloud(path: Path, cloud: OrientedCloud, space: str = "LPS") -> None:
-    """Write points in mm as binary PLY with normals, those of contours with ``frame`` and ``confidence`` as well.
+    """Write points as binary PLY with normals, those of contours with ``frame`` and ``confidence`` as well.
 
-    The header names the axes, ``space`` (LPS or RAS), which 3D Slicer obeys. Single precision keeps a micrometre within
-    8 m of the origin. The folder must exist.
+    The header names the axes, which 3D Slicer obeys. Single precision keeps a micrometre within 8 m of the
+    origin.
+
+    Parameters
+    ----------
+    path : Path
+        File ending in ``.ply``; its folder must exist.
+    cloud : OrientedCloud
+        Points in mm.
+    space : {'LPS', 'RAS'}, optional
+        Axes that they are in.
+
+    Raises
+    ------
+    InputError
+        If the suffix or a setting is another.
     """
     path = Path(path)
     if path.suffix.lower() != ".ply":

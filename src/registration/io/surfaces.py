@@ -41,11 +41,26 @@ READABLE = tuple(_READERS)
 
 
 def read_surface(path: Path) -> Surface:
-    """Read a mesh (PLY, STL, OBJ, VTP, VTK with faces) or a cloud (those without, PCD, XYZ or TXT).
+    """Read a mesh or a cloud.
 
-    Polygons are cut into triangles; equal corners of an STL file become one vertex; vertices of no triangle are left
-    out. Raises InputError for a file that is missing, of an unknown kind, unreadable or cut short, empty, with NaN, or
-    with all points on a point or a line.
+    Polygons are cut into triangles; equal corners of an STL file become one vertex; vertices of no triangle
+    are left out.
+
+    Parameters
+    ----------
+    path : Path
+        PLY, STL, OBJ, VTP or VTK file; a cloud where it has no faces, or PCD, XYZ or TXT.
+
+    Returns
+    -------
+    Surface
+        Mesh or points, in the file's unit.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, of an unknown kind, unreadable, cut short or empty, or has NaN, no area, or
+        all points on a point or a line.
     """
     path = require_file(path)
     suffix = path.suffix.lower()
@@ -69,7 +84,22 @@ def read_surface(path: Path) -> Surface:
 
 
 def write_surface(path: Path, surface: Surface) -> None:
-    """Write a mesh (PLY) or a cloud (PLY, XYZ), replacing what is there; its folder must exist."""
+    """Write a mesh or a cloud, replacing what is there.
+
+    Parameters
+    ----------
+    path : Path
+        File ending in ``.ply``, or ``.xyz`` for a cloud; its folder must exist.
+    surface : Surface
+        Mesh or points.
+
+    Raises
+    ------
+    InputError
+        If the suffix is another, or a mesh is to be written as XYZ.
+    OSError
+        If the file could not be written.
+    """
     path = Path(path)
     if path.suffix.lower() not in WRITABLE:
         raise InputError(f"{path}: expected one of {', '.join(WRITABLE)} to write, received {path.suffix}")
@@ -89,7 +119,23 @@ def write_surface(path: Path, surface: Surface) -> None:
 
 
 def read_centerline(path: Path) -> Centerline:
-    """Read the polylines of a VTP or VTK file with the point array MaximumInscribedSphereRadius (VMTK's) or Radius."""
+    """Read the polylines of a VTK file.
+
+    Parameters
+    ----------
+    path : Path
+        VTP or VTK file with the point array MaximumInscribedSphereRadius (VMTK's), Radius or radius_mm.
+
+    Returns
+    -------
+    Centerline
+        Lines in the file's unit.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or of another kind, or has no lines or no radius.
+    """
     path = require_file(path)
     if path.suffix.lower() not in VTK_SUFFIXES:
         raise InputError(f"{path}: expected a centerline as .vtp, received {path.suffix or 'no suffix'}")

@@ -8,7 +8,23 @@ from registration.errors import InputError
 
 
 def require_file(path: Path) -> Path:
-    """Return the path, or raise InputError unless there is a file that can be opened for reading."""
+    """Return the path, or raise InputError unless there is a file that can be opened for reading.
+
+    Parameters
+    ----------
+    path : Path
+        File.
+
+    Returns
+    -------
+    Path
+        The same path.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, it is a folder, or it cannot be read.
+    """
     path = Path(path)
     if not path.is_file():
         found = "a folder" if path.is_dir() else "nothing there"

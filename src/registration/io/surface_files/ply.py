@@ -37,7 +37,23 @@ class _Element:
 
 
 def read_ply(path: Path) -> Polygons:
-    """Read vertices and faces. Raises InputError for a broken header and a file that is shorter than it promises."""
+    """Read vertices and faces of a PLY file.
+
+    Parameters
+    ----------
+    path : Path
+        File ending in ``.ply``, text or binary.
+
+    Returns
+    -------
+    Polygons
+        Points and polygons.
+
+    Raises
+    ------
+    InputError
+        If the header is broken or the file shorter than it promises.
+    """
     data = path.read_bytes().removeprefix(_BOM)
     place = data.find(b"end_header", 0, _LONGEST_HEADER)
     if place < 0 or not data.startswith(b"ply"):

@@ -26,9 +26,22 @@ _MIN_COUNTED_ROWS = 4
 def read_text_cloud(path: Path) -> Polygons:
     """Read rows of x y z, or of columns that a header names so; what follows in a row is left out.
 
-    Numbers are separated by blanks, semicolons or commas, and may have decimal commas where commas do not separate.
-    Raises InputError for rows of other numbers, and for commas that may stand for a decimal point, for thousands or
-    between numbers.
+    Parameters
+    ----------
+    path : Path
+        File of text, its numbers separated by blanks, semicolons or commas; they may have decimal commas
+        where commas do not separate.
+
+    Returns
+    -------
+    Polygons
+        Points without polygons.
+
+    Raises
+    ------
+    InputError
+        If rows are of other numbers, or commas may stand for a decimal point, for thousands or between
+        numbers.
     """
     lines = [line.strip() for line in read_text(path).splitlines()]
     lines = [line for line in lines if line]
