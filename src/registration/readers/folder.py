@@ -46,7 +46,24 @@ class FolderReader:
     """Read a tracked sweep from a plain folder (see the module's description of it)."""
 
     def __call__(self, path: Path) -> TrackedSweep:
-        """Read the sweep. Each refusal names the file, what was expected and what was found."""
+        """Read a sweep.
+
+        Parameters
+        ----------
+        path : Path
+            Folder of the sweep.
+
+        Returns
+        -------
+        TrackedSweep
+            Frames and poses as recorded.
+
+        Raises
+        ------
+        InputError
+            If a file is missing or is not what it must be; the message names the file, what was expected and
+            what was found.
+        """
         if not path.is_dir():
             raise InputError(f"{path}: expected a folder with frames/, poses.csv and sweep.yaml, found none")
         settings_path = path / "sweep.yaml"
@@ -71,7 +88,20 @@ class FolderReader:
 
 
 def write_folder(path: Path, sweep: TrackedSweep) -> None:
-    """Write a sweep as a plain folder; both streams keep their own times, nothing is lost but what was dropped."""
+    """Write a sweep as a plain folder; both streams keep their own times.
+
+    Parameters
+    ----------
+    path : Path
+        Folder, which must be absent or empty.
+    sweep : TrackedSweep
+        Sweep; all of it is written but the counts of what was dropped.
+
+    Raises
+    ------
+    InputError
+        If there is a folder with content, or the frames differ in calibration.
+    """
     sweep.require_one_calibration("a plain folder")
     with atomic_folder(path) as stage:
         (stage / "frames").mkdir()
@@ -88,9 +118,17 @@ def write_folder(path: Path, sweep: TrackedSweep) -> None:
 
 
 def frame_names(path: Path) -> tuple[str, ...] | None:
-    """The names, without suffix, of a sweep's frames in their order; None where the sweep is not a plain folder.
+    """List the names, without suffix, of a sweep's frames in their order.
 
-    A folder that holds a sweep under the name ``sweep`` stands for that.
+    Parameters
+    ----------
+    path : Path
+        Plain folder, or one that holds a sweep under the name ``sweep``.
+
+    Returns
+    -------
+    tuple of str or None
+        Names; None where the sweep is not a plain folder.
     """
     for folder in (path, path / "sweep"):
         if (folder / "sweep.yaml").is_file():

@@ -85,7 +85,23 @@ class RosbagReader:
             raise InputError(f"units: expected mm, m or none, received {self.units!r}")
 
     def __call__(self, path: Path) -> TrackedSweep:
-        """Read the sweep. Raises InputError, naming the bag, for missing topics or types and unreadable messages."""
+        """Read a sweep.
+
+        Parameters
+        ----------
+        path : Path
+            Folder or file of the bag.
+
+        Returns
+        -------
+        TrackedSweep
+            Frames and poses as recorded.
+
+        Raises
+        ------
+        InputError
+            If a topic is missing or of another type, or messages cannot be read.
+        """
         path = find_bag(path)
         folder = path if path.is_dir() else path.parent
         calibration = read_calibration(

@@ -30,8 +30,26 @@ def write_bag(
 ) -> None:
     """Write a sweep as a bag; both streams keep their own times, to the nanosecond.
 
-    ``storage`` is ``mcap`` or ``sqlite3``. ``world`` becomes the frame of the poses' headers. Raises InputError
-    for times that the 32 bits of ROS cannot say.
+    Parameters
+    ----------
+    path : Path
+        Folder, which must be absent or empty.
+    sweep : TrackedSweep
+        Sweep.
+    storage : {'mcap', 'sqlite3'}, optional
+        Kind of storage.
+    image_topic : str, optional
+        Topic of the frames.
+    pose_topic : str, optional
+        Topic of the poses.
+    world : str, optional
+        Coordinate frame in the headers of the poses.
+
+    Raises
+    ------
+    InputError
+        If a setting is another, a time is larger than the 32 bits of ROS can hold, or the frames differ in
+        calibration.
     """
     from rosbags.rosbag2 import StoragePlugin, Writer
 
