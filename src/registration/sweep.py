@@ -85,9 +85,9 @@ class TrackedSweep:
     """
 
     images: UInt8[np.ndarray, "n height width"]
-    image_times_s: Float64[np.ndarray, "n"]
+    image_times_s: Float64[np.ndarray, " n"]
     world_T_ee: Float64[np.ndarray, "m 4 4"]
-    pose_times_s: Float64[np.ndarray, "m"]
+    pose_times_s: Float64[np.ndarray, " m"]
     calibration: ProbeCalibration
     dropped: Mapping[str, int] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -165,7 +165,7 @@ class PosedFrames:
         The other frames, counted by reason.
     """
 
-    kept: Int64[np.ndarray, "k"]
+    kept: Int64[np.ndarray, " k"]
     world_A_pixel: Float64[np.ndarray, "k 4 4"]
     dropped: dict[str, int]
 

@@ -99,8 +99,8 @@ def drop_reasons(sweep: TrackedSweep, max_gap_s: float, offset_s: float = 0.0) -
 
 
 def _in_gap(
-    times_s: Float64[np.ndarray, "n"], pose_times_s: Float64[np.ndarray, "m"], max_gap_s: float
-) -> Bool[np.ndarray, "n"]:
+    times_s: Float64[np.ndarray, " n"], pose_times_s: Float64[np.ndarray, " m"], max_gap_s: float
+) -> Bool[np.ndarray, " n"]:
     """Whether the poses on either side of each time are too far apart; never at the time of a pose."""
     following = np.clip(np.searchsorted(pose_times_s, times_s), 1, len(pose_times_s) - 1)
     at_a_pose = (times_s == pose_times_s[following]) | (times_s == pose_times_s[following - 1])

@@ -320,7 +320,7 @@ def nearest_rigid(A_A_B: Float[np.ndarray, "*n 4 4"]) -> Float64[np.ndarray, "*n
     return A_T_B
 
 
-def rotation_angle_deg(A_T_B: Float[np.ndarray, "*n 4 4"]) -> Float64[np.ndarray, "*n"]:
+def rotation_angle_deg(A_T_B: Float[np.ndarray, "*n 4 4"]) -> Float64[np.ndarray, " *n"]:
     """Compute the angle by which each transform rotates.
 
     Parameters
@@ -339,7 +339,7 @@ def rotation_angle_deg(A_T_B: Float[np.ndarray, "*n 4 4"]) -> Float64[np.ndarray
 
 
 def interpolate(
-    times_s: Float[np.ndarray, "n"], known_times_s: Float[np.ndarray, "m"], A_T_B: Float[np.ndarray, "m 4 4"]
+    times_s: Float[np.ndarray, " n"], known_times_s: Float[np.ndarray, " m"], A_T_B: Float[np.ndarray, "m 4 4"]
 ) -> Float64[np.ndarray, "n 4 4"]:
     """Interpolate poses: SLERP for rotation, linear for translation; nothing is extrapolated.
 

@@ -235,7 +235,7 @@ def _joined(body: Mesh) -> Lumen | None:
     return Lumen(_inner(body, found[0]), True, handles) if found else None
 
 
-def _inner(body: Mesh, wall: Int64[np.ndarray, "w"]) -> Mesh:
+def _inner(body: Mesh, wall: Int64[np.ndarray, " w"]) -> Mesh:
     """Triangles of the inner wall, turned so that they face out of the lumen and not out of the material."""
     chosen = np.zeros(len(body.triangles), dtype=bool)
     chosen[wall] = True
@@ -243,7 +243,7 @@ def _inner(body: Mesh, wall: Int64[np.ndarray, "w"]) -> Mesh:
     return Mesh(part.vertices_mm, np.ascontiguousarray(part.triangles[:, ::-1]))
 
 
-def _without_islands(body: Mesh, patch: Int64[np.ndarray, "p"]) -> Int64[np.ndarray, "w"] | None:
+def _without_islands(body: Mesh, patch: Int64[np.ndarray, " p"]) -> Int64[np.ndarray, " w"] | None:
     """A patch with what it surrounds; None for one too small to be a wall."""
     areas_mm2 = body.areas_mm2
     if areas_mm2[patch].sum() < MIN_AREA_SHARE * areas_mm2.sum():
@@ -269,7 +269,7 @@ def _outwards(mesh: Mesh) -> Mesh:
     return Mesh(mesh.vertices_mm, np.ascontiguousarray(mesh.triangles[:, ::-1]))
 
 
-def _is_tube(body: Mesh, rays: OutwardRays, wall: Int64[np.ndarray, "w"]) -> bool:
+def _is_tube(body: Mesh, rays: OutwardRays, wall: Int64[np.ndarray, " w"]) -> bool:
     """Whether a wall faces itself all around, across the width of a tube with its volume and area."""
     apart_mm, met = rays.across(wall)
     weights = body.areas_mm2[wall]

@@ -60,7 +60,7 @@ def directed_edges(mesh: Mesh) -> Int64[np.ndarray, "e 2"]:
     return np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
 
 
-def edge_numbers(edges: Int64[np.ndarray, "e 2"], vertices: int) -> Int64[np.ndarray, "e"]:
+def edge_numbers(edges: Int64[np.ndarray, "e 2"], vertices: int) -> Int64[np.ndarray, " e"]:
     """Number edges so that both directions of one edge have the same number.
 
     Parameters
@@ -78,7 +78,7 @@ def edge_numbers(edges: Int64[np.ndarray, "e 2"], vertices: int) -> Int64[np.nda
     return edges.min(axis=1) * vertices + edges.max(axis=1)
 
 
-def pieces(mesh: Mesh) -> tuple[int, Int64[np.ndarray, "t"]]:
+def pieces(mesh: Mesh) -> tuple[int, Int64[np.ndarray, " t"]]:
     """Find the connected pieces of a mesh.
 
     Parameters
@@ -121,7 +121,7 @@ def largest_piece(mesh: Mesh) -> Mesh:
     return keep_triangles(mesh, of_triangle == areas_mm2.argmax())
 
 
-def keep_triangles(mesh: Mesh, kept: Bool[np.ndarray, "t"]) -> Mesh:
+def keep_triangles(mesh: Mesh, kept: Bool[np.ndarray, " t"]) -> Mesh:
     """Take some triangles, without the vertices that none of them uses.
 
     Parameters
@@ -224,7 +224,7 @@ def _border(mesh: Mesh, edges: np.ndarray) -> Border:
     return Border(edges, centre_mm, normal, float(np.sqrt(size_mm2 / np.pi)), facing)
 
 
-def connected(edges: Int64[np.ndarray, "e 2"], vertices: int) -> tuple[int, Int64[np.ndarray, "{vertices}"]]:
+def connected(edges: Int64[np.ndarray, "e 2"], vertices: int) -> tuple[int, Int64[np.ndarray, " {vertices}"]]:
     """Find the sets of vertices that hang together by edges.
 
     Parameters

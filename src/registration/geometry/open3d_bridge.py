@@ -135,7 +135,7 @@ class TriangleScene:
             self._tensor(mesh.vertices_mm), self._open3d.core.Tensor(mesh.triangles.astype(np.uint32))
         )
 
-    def distance_mm(self, points_mm: Float[np.ndarray, "*n 3"]) -> Float64[np.ndarray, "*n"]:
+    def distance_mm(self, points_mm: Float[np.ndarray, "*n 3"]) -> Float64[np.ndarray, " *n"]:
         """Measure the unsigned distance of each point to the triangles.
 
         Parameters
@@ -150,7 +150,7 @@ class TriangleScene:
         """
         return self._scene.compute_distance(self._tensor(points_mm)).numpy().astype(np.float64)
 
-    def occupied(self, points_mm: Float[np.ndarray, "*n 3"]) -> Bool[np.ndarray, "*n"]:
+    def occupied(self, points_mm: Float[np.ndarray, "*n 3"]) -> Bool[np.ndarray, " *n"]:
         """Decide by the majority of three rays' parities which points lie inside, for a closed mesh.
 
         Parameters

@@ -30,8 +30,8 @@ class OutwardRays:
         self._from_mm = body.corners_mm.mean(axis=1) + step_mm * self._normals
 
     def across(
-        self, triangles: Int64[np.ndarray, "n"]
-    ) -> tuple[Float64[np.ndarray, "n"], Int64[np.ndarray, "n"]]:
+        self, triangles: Int64[np.ndarray, " n"]
+    ) -> tuple[Float64[np.ndarray, " n"], Int64[np.ndarray, " n"]]:
         """Measure from each triangle along its normal how far away the body is.
 
         Parameters
@@ -48,7 +48,7 @@ class OutwardRays:
         """
         return self._scene.cast(self._from_mm[triangles], self._normals[triangles])
 
-    def sky(self, triangles: Int64[np.ndarray, "n"]) -> Float64[np.ndarray, "n"]:
+    def sky(self, triangles: Int64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
         """Compute the share of all directions in front of each triangle in which the body is not in the way.
 
         The directions are the same for all triangles, so that neighbours get like values.

@@ -38,7 +38,7 @@ class OrientedCloud:
 AnyCloud = TypeVar("AnyCloud", bound=OrientedCloud)
 
 
-def take(cloud: AnyCloud, index: Int64[np.ndarray, "k"]) -> AnyCloud:
+def take(cloud: AnyCloud, index: Int64[np.ndarray, " k"]) -> AnyCloud:
     """Choose some points of a cloud, with all that is known of each of them.
 
     Parameters

@@ -49,7 +49,7 @@ class Mesh:
         return self.vertices_mm[self.triangles]
 
     @property
-    def areas_mm2(self) -> Float64[np.ndarray, "t"]:
+    def areas_mm2(self) -> Float64[np.ndarray, " t"]:
         """The area of every triangle."""
         a, b, c = np.moveaxis(self.corners_mm, 1, 0)
         return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
@@ -109,7 +109,7 @@ class Polyline:
     """
 
     points_mm: Float64[np.ndarray, "n 3"]
-    radius_mm: Float64[np.ndarray, "n"]
+    radius_mm: Float64[np.ndarray, " n"]
 
     def __post_init__(self) -> None:
         if len(self.points_mm) < 2:
@@ -120,7 +120,7 @@ class Polyline:
             raise InputError("radius_mm: expected finite radii of at least 0, received others")
 
     @property
-    def arc_mm(self) -> Float64[np.ndarray, "n"]:
+    def arc_mm(self) -> Float64[np.ndarray, " n"]:
         """Arc length from the first point to each."""
         steps_mm = np.linalg.norm(np.diff(self.points_mm, axis=0), axis=1)
         return np.concatenate([[0.0], np.cumsum(steps_mm)])
@@ -130,7 +130,7 @@ class Polyline:
         """Arc length from the first point to the last."""
         return float(self.arc_mm[-1])
 
-    def at(self, arc_mm: Float64[np.ndarray, "k"]) -> Float64[np.ndarray, "k 3"]:
+    def at(self, arc_mm: Float64[np.ndarray, " k"]) -> Float64[np.ndarray, "k 3"]:
         """Find the points at given arc lengths, linear between neighbours.
 
         Parameters
@@ -232,7 +232,7 @@ class PrincipalFrame:
 
 
 def principal_frame(
-    points_mm: Float64[np.ndarray, "n 3"], weights: Float64[np.ndarray, "n"] | None = None
+    points_mm: Float64[np.ndarray, "n 3"], weights: Float64[np.ndarray, " n"] | None = None
 ) -> PrincipalFrame:
     """Compute the principal axes of a cloud.
 

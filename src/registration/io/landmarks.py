@@ -106,7 +106,7 @@ class LandmarkPairs:
         turn = Rotation.align_vectors(self.fixed_mm - fixed_centre_mm, self.moving_mm - moving_centre_mm)[0]
         return transforms.from_rotation(turn, fixed_centre_mm - turn.apply(moving_centre_mm))
 
-    def errors_mm(self, fixed_T_moving: Float64[np.ndarray, "4 4"]) -> Float64[np.ndarray, "n"]:
+    def errors_mm(self, fixed_T_moving: Float64[np.ndarray, "4 4"]) -> Float64[np.ndarray, " n"]:
         """Measure how far each moving landmark is from its fixed one after registration.
 
         Parameters

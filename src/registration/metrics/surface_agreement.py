@@ -60,8 +60,8 @@ class Counterparts:
     """
 
     points_mm: Float64[np.ndarray, "n 3"]
-    apart_mm: Float64[np.ndarray, "n"]
-    covered: Bool[np.ndarray, "n"]
+    apart_mm: Float64[np.ndarray, " n"]
+    covered: Bool[np.ndarray, " n"]
 
 
 def surface_agreement(first: Mesh, second: Mesh, *, samples: int = 10_000, seed: int = 0) -> SurfaceAgreement:

@@ -54,7 +54,7 @@ class SurfaceDistance:
         used_mm = surface.vertices_mm[np.unique(surface.triangles)]
         self._scene = TriangleScene(surface, 0.5 * (used_mm.min(axis=0) + used_mm.max(axis=0)))
 
-    def __call__(self, points_mm: Float64[np.ndarray, "m 3"]) -> Float64[np.ndarray, "m"]:
+    def __call__(self, points_mm: Float64[np.ndarray, "m 3"]) -> Float64[np.ndarray, " m"]:
         """Measure the distance of each point to the surface.
 
         Parameters
@@ -237,7 +237,7 @@ def pose_error(
     )
 
 
-def rms(distances_mm: Float64[np.ndarray, "n"]) -> float:
+def rms(distances_mm: Float64[np.ndarray, " n"]) -> float:
     """Compute the root mean square.
 
     Parameters
@@ -260,7 +260,7 @@ def rms(distances_mm: Float64[np.ndarray, "n"]) -> float:
     return float(np.sqrt((distances_mm**2).mean()))
 
 
-def trimmed_rms(distances_mm: Float64[np.ndarray, "n"], keep: float) -> float:
+def trimmed_rms(distances_mm: Float64[np.ndarray, " n"], keep: float) -> float:
     """Compute the root mean square of the smallest distances.
 
     Parameters

@@ -155,7 +155,7 @@ def _scaled(calibration: ProbeCalibration, scale: float) -> ProbeCalibration:
     return replace(calibration, ee_T_probe=ee_T_probe)
 
 
-def _read_poses(path: Path, scale: float) -> tuple[Float64[np.ndarray, "m"], Float64[np.ndarray, "m 4 4"]]:
+def _read_poses(path: Path, scale: float) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, "m 4 4"]]:
     rows = _read_csv(path, POSE_COLUMNS)
     try:
         values = np.array([[parse_number(entry) for entry in row] for row in rows], dtype=np.float64)
@@ -178,8 +178,8 @@ def _read_poses(path: Path, scale: float) -> tuple[Float64[np.ndarray, "m"], Flo
 
 
 def _frame_times(
-    path: Path, settings: dict[str, Any], pose_times_s: Float64[np.ndarray, "m"]
-) -> tuple[list[Path], Float64[np.ndarray, "n"], int]:
+    path: Path, settings: dict[str, Any], pose_times_s: Float64[np.ndarray, " m"]
+) -> tuple[list[Path], Float64[np.ndarray, " n"], int]:
     """The image files, the time of each, and how many images have no row in frames.csv."""
     table = path / "frames.csv"
     if table.exists():
@@ -199,7 +199,7 @@ def _frame_times(
     return files, pose_times_s.copy(), 0
 
 
-def _listed_frames(table: Path) -> tuple[list[Path], Float64[np.ndarray, "n"]]:
+def _listed_frames(table: Path) -> tuple[list[Path], Float64[np.ndarray, " n"]]:
     rows = _read_csv(table, FRAME_COLUMNS)
     try:
         times_s = np.array([parse_number(row[1]) for row in rows], dtype=np.float64)

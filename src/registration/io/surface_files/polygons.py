@@ -27,8 +27,8 @@ class Polygons:
     """
 
     points: Float64[np.ndarray, "n 3"]
-    corners: Int64[np.ndarray, "c"] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    offsets: Int64[np.ndarray, "o"] = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
+    corners: Int64[np.ndarray, " c"] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    offsets: Int64[np.ndarray, " o"] = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
 
     def triangles(self) -> Int64[np.ndarray, "t 3"]:
         """Cut the polygons into triangles; those of fewer than three corners are lines and left out.
@@ -57,7 +57,7 @@ class Polygons:
         return _cut(self.points, corners, offsets)
 
 
-def joined(rows: list[list[int]]) -> tuple[Int64[np.ndarray, "c"], Int64[np.ndarray, "o"]]:
+def joined(rows: list[list[int]]) -> tuple[Int64[np.ndarray, " c"], Int64[np.ndarray, " o"]]:
     """Join polygons given one by one.
 
     Parameters

@@ -166,6 +166,6 @@ def _refuse_counted(rows: list[list[str]], names: list[str]) -> None:
         or not all(row[0].isdigit() for row in rows)
     ):
         return
-    first: Float64[np.ndarray, "n"] = np.array([row[0] for row in rows], dtype=np.float64)
+    first: Float64[np.ndarray, " n"] = np.array([row[0] for row in rows], dtype=np.float64)
     if first[0] in (0, 1) and (np.diff(first) == 1).all():
         raise ValueError("a first column that counts the rows (name the columns in a first line: id x y z)")

@@ -42,7 +42,7 @@ class Link:
     target: str
     matrix: Float64[np.ndarray, "*n 4 4"]
     given: bool = False
-    valid: Bool[np.ndarray, "n"] | None = None
+    valid: Bool[np.ndarray, " n"] | None = None
 
     @property
     def name(self) -> str:

@@ -207,7 +207,7 @@ def _reasons(links: tuple[Link, ...], count: int) -> np.ndarray:
 
 
 def _pose_notes(
-    found: list[Chain], world_A_ee: np.ndarray, valid: Bool[np.ndarray, "n"], path: Path
+    found: list[Chain], world_A_ee: np.ndarray, valid: Bool[np.ndarray, " n"], path: Path
 ) -> tuple[str, ...]:
     """By how much another chain puts the end effector elsewhere, for the one that differs most."""
     worst_mm, worst_deg, other_text = 0.0, 0.0, ""
@@ -232,7 +232,7 @@ def _image_remarks(
     found: list[Chain],
     ee_A_pixel: np.ndarray,
     size: tuple[int, int],
-    valid: Bool[np.ndarray, "n"],
+    valid: Bool[np.ndarray, " n"],
     path: Path,
 ) -> tuple[str, ...]:
     """By how much another chain puts the image's corners elsewhere, for the one that differs most."""

@@ -134,7 +134,7 @@ def parse_xml(path: Path) -> ElementTree.Element:
         ) from failure
 
 
-def numbers(node: ElementTree.Element, attribute: str, count: int, path: Path) -> Float64[np.ndarray, "n"]:
+def numbers(node: ElementTree.Element, attribute: str, count: int, path: Path) -> Float64[np.ndarray, " n"]:
     """Read the numbers in an attribute.
 
     Parameters

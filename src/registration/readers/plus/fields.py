@@ -77,7 +77,7 @@ def write_sequence(path: Path, sequence: PlusSequence, compressed: bool = True) 
     write_atomic(path, write(sequence, compressed))
 
 
-def frame_times_s(sequence: PlusSequence, clock: str, name: str) -> Float64[np.ndarray, "n"]:
+def frame_times_s(sequence: PlusSequence, clock: str, name: str) -> Float64[np.ndarray, " n"]:
     """Read each frame's time.
 
     Parameters

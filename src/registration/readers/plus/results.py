@@ -112,7 +112,7 @@ def read_wire_calibration(
     )
 
 
-def read_line_rows_px(path: Path, column_px: float) -> Float64[np.ndarray, "n"]:
+def read_line_rows_px(path: Path, column_px: float) -> Float64[np.ndarray, " n"]:
     """Read the rows of the lines in a file of PLUS's line segmentation at one column.
 
     Parameters

@@ -97,7 +97,7 @@ class TransformTree:
 
     def poses(
         self, world: str, ee: str, max_gap_s: float, name: str
-    ) -> tuple[Float64[np.ndarray, "m"], Float64[np.ndarray, "m 4 4"]]:
+    ) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, "m 4 4"]]:
         """Compose the poses at the times of the chain's most frequent link, the others interpolated to them.
 
         Times at which another link has no value (outside its own times, or in a gap) are left out: they

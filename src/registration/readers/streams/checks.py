@@ -12,8 +12,8 @@ _LUMA = np.array([0.299, 0.587, 0.114])
 
 
 def distinct_times(
-    times_s: Float64[np.ndarray, "n"], world_T_ee: Float64[np.ndarray, "n 4 4"], name: str
-) -> tuple[Float64[np.ndarray, "m"], Float64[np.ndarray, "m 4 4"]]:
+    times_s: Float64[np.ndarray, " n"], world_T_ee: Float64[np.ndarray, "n 4 4"], name: str
+) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, "m 4 4"]]:
     """Leave out poses that repeat the one before (same time, same pose).
 
     Parameters

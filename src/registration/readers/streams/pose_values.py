@@ -20,7 +20,7 @@ _MIN_REACH_MM = 3.0
 _MIDDLE = (5, 95)
 
 
-def unit_quaternions(quaternions: Float64[np.ndarray, "n 4"]) -> Bool[np.ndarray, "n"]:
+def unit_quaternions(quaternions: Float64[np.ndarray, "n 4"]) -> Bool[np.ndarray, " n"]:
     """Tell which quaternions are of length 1 within ``QUATERNION_TOLERANCE``; scaled to 1 they are rotations.
 
     Parameters
