@@ -339,7 +339,9 @@ def rotation_angle_deg(A_T_B: Float[np.ndarray, "*n 4 4"]) -> Float64[np.ndarray
 
 
 def interpolate(
-    times_s: Float[np.ndarray, " n"], known_times_s: Float[np.ndarray, " m"], A_T_B: Float[np.ndarray, "m 4 4"]
+    times_s: Float[np.ndarray, " n"],
+    known_times_s: Float[np.ndarray, " m"],
+    A_T_B: Float[np.ndarray, "m 4 4"],
 ) -> Float64[np.ndarray, "n 4 4"]:
     """Interpolate poses: SLERP for rotation, linear for translation; nothing is extrapolated.
 

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from registration.errors import InputError
-from registration.io.stored_data import Encoding, numbered_files, read_bytes, read_numbers, whole_number
+from registration.io.stored_data import Encoding, numbered_files, read_numbers, whole_number
+from registration.io.truncation import read_bytes
 
 TYPES = {
     "uchar": "u1", "unsigned char": "u1", "uint8": "u1", "uint8_t": "u1",

@@ -128,32 +128,6 @@ def read_numbers(
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
-def read_bytes(path: Path) -> bytes:
-    """Read all of a file.
-
-    Parameters
-    ----------
-    path : Path
-        File.
-
-    Returns
-    -------
-    bytes
-        Its content.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read.
-    """
-    try:
-        return path.read_bytes()
-    except OSError as failure:
-        raise InputError(
-            f"{path}: expected a readable file, found {failure.strerror or failure}"
-        ) from failure
-
-
 def numbered_files(pattern: str, words: Sequence[str], path: Path) -> list[Path]:
     """List the files that a pattern with a number names, such as ``slice%03d.raw``.
 

@@ -1,4 +1,4 @@
-"""Whether a file that the user names is there and can be read."""
+"""Files that the user names: whether they are there and can be read."""
 
 from __future__ import annotations
 
@@ -36,3 +36,29 @@ def require_file(path: Path) -> Path:
             f"{path}: expected a file that can be read, received {refusal.strerror}"
         ) from refusal
     return path
+
+
+def read_bytes(path: Path) -> bytes:
+    """Read all of a file.
+
+    Parameters
+    ----------
+    path : Path
+        File.
+
+    Returns
+    -------
+    bytes
+        Its content.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+    try:
+        return path.read_bytes()
+    except OSError as failure:
+        raise InputError(
+            f"{path}: expected a readable file, found {failure.strerror or failure}"
+        ) from failure
