@@ -188,5 +188,5 @@ def test_an_ablation_alone_is_as_the_file_of_multistart() -> None:
     ((whole, _),) = compose_points(["study=robustness", "rigid=multistart"])
     assert list(config["rigid"]) == ["multistart_no_slide"]
     assert config["rigid"]["multistart_no_slide"] == whole["rigid"]["multistart"] | {"slide": False}
-    with pytest.raises(InputError, match="rigid.multistart.rolls"):
+    with pytest.raises(InputError, match=r"rigid\.multistart\.rolls"):
         compose_points(["study=robustness", "rigid=multistart_no_slide", "rigid.multistart.rolls=24"])
