@@ -297,7 +297,7 @@ def compact_problem(seed: int, tilt_deg: float, length_widths: float, margin: fl
     near = np.linalg.norm(fixed - centre_mm, axis=1) < 3 * length_mm * (1 + margin)
     fixed = fixed[near & (np.abs((fixed - centre_mm)[:, 2]) < length_mm * (0.5 + margin))][:4000]
     moving = moving + rng.normal(scale=0.3, size=moving.shape)
-    pose = frames.from_rotation(Rotation.random(random_state=seed), rng.uniform(-40, 40, 3))
+    pose = transforms.from_rotation(Rotation.random(random_state=seed), rng.uniform(-40, 40, 3))
     frame = np.zeros(len(moving), dtype=np.int64)
     outlier = np.zeros(len(moving), dtype=bool)
     fixed = fixed + rng.normal(scale=0.3, size=fixed.shape)
