@@ -8,7 +8,7 @@ from registration.centerline.vessel_walls import Walls
 from registration.geometry.shapes import Polyline
 
 # A blunt end begins less than two radii after the last sphere that fills the vessel; a wall farther on is not its end.
-MOST_RADII = 3.0
+MAX_RADII = 3.0
 
 
 def to_closed_end(line: Polyline, walls: Walls, step_mm: float) -> Polyline:
@@ -26,7 +26,7 @@ def to_closed_end(line: Polyline, walls: Walls, step_mm: float) -> Polyline:
     if not length_mm > 0:
         return line
     ahead_mm = walls.ahead_mm(line.points_mm[-1], way / length_mm)
-    if not 0 < ahead_mm <= MOST_RADII * radius_mm:
+    if not 0 < ahead_mm <= MAX_RADII * radius_mm:
         return line
     count = max(round(ahead_mm / step_mm), 1)
     on_mm = np.linspace(0.0, ahead_mm, count + 1)[1:, None] * way / length_mm

@@ -138,15 +138,15 @@ class CenterlineExtractor:
 
 def _joined(line: Polyline, earlier: list[Polyline]) -> Polyline:
     """Let a line run on an earlier one for as long as both are in the same vessel, and leave it within a radius."""
-    best, most = line, 0
+    best, longest_shared = line, 0
     for other in earlier:
         arc_mm = np.linspace(0.0, other.length_mm, 20 * len(other.points_mm))
         apart_mm, nearest = cKDTree(other.at(arc_mm)).query(line.points_mm)
         together = apart_mm <= TOGETHER_RADII * line.radius_mm
         shared = int(together.argmin())
-        if together.all() or shared <= most:
+        if together.all() or shared <= longest_shared:
             continue
-        most = shared
+        longest_shared = shared
         left_mm = arc_mm[nearest[shared - 1]]
         trunk = other.arc_mm < left_mm
         away_mm = line.arc_mm[shared - 1 :] - line.arc_mm[shared - 1]

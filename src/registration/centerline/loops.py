@@ -33,8 +33,8 @@ def require_no_loop(axis: MedialAxis, lines: Sequence[Polyline], handles: int) -
         axis.shortcuts_mm, directed=False, indices=covered, min_only=True, return_predecessors=True
     )
     links = axis.apart_mm.tocoo()
-    beside = (away_mm[links.row] > 0) & (away_mm[links.col] > 0)
-    first, second = links.row[beside], links.col[beside]
+    off_lines = (away_mm[links.row] > 0) & (away_mm[links.col] > 0)
+    first, second = links.row[off_lines], links.col[off_lines]
     if not len(first):
         return
     one, other = place[first], place[second]

@@ -23,9 +23,9 @@ JOGGLE_SHARE = 1e-3
 # Above the square root of 2 the scaled spheres leave out the sheet that runs into a square rim.
 SCALE = 2.0
 # Points of a wall at most, which bounds the memory: a million tetrahedra or so, at about a kilobyte each.
-MOST_POINTS = 120_000
+MAX_POINTS = 120_000
 # Spheres at most; where more fit inside, as in a thin wall, fewer points are taken of it.
-MOST_SPHERES = 150_000
+MAX_SPHERES = 150_000
 # Spheres compared at a time, which bounds the memory.
 BLOCK = 4096
 
@@ -106,9 +106,9 @@ def medial_axis(wall: Mesh, walls: Walls, size_mm: float) -> MedialAxis:
     """
     points_mm = sample_evenly(wall, size_mm)
     found = _spheres(points_mm, walls)
-    while len(found.radius_mm) > MOST_SPHERES:
-        share = 0.9 * MOST_SPHERES / len(found.radius_mm)
-        points_mm = sample_evenly(wall, size_mm, most=int(share * len(points_mm)))
+    while len(found.radius_mm) > MAX_SPHERES:
+        share = 0.9 * MAX_SPHERES / len(found.radius_mm)
+        points_mm = sample_evenly(wall, size_mm, max_points=int(share * len(points_mm)))
         found = _spheres(points_mm, walls)
     return found
 
@@ -137,19 +137,19 @@ def _spheres(points_mm: Float64[np.ndarray, "p 3"], walls: Walls) -> MedialAxis:
 
 
 def sample_evenly(
-    mesh: Mesh, size_mm: float, coarse: float = 0.3, fine: float = 0.1, most: int | None = None
+    mesh: Mesh, size_mm: float, coarse: float = 0.3, fine: float = 0.1, max_points: int | None = None
 ) -> Float64[np.ndarray, "p 3"]:
     """Points on the mesh no farther apart than ``coarse`` and no denser than ``fine`` of ``size_mm``.
 
     Long triangles get points on a lattice; vertices are thinned to one for each cube of the fine length, or of a longer
-    one where more than ``most`` (``MOST_POINTS``) would be left.
+    one where more than ``max_points`` (``MAX_POINTS``) would be left.
     """
     points_mm = np.concatenate([mesh.vertices_mm, *_lattices(mesh, coarse * size_mm)])
     chosen = _one_a_cube(points_mm, fine * size_mm)
-    side_mm, most = fine * size_mm, MOST_POINTS if most is None else most
-    while len(chosen) > most:
+    side_mm, max_points = fine * size_mm, MAX_POINTS if max_points is None else max_points
+    while len(chosen) > max_points:
         # As many on a surface go with the square of their spacing.
-        side_mm *= 1.1 * np.sqrt(len(chosen) / most)
+        side_mm *= 1.1 * np.sqrt(len(chosen) / max_points)
         chosen = _one_a_cube(points_mm, side_mm)
     points_mm = points_mm[chosen]
     shake = np.random.default_rng(0).uniform(-1, 1, points_mm.shape)
@@ -171,11 +171,11 @@ def mean_radius_mm(mesh: Mesh) -> float:
     return 2 * volume_mm3 / area_mm2
 
 
-def _lattices(mesh: Mesh, most_mm: float) -> list[Float64[np.ndarray, "p 3"]]:
+def _lattices(mesh: Mesh, max_edge_mm: float) -> list[Float64[np.ndarray, "p 3"]]:
     """Points inside triangles whose longest edge exceeds ``most_mm``, on lattices fine enough."""
     corners_mm = mesh.corners_mm
     longest_mm = np.linalg.norm(corners_mm - np.roll(corners_mm, 1, axis=1), axis=2).max(axis=1)
-    parts = np.ceil(longest_mm / most_mm).astype(int)
+    parts = np.ceil(longest_mm / max_edge_mm).astype(int)
     points: list[np.ndarray] = []
     for count in np.unique(parts[parts > 1]):
         i, j = np.meshgrid(np.arange(count + 1), np.arange(count + 1))

@@ -75,8 +75,8 @@ def _across(
     """Two unit vectors at right angles to the line at each point, with an axis in between to lay a grid on."""
     along = np.gradient(_smooth(line_mm, 5.0), axis=0)
     along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
-    least = np.eye(3)[np.abs(along).argmin(axis=1)]
-    first = np.cross(along, least)
+    smallest_axis = np.eye(3)[np.abs(along).argmin(axis=1)]
+    first = np.cross(along, smallest_axis)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     return first[:, None], np.cross(along, first)[:, None]
 

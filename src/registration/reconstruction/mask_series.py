@@ -71,20 +71,20 @@ class MaskSeries:
             found.append(offset_px * self.pixel_mm[frame])
         return found
 
-    def apart(self, frame: int, others: Int64[np.ndarray, "n"]) -> tuple[float, float, float]:
+    def differences(self, frame: int, others: Int64[np.ndarray, "n"]) -> tuple[float, float, float]:
         """How far a mask is from what others predict: place and radius in their radii, and the share of its shape.
 
         The radius has a sign: it is below 0 for a mask that is too small.
         """
-        usual_mm = float(np.median(self.radius_mm[others]))
+        median_radius_mm = float(np.median(self.radius_mm[others]))
         values = np.column_stack([self.middle_mm[others], self.radius_mm[others]])
         expected = _line_at(self.way_mm[others], values, float(self.way_mm[frame]))
         offset_mm = self.middle_mm[frame] - expected[:3]
-        beside_mm = offset_mm - (offset_mm @ self.normals[frame]) * self.normals[frame]
+        in_plane_mm = offset_mm - (offset_mm @ self.normals[frame]) * self.normals[frame]
         wider_mm = float(self.radius_mm[frame] - expected[3])
         # Two of the others need agree: shapes change fast where branches part, but not from one mask to the next.
         shape = sorted(self._unlike(frame, int(other)) for other in others)[1]
-        return float(np.linalg.norm(beside_mm)) / usual_mm, wider_mm / usual_mm, shape
+        return float(np.linalg.norm(in_plane_mm)) / median_radius_mm, wider_mm / median_radius_mm, shape
 
     def _unlike(self, frame: int, other: int) -> float:
         """The share of two masks that do not cover each other, once their middles and areas are the same (1 - DSC)."""

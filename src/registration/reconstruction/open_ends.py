@@ -17,7 +17,7 @@ from registration.geometry.shapes import Mesh
 from registration.reconstruction.outlier_filters import VoxelDownsampling
 
 # A wall's points count for a piece of surface that faces within 60 degrees of them: the bulge's middle does not.
-LEAST_COSINE = 0.5
+MIN_COSINE = 0.5
 # A cloud denser than this many points along a bridge is thinned: wide bridges would otherwise see it all at once.
 CELLS_A_BRIDGE = 12
 # What is kept although nothing was measured there counts as just inside.
@@ -65,7 +65,7 @@ def beyond_mm(mesh: Mesh, cloud: OrientedCloud, bridge_mm: float) -> Float64[np.
             continue
         owner = np.repeat(np.arange(len(block)), sizes)
         points = np.concatenate([np.array(found, dtype=np.int64) for found in near])
-        facing = np.einsum("pi,pi->p", cloud.normals[points], normals[block][owner]) >= LEAST_COSINE
+        facing = np.einsum("pi,pi->p", cloud.normals[points], normals[block][owner]) >= MIN_COSINE
         owner, points = owner[facing], points[facing]
         offset_mm = cloud.points_mm[points] - mesh.vertices_mm[block][owner]
         found_mm[block] = _past_mm(offset_mm, cloud.normals[points], owner, len(block), bridge_mm)
@@ -101,12 +101,12 @@ def vertex_normals(mesh: Mesh) -> Float64[np.ndarray, "v 3"]:
     return _unit(_sums(facing, mesh.triangles.reshape(-1), len(mesh.vertices_mm)))
 
 
-def clip(mesh: Mesh, values: Float64[np.ndarray, "v"], most: float = 0.0) -> Mesh:
-    """Keep the part of the mesh where ``values`` (one a vertex, linear between them) are at most ``most``.
+def clip(mesh: Mesh, values: Float64[np.ndarray, "v"], max_value: float = 0.0) -> Mesh:
+    """Keep the part of the mesh where ``values`` (one a vertex, linear between them) are at most ``max_value``.
 
     Triangles across the border are cut on it, and neighbours share the new corners, so the border is one line.
     """
-    inside = values <= most
+    inside = values <= max_value
     count = inside[mesh.triangles].sum(axis=1)
     cut = (count == 1) | (count == 2)
     # Turn each cut triangle until its odd corner comes first: the one that is alone on its side.
@@ -117,7 +117,7 @@ def clip(mesh: Mesh, values: Float64[np.ndarray, "v"], most: float = 0.0) -> Mes
     ends = directed_edges(mesh)[first]
     crossed = inside[ends[:, 0]] != inside[ends[:, 1]]
     numbers, ends = numbers[crossed], ends[crossed]
-    share = (most - values[ends[:, 0]]) / (values[ends[:, 1]] - values[ends[:, 0]])
+    share = (max_value - values[ends[:, 0]]) / (values[ends[:, 1]] - values[ends[:, 0]])
     added_mm = mesh.vertices_mm[ends[:, 0]] + share[:, None] * (
         mesh.vertices_mm[ends[:, 1]] - mesh.vertices_mm[ends[:, 0]]
     )

@@ -20,7 +20,7 @@ from registration.reconstruction.open_ends import measured_part
 
 # The volume goes on this many cells past the outermost contours, so that the surface closes nowhere too early.
 MARGIN_CELLS = 3
-MOST_CELLS = 2e8
+MAX_CELLS = 2e8
 
 
 @dataclass(frozen=True)
@@ -151,8 +151,8 @@ class _Volume:
         points_mm = np.concatenate([piece.points_mm for piece in slices])
         low_mm = points_mm.min(axis=0) - MARGIN_CELLS * cell_mm
         shape = np.ceil((points_mm.max(axis=0) - low_mm) / cell_mm).astype(int) + MARGIN_CELLS + 1
-        if shape.prod() > MOST_CELLS:
-            raise InputError(f"cell_mm: expected at most {MOST_CELLS:g} cells, received {shape.prod():g}")
+        if shape.prod() > MAX_CELLS:
+            raise InputError(f"cell_mm: expected at most {MAX_CELLS:g} cells, received {shape.prod():g}")
         total_mm, weight = np.zeros(shape), np.zeros(shape, dtype=np.int64)
         return cls(total_mm, weight, low_mm, cell_mm, slices[0].sweep_T_world)
 
