@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -29,6 +29,7 @@ def _silent(text: str) -> None:
     del text
 
 
+@runtime_checkable
 class CloudFilter(Protocol):
     """What every filter is: a call from a cloud to what is left of it and what is not."""
 
