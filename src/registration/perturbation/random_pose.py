@@ -25,7 +25,7 @@ class PerturbedPose:
 
     Parameters
     ----------
-    turn : scipy.spatial.transform.Rotation
+    rotation : scipy.spatial.transform.Rotation
         Rotation about the cloud's centroid.
     shift_mm : ndarray, shape (3,)
         Translation in mm.

@@ -1,4 +1,4 @@
-"""Parts of masks that no part of their neighbours comes near."""
+"""Connected parts of masks that are far from all parts of the neighbouring masks."""
 
 from __future__ import annotations
 
@@ -44,9 +44,21 @@ class _Parts:
 def specks(
     series: MaskSeries, good: Bool[np.ndarray, "k"], window: int
 ) -> dict[int, Bool[np.ndarray, "height width"]]:
-    """The pixels of parts far from all parts of the neighbours, by mask; a mask's largest part is never one.
+    """Find parts of masks that are far from all parts of the neighbouring masks.
 
-    Only masks that are ``good`` are looked at, ``window`` of them around each.
+    Parameters
+    ----------
+    series : MaskSeries
+        The masks of a sweep.
+    good : ndarray of bool, shape (k,)
+        Masks that are compared with one another.
+    window : int
+        Number of neighbouring masks that a part is compared with.
+
+    Returns
+    -------
+    dict of int to ndarray of bool, shape (height, width)
+        Pixels of these parts by number of the mask; a mask's largest part is never among them.
     """
     usable = np.flatnonzero(good & series.shown)
     parts = {frame: _Parts.of(series, frame) for frame in usable.tolist()}

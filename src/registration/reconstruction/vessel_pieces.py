@@ -1,4 +1,4 @@
-"""The pieces of a surface that belong to one vessel, where a gap in a sweep has parted it, and those that do not."""
+"""Connected pieces of a surface that belong to one vessel, where a gap in a sweep has divided it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,17 @@ BRANCH_RADII = 2.0
 
 @dataclass(frozen=True)
 class KeptPieces:
-    """The pieces of one vessel as ``mesh``, how many they are, and what was left out, by number and area."""
+    """Result of selecting the pieces of one vessel.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The pieces that were kept.
+    kept, dropped : int
+        Numbers of pieces.
+    area_mm2, area_dropped_mm2 : float
+        Areas in mm^2 of the pieces that were kept and of the others.
+    """
 
     mesh: Mesh
     kept: int
@@ -33,17 +43,28 @@ class KeptPieces:
 
     @property
     def share_dropped(self) -> float:
-        """The share of all area that was left out."""
+        """Share of the area that was dropped, 0 to 1."""
         return self.area_dropped_mm2 / max(self.area_mm2 + self.area_dropped_mm2, 1e-300)
 
 
 @dataclass(frozen=True)
 class VesselPieces:
-    """Keep the largest piece and all that continue it; leave out the others.
+    """Selection of the largest piece of a surface and all pieces that continue it.
 
-    A piece continues another where an open end of one faces an open end of the other: on its axis, of a like width, at
-    most ``gap_radii`` radii away. So does a branch whose open end lies close before the wall of the other. A piece of
-    less than ``min_area_share`` of the whole area, or shorter than half its radius, is a speck.
+    A piece continues another where an open end of one faces an open end of the other: on its axis, of similar
+    width and near. So does a branch whose open end lies close before the wall of the other.
+
+    Parameters
+    ----------
+    gap_radii : float, optional
+        Widest gap between two open ends that face each other, in their radii.
+    min_area_share : float, optional
+        Pieces of a smaller share of the total area are dropped, as are those shorter than half their radius.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
     """
 
     gap_radii: float = 12.0
@@ -54,7 +75,18 @@ class VesselPieces:
         require_at_least("min_area_share", self.min_area_share, 0.0)
 
     def __call__(self, mesh: Mesh) -> KeptPieces:
-        """Part the mesh in pieces that belong and pieces that do not."""
+        """Keep the pieces of one vessel.
+
+        Parameters
+        ----------
+        mesh : Mesh
+            Surface of any number of pieces.
+
+        Returns
+        -------
+        KeptPieces
+            The pieces that were kept, and what was dropped.
+        """
         parts = self.parts(mesh)
         total_mm2 = float(mesh.areas_mm2.sum())
         kept = parts[0] if len(parts) == 1 else _together(parts)
@@ -62,7 +94,18 @@ class VesselPieces:
         return KeptPieces(kept, len(parts), pieces(mesh)[0] - len(parts), area_mm2, total_mm2 - area_mm2)
 
     def parts(self, mesh: Mesh) -> list[Mesh]:
-        """The pieces that belong to one vessel, the largest first."""
+        """Find the pieces of one vessel.
+
+        Parameters
+        ----------
+        mesh : Mesh
+            Surface of any number of pieces.
+
+        Returns
+        -------
+        list of Mesh
+            The pieces, the largest first.
+        """
         count, of_triangle = pieces(mesh)
         if count < 2:
             return [mesh]
