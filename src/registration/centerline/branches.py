@@ -9,14 +9,14 @@ from jaxtyping import Bool, Float64, Int64
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from registration.centerline.endpoints import summits
+from registration.centerline.endpoints import branch_ends
 from registration.centerline.medial_axis import SCALE, MedialAxis
 from registration.errors import InputError
 from registration.geometry.mesh_topology import Border
 
 
 @dataclass(frozen=True)
-class Tip:
+class Endpoint:
     """Where a vessel ends: a sphere, ``node``, and the exact end where that is known (an open end, a given point)."""
 
     node: int
@@ -36,7 +36,7 @@ class Path:
     closed: tuple[bool, bool] = (False, False)
 
 
-def find_tips(axis: MedialAxis, ends: tuple[Border, ...], branch_reach: float) -> tuple[Tip, ...]:
+def find_endpoints(axis: MedialAxis, ends: tuple[Border, ...], branch_reach: float) -> tuple[Endpoint, ...]:
     """Find all ends of a vessel tree, the widest first.
 
     One is the sphere farthest from the widest of all; the others are the ``summits`` of the length of the way from
@@ -50,44 +50,50 @@ def find_tips(axis: MedialAxis, ends: tuple[Border, ...], branch_reach: float) -
     source = int(np.where(main, from_middle_mm, -1.0).argmax())
     away_mm = _lengths_mm(axis, source)
     near = [node for node, end in openings.items() if away_mm[node] <= branch_reach * end.radius_mm]
-    tips = [_tip(openings, near, _last(axis, main, from_middle_mm, source))]
-    openings.pop(tips[0].node, None)
-    for summit in summits(axis, main, away_mm, branch_reach, np.array(list(openings), dtype=np.int64)):
-        before_mm = away_mm[summit.node] - away_mm
-        near = [node for node in summit.marked if before_mm[node] <= branch_reach * openings[node].radius_mm]
-        tips.append(_tip(openings, near, _last(axis, main, away_mm, summit.node)))
-    if len({tip.node for tip in tips}) < 2:
-        raise InputError(f"surface: expected a vessel longer than wide, received one with {len(tips)} end")
-    return tuple(sorted(tips, key=lambda tip: -_width_mm(axis, tip)))
+    endpoints = [_endpoint(openings, near, _last(axis, main, from_middle_mm, source))]
+    openings.pop(endpoints[0].node, None)
+    for branch_end in branch_ends(
+        axis, main, away_mm, branch_reach, np.array(list(openings), dtype=np.int64)
+    ):
+        before_mm = away_mm[branch_end.node] - away_mm
+        near = [
+            node for node in branch_end.marked if before_mm[node] <= branch_reach * openings[node].radius_mm
+        ]
+        endpoints.append(_endpoint(openings, near, _last(axis, main, away_mm, branch_end.node)))
+    if len({endpoint.node for endpoint in endpoints}) < 2:
+        raise InputError(
+            f"surface: expected a vessel longer than wide, received one with {len(endpoints)} end"
+        )
+    return tuple(sorted(endpoints, key=lambda endpoint: -_width_mm(axis, endpoint)))
 
 
-def _tip(openings: dict[int, Border], near: list[int], closed: int) -> Tip:
+def _endpoint(openings: dict[int, Border], near: list[int], closed: int) -> Endpoint:
     """The widest of the openings ``near`` an end, or the last sphere of a closed one."""
     if not near:
-        return Tip(closed)
+        return Endpoint(closed)
     node = max(near, key=lambda one: openings[one].radius_mm)
-    return Tip(node, openings[node].centre_mm)
+    return Endpoint(node, openings[node].centre_mm)
 
 
-def given_tips(axis: MedialAxis, ends_mm: Float64[np.ndarray, "k 3"]) -> tuple[Tip, ...]:
+def given_endpoints(axis: MedialAxis, ends_mm: Float64[np.ndarray, "k 3"]) -> tuple[Endpoint, ...]:
     """The ends that the caller knows, the source first: the sphere nearest to each."""
     nodes = cKDTree(axis.centres_mm).query(ends_mm)[1]
-    return tuple(Tip(int(node), end_mm) for node, end_mm in zip(nodes, ends_mm, strict=True))
+    return tuple(Endpoint(int(node), end_mm) for node, end_mm in zip(nodes, ends_mm, strict=True))
 
 
-def paths_from(axis: MedialAxis, tips: tuple[Tip, ...]) -> tuple[Path, ...]:
+def paths_from(axis: MedialAxis, endpoints: tuple[Endpoint, ...]) -> tuple[Path, ...]:
     """The cheapest path from the first tip to each of the others."""
-    source = tips[0]
+    source = endpoints[0]
     before = _predecessors(axis, source.node)
     paths = []
-    for tip in tips[1:]:
-        nodes = _walk(before, tip.node)
+    for endpoint in endpoints[1:]:
+        nodes = _walk(before, endpoint.node)
         parts = [axis.centres_mm[nodes]]
         if source.point_mm is not None:
             parts.insert(0, source.point_mm[None])
-        if tip.point_mm is not None:
-            parts.append(tip.point_mm[None])
-        closed = (source.point_mm is None, tip.point_mm is None)
+        if endpoint.point_mm is not None:
+            parts.append(endpoint.point_mm[None])
+        closed = (source.point_mm is None, endpoint.point_mm is None)
         paths.append(Path(np.concatenate(parts), float(np.median(axis.radius_mm[nodes])), closed))
     return tuple(paths)
 
@@ -132,7 +138,7 @@ def _walk(before: Int64[np.ndarray, "n"], node: int) -> Int64[np.ndarray, "p"]:
     return np.array(nodes[::-1], dtype=np.int64)
 
 
-def _width_mm(axis: MedialAxis, tip: Tip) -> float:
+def _width_mm(axis: MedialAxis, endpoint: Endpoint) -> float:
     """How wide the vessel is at a tip: the widest sphere within two radii of it."""
-    apart_mm = np.linalg.norm(axis.centres_mm - axis.centres_mm[tip.node], axis=1)
-    return float(axis.radius_mm[apart_mm <= 2 * axis.radius_mm[tip.node]].max())
+    apart_mm = np.linalg.norm(axis.centres_mm - axis.centres_mm[endpoint.node], axis=1)
+    return float(axis.radius_mm[apart_mm <= 2 * axis.radius_mm[endpoint.node]].max())

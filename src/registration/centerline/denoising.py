@@ -17,7 +17,7 @@ TELLING, CLEANING = 10, 60
 DEVIATION_PER_MEDIAN = 1.4826
 
 
-def smoothed_if_rough(mesh: Mesh, rough_radii: float) -> Mesh:
+def smooth_if_rough(mesh: Mesh, rough_radii: float) -> Mesh:
     """Smooth a vessel's wall that is rougher than ``rough_radii`` of the vessel's radius; any other stays as it is.
 
     Roughness is the distance of the vertices from the surface that a little of Taubin's filter (SIGGRAPH 1995) leaves,

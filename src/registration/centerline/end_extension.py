@@ -11,7 +11,7 @@ from registration.geometry.shapes import Polyline
 MAX_RADII = 3.0
 
 
-def to_closed_end(line: Polyline, walls: Walls, step_mm: float) -> Polyline:
+def extend_to_closed_end(line: Polyline, walls: Walls, step_mm: float) -> Polyline:
     """Carry a line straight on from its last point to the wall ahead, with the radius that it had there.
 
     The direction is that of the line's last radius. A cap is no more a wall of the vessel than an opening is: the
@@ -36,6 +36,6 @@ def to_closed_end(line: Polyline, walls: Walls, step_mm: float) -> Polyline:
     )
 
 
-def backwards(line: Polyline) -> Polyline:
+def reversed_line(line: Polyline) -> Polyline:
     """The same line from its last point to its first."""
     return Polyline(line.points_mm[::-1], line.radius_mm[::-1])

@@ -13,20 +13,20 @@ from registration.centerline.medial_axis import MedialAxis
 
 
 @dataclass(frozen=True)
-class Summit:
+class BranchEnd:
     """A sphere from which all ways lead back: ``node``, and those of the nodes asked for that lie on its branch."""
 
     node: int
     marked: tuple[int, ...]
 
 
-def summits(
+def branch_ends(
     axis: MedialAxis,
     main: Bool[np.ndarray, "n"],
     away_mm: Float64[np.ndarray, "n"],
     reach: float,
     marked: Int64[np.ndarray, "k"],
-) -> tuple[Summit, ...]:
+) -> tuple[BranchEnd, ...]:
     """The ends of all branches, the farthest first; ``away_mm`` is the distance of each sphere from the source.
 
     What lies beyond a distance from the source falls into parts. Lowering the distance lets parts grow and meet; of two
@@ -47,15 +47,15 @@ def summits(
             high, low = low, high
         passed = held.pop(low, [])
         if top[low] >= 0 and _is_branch(axis, main, top[low], one, away_mm[top[low]] - level_mm, reach):
-            found.append(Summit(top[low], tuple(passed)))
+            found.append(BranchEnd(top[low], tuple(passed)))
         elif passed:
             held[high] = held.get(high, []) + passed
         owner[low] = high
     last = _root(owner, 0)
     source = int(away_mm.argmin())
     if _is_branch(axis, main, top[last], source, away_mm[top[last]], reach):
-        found.append(Summit(top[last], tuple(held.get(last, []))))
-    return tuple(sorted(found, key=lambda summit: -away_mm[summit.node]))
+        found.append(BranchEnd(top[last], tuple(held.get(last, []))))
+    return tuple(sorted(found, key=lambda branch_end: -away_mm[branch_end.node]))
 
 
 def _meetings(axis: MedialAxis, away_mm: Float64[np.ndarray, "n"]) -> list[tuple[int, int, float]]:
@@ -80,9 +80,14 @@ def _root(owner: list[int], node: int) -> int:
 
 
 def _is_branch(
-    axis: MedialAxis, main: Bool[np.ndarray, "n"], summit: int, meeting: int, reach_mm: float, reach: float
+    axis: MedialAxis,
+    main: Bool[np.ndarray, "n"],
+    branch_end: int,
+    meeting: int,
+    reach_mm: float,
+    reach: float,
 ) -> bool:
-    if reach_mm < reach * max(axis.radius_mm[summit], axis.radius_mm[meeting]):
+    if reach_mm < reach * max(axis.radius_mm[branch_end], axis.radius_mm[meeting]):
         return False
     apart_mm = np.linalg.norm(axis.centres_mm - axis.centres_mm[meeting], axis=1)
     around = main & (apart_mm <= axis.radius_mm)

@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial import cKDTree
 
-from registration.centerline.branches import Path, find_tips, given_tips, paths_from
-from registration.centerline.denoising import smoothed_if_rough
-from registration.centerline.end_extension import backwards, to_closed_end
+from registration.centerline.branches import Path, find_endpoints, given_endpoints, paths_from
+from registration.centerline.denoising import smooth_if_rough
+from registration.centerline.end_extension import extend_to_closed_end, reversed_line
 from registration.centerline.loops import require_no_loop
 from registration.centerline.medial_axis import mean_radius_mm, medial_axis
 from registration.centerline.refinement import refine
@@ -98,7 +98,7 @@ class CenterlineExtractor:
 
     def _lines(self, piece: Mesh, ends_mm: Float64[np.ndarray, "k 3"] | None) -> tuple[Polyline, ...]:
         """The lines of one piece of a vessel."""
-        mesh = smoothed_if_rough(piece, self.rough_radii)
+        mesh = smooth_if_rough(piece, self.rough_radii)
         found = borders(mesh)
         ends = tuple(border for border in found if border.is_end)
         wall = with_caps(mesh, tuple(border for border in found if not border.is_end), CAP_RINGS)
@@ -106,11 +106,11 @@ class CenterlineExtractor:
         walls = Walls(wall, closed)
         axis = medial_axis(wall, walls, mean_radius_mm(closed))
         if ends_mm is None:
-            tips = find_tips(axis, ends, self.branch_reach)
+            endpoints = find_endpoints(axis, ends, self.branch_reach)
         else:
-            tips = given_tips(axis, _require_inside(ends_mm, walls))
+            endpoints = given_endpoints(axis, _require_inside(ends_mm, walls))
         lines: list[Polyline] = []
-        for path in sorted(paths_from(axis, tips), key=lambda path: -path.width_mm):
+        for path in sorted(paths_from(axis, endpoints), key=lambda path: -path.width_mm):
             lines.append(self._line(path, walls, lines))
         if ends_mm is None and (handles := genus(closed)):
             require_no_loop(axis, lines, handles)
@@ -130,9 +130,9 @@ class CenterlineExtractor:
         points_mm = refine(path.points_mm, walls, step_mm, self.smoothing_radii * path.width_mm)
         line = Polyline(points_mm, walls.distance_mm(points_mm))
         if path.closed[1]:
-            line = to_closed_end(line, walls, step_mm)
+            line = extend_to_closed_end(line, walls, step_mm)
         if path.closed[0]:
-            line = backwards(to_closed_end(backwards(line), walls, step_mm))
+            line = reversed_line(extend_to_closed_end(reversed_line(line), walls, step_mm))
         return _joined(line, earlier)
 
 
@@ -142,9 +142,9 @@ def _joined(line: Polyline, earlier: list[Polyline]) -> Polyline:
     for other in earlier:
         arc_mm = np.linspace(0.0, other.length_mm, 20 * len(other.points_mm))
         apart_mm, nearest = cKDTree(other.at(arc_mm)).query(line.points_mm)
-        together = apart_mm <= TOGETHER_RADII * line.radius_mm
-        shared = int(together.argmin())
-        if together.all() or shared <= longest_shared:
+        same_vessel = apart_mm <= TOGETHER_RADII * line.radius_mm
+        shared = int(same_vessel.argmin())
+        if same_vessel.all() or shared <= longest_shared:
             continue
         longest_shared = shared
         left_mm = arc_mm[nearest[shared - 1]]

@@ -172,7 +172,7 @@ def mean_radius_mm(mesh: Mesh) -> float:
 
 
 def _lattices(mesh: Mesh, max_edge_mm: float) -> list[Float64[np.ndarray, "p 3"]]:
-    """Points inside triangles whose longest edge exceeds ``most_mm``, on lattices fine enough."""
+    """Points inside triangles whose longest edge exceeds ``max_edge_mm``, on lattices fine enough."""
     corners_mm = mesh.corners_mm
     longest_mm = np.linalg.norm(corners_mm - np.roll(corners_mm, 1, axis=1), axis=2).max(axis=1)
     parts = np.ceil(longest_mm / max_edge_mm).astype(int)

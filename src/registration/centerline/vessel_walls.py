@@ -39,9 +39,9 @@ class Walls:
         """Distance of each point to the nearest wall: the radius of the largest sphere around it that fits."""
         return self._distance(points_mm)
 
-    def ahead_mm(self, point_mm: Float64[np.ndarray, "3"], way: Float64[np.ndarray, "3"]) -> float:
+    def ahead_mm(self, point_mm: Float64[np.ndarray, "3"], direction: Float64[np.ndarray, "3"]) -> float:
         """How far it is from a point, along the unit vector ``way``, to the closed surface; infinite past it."""
-        ray = np.concatenate([point_mm - self._centre_mm, way]).astype(np.float32)
+        ray = np.concatenate([point_mm - self._centre_mm, direction]).astype(np.float32)
         return float(self._scene.cast_rays(_open3d().core.Tensor(ray[None]))["t_hit"].numpy()[0])
 
 

@@ -1,4 +1,4 @@
-"""Outlier masks of a tracked sweep: their position, size or shape in the world differs from the neighbours'."""
+"""Outlier masks of a tracked sweep: masks whose position, size or shape differs from the neighbours'."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ class MaskSeries:
     middle_mm: Float64[np.ndarray, "k 3"]
     middle_px: Float64[np.ndarray, "k 2"]
     radius_mm: Float64[np.ndarray, "k"]
-    way_mm: Float64[np.ndarray, "k"]
+    path_mm: Float64[np.ndarray, "k"]
 
     @classmethod
     def of(cls, masks: np.ndarray, world_A_pixel: np.ndarray, level: float) -> MaskSeries:
@@ -127,15 +127,15 @@ class MaskSeries:
         """
         median_radius_mm = float(np.median(self.radius_mm[others]))
         values = np.column_stack([self.middle_mm[others], self.radius_mm[others]])
-        expected = _line_at(self.way_mm[others], values, float(self.way_mm[frame]))
+        expected = _line_at(self.path_mm[others], values, float(self.path_mm[frame]))
         offset_mm = self.middle_mm[frame] - expected[:3]
         in_plane_mm = offset_mm - (offset_mm @ self.normals[frame]) * self.normals[frame]
         wider_mm = float(self.radius_mm[frame] - expected[3])
         # Two of the others need agree: shapes change fast where branches part, but not from one mask to the next.
-        shape = sorted(self._unlike(frame, int(other)) for other in others)[1]
+        shape = sorted(self._shape_difference(frame, int(other)) for other in others)[1]
         return float(np.linalg.norm(in_plane_mm)) / median_radius_mm, wider_mm / median_radius_mm, shape
 
-    def _unlike(self, frame: int, other: int) -> float:
+    def _shape_difference(self, frame: int, other: int) -> float:
         """The share of two masks that do not cover each other, once their middles and areas are the same (1 - DSC)."""
         scale = self.radius_mm[other] / self.radius_mm[frame]
         place = self.middle_px[other] + scale * self.drawn_mm[frame] / self.pixel_mm[other]
@@ -149,13 +149,13 @@ class MaskSeries:
 
 
 def _line_at(
-    way_mm: Float64[np.ndarray, "n"], values: Float64[np.ndarray, "n d"], place_mm: float
+    path_mm: Float64[np.ndarray, "n"], values: Float64[np.ndarray, "n d"], place_mm: float
 ) -> Float64[np.ndarray, "d"]:
     """Values at a place by the line of median slope through others."""
-    first, second = np.triu_indices(len(way_mm), 1)
-    run_mm = way_mm[second] - way_mm[first]
+    first, second = np.triu_indices(len(path_mm), 1)
+    run_mm = path_mm[second] - path_mm[first]
     moving = run_mm > 1e-6
     if not moving.any():
         return np.asarray(np.median(values, axis=0))
     slope = np.median((values[second[moving]] - values[first[moving]]) / run_mm[moving, None], axis=0)
-    return np.asarray(np.median(values + (place_mm - way_mm)[:, None] * slope, axis=0))
+    return np.asarray(np.median(values + (place_mm - path_mm)[:, None] * slope, axis=0))

@@ -35,10 +35,10 @@ class _Parts:
         middle_mm = transforms.apply(series.world_A_pixel[frame], np.pad(middle_px, ((0, 0), (0, 1))))
         return cls(middle_mm, np.sqrt(sizes * series.pixel_mm[frame].prod() / np.pi), numbered)
 
-    def meets(self, one: int, other: _Parts, way_mm: float) -> bool:
+    def meets(self, one: int, other: _Parts, path_mm: float) -> bool:
         """Whether a part comes within its radius of a part of another mask, or as near as the masks are."""
         apart_mm = np.linalg.norm(other.middle_mm - self.middle_mm[one], axis=1)
-        return bool((apart_mm <= 2 * self.radius_mm[one] + other.radius_mm + way_mm).any())
+        return bool((apart_mm <= 2 * self.radius_mm[one] + other.radius_mm + path_mm).any())
 
 
 def specks(
@@ -67,14 +67,16 @@ def specks(
         near = usable[max(place - window // 2, 0) : place + window // 2 + 1].tolist()
         if own.labels is None or len(near) <= MIN_NEIGHBOURS:
             continue
-        way_mm = {
-            other: abs(float(series.way_mm[other] - series.way_mm[frame])) for other in near if other != frame
+        path_mm = {
+            other: abs(float(series.path_mm[other] - series.path_mm[frame]))
+            for other in near
+            if other != frame
         }
         isolated = [
             one + 1
             for one in range(len(own.radius_mm))
             if one != own.radius_mm.argmax()
-            and not any(own.meets(one, parts[other], way_mm[other]) for other in way_mm)
+            and not any(own.meets(one, parts[other], path_mm[other]) for other in path_mm)
         ]
         if isolated:
             found[frame] = np.isin(own.labels, isolated)

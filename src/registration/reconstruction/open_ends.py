@@ -121,9 +121,9 @@ def _past_mm(
     # The plane is the wall's and not the surface's: a bulge turns in, and would see the far side of the rim ahead.
     outwards = _unit(_sums(weights[:, None] * facing, owner, count))[owner]
     along_mm = offset_mm - np.einsum("pi,pi->p", offset_mm, outwards)[:, None] * outwards
-    way_out = -_unit(_sums(weights[:, None] * along_mm, owner, count))
+    outward = -_unit(_sums(weights[:, None] * along_mm, owner, count))
     reach_mm = np.full(count, -float(bridge_mm))
-    np.maximum.at(reach_mm, owner, np.einsum("pi,pi->p", along_mm, way_out[owner]))
+    np.maximum.at(reach_mm, owner, np.einsum("pi,pi->p", along_mm, outward[owner]))
     return -reach_mm
 
 
