@@ -1,4 +1,4 @@
-"""Which way the vessels go: end points found on a medial axis, and the cheapest path from one of them to each other."""
+"""Endpoints of a vessel tree, found on its medial axis, and the cheapest paths from one to the others."""
 
 from __future__ import annotations
 
@@ -17,7 +17,15 @@ from registration.geometry.mesh_topology import Border
 
 @dataclass(frozen=True)
 class Endpoint:
-    """Where a vessel ends: a sphere, ``node``, and the exact end where that is known (an open end, a given point)."""
+    """Where a vessel ends.
+
+    Parameters
+    ----------
+    node : int
+        Sphere of the medial axis at the end.
+    point_mm : ndarray, shape (3,), or None, optional
+        Exact end in mm where it is known (an open end, a given point).
+    """
 
     node: int
     point_mm: Float64[np.ndarray, "3"] | None = None
@@ -25,10 +33,16 @@ class Endpoint:
 
 @dataclass(frozen=True)
 class Path:
-    """A rough way through a vessel: ``points_mm`` (p, 3), from the source to a tip, and ``width_mm``, its radius.
+    """Rough path through a vessel from the source to another endpoint.
 
-    The radius is the median of the spheres on the way. ``closed`` says of both ends whether the vessel is closed there
-    and the path stops at the last sphere that fills it.
+    Parameters
+    ----------
+    points_mm : ndarray, shape (p, 3)
+        Points in mm.
+    width_mm : float
+        Median radius in mm of the spheres on the path.
+    closed : tuple of bool, optional
+        For both ends, whether the vessel is closed there and the path stops at the last sphere that fills it.
     """
 
     points_mm: Float64[np.ndarray, "p 3"]
@@ -37,12 +51,30 @@ class Path:
 
 
 def find_endpoints(axis: MedialAxis, ends: tuple[Border, ...], branch_reach: float) -> tuple[Endpoint, ...]:
-    """Find all ends of a vessel tree, the widest first.
+    """Find all ends of a vessel tree.
 
-    One is the sphere farthest from the widest of all; the others are the ``summits`` of the length of the way from
-    there, where a branch counts from ``branch_reach`` radii on. An end is exact where an opening is beside it, no
-    farther off than ``branch_reach`` of the opening's radii; other openings are none. Raises InputError where fewer
-    than two ends are found.
+    One is the sphere farthest from the widest of all; the others are the ``branch_ends`` of the path lengths
+    from there. Openings that no end is near are no ends.
+
+    Parameters
+    ----------
+    axis : MedialAxis
+        Inscribed spheres of the vessel.
+    ends : tuple of Border
+        Openings of the vessel.
+    branch_reach : float
+        Length in radii from which on a branch counts, and within which an opening belongs to an end, in its
+        own radii.
+
+    Returns
+    -------
+    tuple of Endpoint
+        The endpoints, the widest first.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two.
     """
     main = axis.is_main()
     openings = {_node_in(axis, end): end for end in sorted(ends, key=lambda end: end.radius_mm)}
@@ -76,13 +108,39 @@ def _endpoint(openings: dict[int, Border], near: list[int], closed: int) -> Endp
 
 
 def given_endpoints(axis: MedialAxis, ends_mm: Float64[np.ndarray, "k 3"]) -> tuple[Endpoint, ...]:
-    """The ends that the caller knows, the source first: the sphere nearest to each."""
+    """Find the spheres of endpoints that the caller knows.
+
+    Parameters
+    ----------
+    axis : MedialAxis
+        Inscribed spheres of the vessel.
+    ends_mm : ndarray, shape (k, 3)
+        Ends in mm, the source first.
+
+    Returns
+    -------
+    tuple of Endpoint
+        The ends with the sphere nearest to each, in the same order.
+    """
     nodes = cKDTree(axis.centres_mm).query(ends_mm)[1]
     return tuple(Endpoint(int(node), end_mm) for node, end_mm in zip(nodes, ends_mm, strict=True))
 
 
 def paths_from(axis: MedialAxis, endpoints: tuple[Endpoint, ...]) -> tuple[Path, ...]:
-    """The cheapest path from the first tip to each of the others."""
+    """Find the cheapest path from the first endpoint to each of the others.
+
+    Parameters
+    ----------
+    axis : MedialAxis
+        Inscribed spheres of the vessel.
+    endpoints : tuple of Endpoint
+        The source, then the others.
+
+    Returns
+    -------
+    tuple of Path
+        One path for each endpoint but the source.
+    """
     source = endpoints[0]
     before = _predecessors(axis, source.node)
     paths = []

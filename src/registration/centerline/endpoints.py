@@ -1,4 +1,4 @@
-"""The ends of a vessel tree: where the way from its source can go no farther, and by enough to be a branch."""
+"""Ends of a vessel tree: points farthest from its source on branches that are long enough to count."""
 
 from __future__ import annotations
 
@@ -14,7 +14,15 @@ from registration.centerline.medial_axis import MedialAxis
 
 @dataclass(frozen=True)
 class BranchEnd:
-    """A sphere from which all ways lead back: ``node``, and those of the nodes asked for that lie on its branch."""
+    """End of a branch: a sphere from which all paths lead back to the source.
+
+    Parameters
+    ----------
+    node : int
+        The sphere.
+    marked : tuple of int
+        Those of the marked spheres that lie on its branch.
+    """
 
     node: int
     marked: tuple[int, ...]
@@ -27,14 +35,37 @@ def branch_ends(
     reach: float,
     marked: Int64[np.ndarray, "k"],
 ) -> tuple[BranchEnd, ...]:
-    """The ends of all branches, the farthest first; ``away_mm`` is the distance of each sphere from the source.
+    """Find the ends of all branches as persistent maxima of the distance from the source.
 
-    What lies beyond a distance from the source falls into parts. Lowering the distance lets parts grow and meet; of two
-    that meet, the one that reaches less far is a branch of the other. It counts if it reaches at least ``reach`` radii
-    farther than the place where they meet, in radii of the larger of the branch's last sphere and the vessel there; a
-    shorter one is a bump in a wall, a corner of a flat vessel or a blob that hangs on it. (Persistence of the maxima of
-    a function, Edelsbrunner, Letscher and Zomorodian, Discrete Comput. Geom. 28, 2002.) Only ``main`` spheres are ends;
-    there are none where the vessel is not longer than wide.
+    Parameters
+    ----------
+    axis : MedialAxis
+        Inscribed spheres of the vessel.
+    main : ndarray of bool, shape (n,)
+        Spheres that may be ends (``MedialAxis.is_main``).
+    away_mm : ndarray, shape (n,)
+        Distance of each sphere from the source along the vessel in mm.
+    reach : float
+        Smallest length of a branch in radii of its last sphere or of the vessel where it leaves, whichever is
+        larger.
+    marked : ndarray of int, shape (k,)
+        Spheres whose branch is asked for, such as those in openings.
+
+    Returns
+    -------
+    tuple of BranchEnd
+        The ends, the farthest first; none where the vessel is not longer than wide.
+
+    Notes
+    -----
+    What lies beyond a distance from the source falls into parts. Lowering the distance lets parts grow and
+    meet; of two that meet, the one that reaches less far is a branch of the other. Its length is measured
+    from the place where they meet; a shorter one is a bump in a wall, a corner of a flat vessel or a blob
+    attached to it.
+
+    References
+    ----------
+    H. Edelsbrunner, D. Letscher and A. Zomorodian, Discrete Comput. Geom. 28, 2002.
     """
     # Of each part, by the node that stands for it: its farthest main sphere (or none, -1) and the marked nodes in it.
     top = np.where(main, np.arange(len(main)), -1).tolist()

@@ -32,7 +32,7 @@ class MaskSeries:
         Centroids as (column, row) in px.
     radius_mm : ndarray, shape (k,)
         Radii of circles of the masks' areas.
-    way_mm : ndarray, shape (k,)
+    path_mm : ndarray, shape (k,)
         Length of the path of the image centre from the first mask to each.
     """
 
