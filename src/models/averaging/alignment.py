@@ -18,7 +18,7 @@ from models.errors import InputError
 # A permutation by which channels are taken: channel i of the result is channel permutation[i].
 Permutations = Mapping[int, np.ndarray]
 # Of the agreement: less than that is rounding.
-_LEAST_GAIN = 1e-6
+_MIN_GAIN = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +169,7 @@ class _Matcher:
         names = {name for name, _, _ in self.places[group]}
         agreement = self.agreement(names)
         self.permutations[group] = after
-        if self.agreement(names) > agreement + _LEAST_GAIN * abs(agreement):
+        if self.agreement(names) > agreement + _MIN_GAIN * abs(agreement):
             return True
         self.permutations[group] = before
         return False

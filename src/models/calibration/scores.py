@@ -17,7 +17,7 @@ from models.calibration.reliability import (
     equal_width_table,
     fine_table,
 )
-from models.calibration.temperature import LEAST_PROBABILITY
+from models.calibration.temperature import MIN_PROBABILITY
 from models.errors import InputError
 
 N_BINS = 15
@@ -50,7 +50,7 @@ class PixelStatistics:
         """Those of probabilities and a reference of 0 and 1 of the same shape; InputError for anything else."""
         values, labels = checked(probability, reference)
         of_label = np.where(labels, values, 1 - values)
-        nll = -np.log(np.maximum(of_label, LEAST_PROBABILITY))
+        nll = -np.log(np.maximum(of_label, MIN_PROBABILITY))
         return cls(
             float(nll.sum()),
             float(((1 - of_label) ** 2).sum()),
@@ -75,7 +75,7 @@ class PixelStatistics:
     def nll(self) -> float:
         """Mean negative log-likelihood; NaN without pixels.
 
-        A probability of 0 for what is there counts as ``LEAST_PROBABILITY``: in 32 bits it means no less.
+        A probability of 0 for what is there counts as ``MIN_PROBABILITY``: in 32 bits it means no less.
         """
         return self.nll_sum / self.pixels if self.pixels else float("nan")
 

@@ -14,7 +14,7 @@ from models.array_types import Float, Float32, Float64, Shaped
 from models.errors import InputError
 
 # Probabilities nearer to 0 and 1 have no logit of their own in 32 bits.
-LEAST_PROBABILITY = 2.0**-24
+MIN_PROBABILITY = 2.0**-24
 # The factor of the logits, 1 / temperature, is sought between these.
 FACTORS = (1e-3, 1e3)
 _BELOW_HALF = np.nextafter(np.float32(0.5), np.float32(0.0))
@@ -97,8 +97,8 @@ class FittedTemperature:
 
 
 def logits_of(probability: Float[np.ndarray, "*any"]) -> Float32[np.ndarray, "*any"]:
-    """The logits of probabilities; those of 0 and 1 are kept finite by ``LEAST_PROBABILITY``."""
-    clipped = np.clip(np.asarray(probability, np.float64), LEAST_PROBABILITY, 1 - LEAST_PROBABILITY)
+    """The logits of probabilities; those of 0 and 1 are kept finite by ``MIN_PROBABILITY``."""
+    clipped = np.clip(np.asarray(probability, np.float64), MIN_PROBABILITY, 1 - MIN_PROBABILITY)
     return np.asarray(np.log(clipped) - np.log1p(-clipped), dtype=np.float32)
 
 
@@ -165,7 +165,7 @@ class _Likelihood:
         self.batches, self.with_bias = batches, with_bias
         self.pixels = self.passes = self.vessel = 0
         # The range of logits on which the classes overlap, in the first pass.
-        self.least_of_vessel, self.most_of_background = math.inf, -math.inf
+        self.min_vessel_logit, self.max_background_logit = math.inf, -math.inf
 
     def __call__(self, parameters: Float64[np.ndarray, "p"]) -> tuple[float, Float64[np.ndarray, "p"]]:
         factor, bias = float(parameters[0]), float(parameters[1]) if self.with_bias else 0.0
@@ -195,9 +195,9 @@ class _Likelihood:
     def _note_ranges(self, values: torch.Tensor, labels: torch.Tensor) -> None:
         vessel, background = values[labels == 1], values[labels == 0]
         if len(vessel):
-            self.least_of_vessel = min(self.least_of_vessel, float(vessel.min()))
+            self.min_vessel_logit = min(self.min_vessel_logit, float(vessel.min()))
         if len(background):
-            self.most_of_background = max(self.most_of_background, float(background.max()))
+            self.max_background_logit = max(self.max_background_logit, float(background.max()))
 
     def require_overlap(self) -> None:
         """Raise InputError if there is one class only, or the likelihood rises for ever as the temperature falls."""
@@ -205,13 +205,13 @@ class _Likelihood:
             raise InputError(
                 f"masks: expected pixels of vessel and of background, found {self.vessel} of {self.pixels} of vessel"
             )
-        separated = self.least_of_vessel >= self.most_of_background
+        separated = self.min_vessel_logit >= self.max_background_logit
         if not self.with_bias:
-            separated = self.least_of_vessel >= 0 >= self.most_of_background
+            separated = self.min_vessel_logit >= 0 >= self.max_background_logit
         if separated:
             raise InputError(
                 "logits: expected some on the wrong side, found vessel and background separated perfectly "
-                f"({self.least_of_vessel:g} and up, {self.most_of_background:g} and down)"
+                f"({self.min_vessel_logit:g} and up, {self.max_background_logit:g} and down)"
             )
 
 

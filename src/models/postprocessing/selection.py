@@ -97,5 +97,5 @@ def _allowed(rates: np.ndarray, limit: float | None) -> tuple[bool, np.ndarray]:
         raise InputError(f"max_false_alarm_rate: expected 0 to 1, received {limit}")
     if np.isnan(rates).all():
         raise InputError("cases: expected an image without a vessel to know false alarms by, found none")
-    least = float(rates.min())
-    return least <= limit, np.flatnonzero(rates <= max(limit, least))
+    min_rate = float(rates.min())
+    return min_rate <= limit, np.flatnonzero(rates <= max(limit, min_rate))

@@ -15,7 +15,7 @@ from models.errors import InputError
 from models.training.losses import Loss
 
 # The ensemble's probabilities are kept from 0 and 1 by this, so that their logits are finite.
-LEAST_PROBABILITY = 2.0**-20
+MIN_PROBABILITY = 2.0**-20
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Distillation:
         return loss
 
     def _divergence(self, logits: Tensor, ensemble: Tensor) -> Tensor:
-        teacher = torch.logit(ensemble, eps=LEAST_PROBABILITY) / self.temperature
+        teacher = torch.logit(ensemble, eps=MIN_PROBABILITY) / self.temperature
         student, soft = logits / self.temperature, torch.sigmoid(teacher)
         # Cross-entropy less the ensemble's own entropy, both from logits: exactly 0 for equal ones.
         cross = functional.binary_cross_entropy_with_logits(student, soft)
