@@ -12,7 +12,7 @@ from pathlib import Path
 
 
 @contextmanager
-def written_beside(path: Path) -> Iterator[Path]:
+def atomic_write(path: Path) -> Iterator[Path]:
     """Give a temporary name in the folder of ``path`` to write to; rename it to ``path`` when all went well.
 
     The temporary name keeps the suffix, because many writers choose the format by it. What was at ``path`` before stays

@@ -16,7 +16,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from models.atomic import written_beside
+from models.atomic import atomic_write
 from models.errors import InputError
 from models.networks.registry import NetworkRecipe, recipe_of, settings_of
 from models.preprocessing.preprocessing import Preprocessing
@@ -55,7 +55,7 @@ class Checkpoint:
             "weights": {name: tensor.detach().cpu().contiguous() for name, tensor in self.weights.items()},
             "notes": dict(self.notes),
         }
-        with written_beside(path) as beside:
+        with atomic_write(path) as beside:
             torch.save(content, beside)
 
     @staticmethod

@@ -23,7 +23,7 @@ from typing import Any, TypeVar
 
 import torch
 
-from models.atomic import written_beside
+from models.atomic import atomic_write
 from models.errors import InputError
 from models.evaluation import predict, score_cases
 from models.labelled_frames import LabelledFrames
@@ -206,7 +206,7 @@ def _require_apart(split: Mapping[str, Any], group_of: Mapping[str, str]) -> Non
 
 
 def _write_table(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    with written_beside(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
+    with atomic_write(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()
         writer.writerows(rows)
@@ -218,7 +218,7 @@ def _write_json(path: Path, content: object) -> None:
 
 
 def _write_text(path: Path, text: str) -> None:
-    with written_beside(path) as beside:
+    with atomic_write(path) as beside:
         beside.write_text(text, encoding="utf-8")
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import torch
 from filelock import FileLock, Timeout
 
-from models.atomic import written_beside
+from models.atomic import atomic_write
 from models.checkpoint import UNREADABLE
 from models.errors import InputError
 from models.training.phase import best_epoch
@@ -64,7 +64,7 @@ class TrainingFolder:
         """Write the state; then remove the weights of epochs that are no longer the best."""
         content = {field.name: getattr(state, field.name) for field in dataclasses.fields(state)}
         content |= {"format": FORMAT, "version": VERSION, "fingerprint": self.fingerprint}
-        with written_beside(self.state_path) as beside:
+        with atomic_write(self.state_path) as beside:
             torch.save(content, beside)
         for path in self.path.glob("model-*.pt"):
             if path != self.weights_path(best_epoch(state.history)):

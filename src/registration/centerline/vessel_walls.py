@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from jaxtyping import Bool, Float64
 
+from registration.geometry.open3d_bridge import TriangleScene
 from registration.geometry.shapes import Mesh
 from registration.metrics.surface_distance import SurfaceDistance
 
@@ -27,13 +26,7 @@ class Walls:
 
     def __init__(self, wall: Mesh, closed: Mesh) -> None:
         self._distance = SurfaceDistance(wall)
-        self._centre_mm = closed.vertices_mm.mean(axis=0)
-        open3d = _open3d()
-        self._scene = open3d.t.geometry.RaycastingScene()
-        self._scene.add_triangles(
-            open3d.core.Tensor((closed.vertices_mm - self._centre_mm).astype(np.float32)),
-            open3d.core.Tensor(closed.triangles.astype(np.uint32)),
-        )
+        self._closed = TriangleScene(closed)
 
     def inside(self, points_mm: Float64[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
         """Decide whether points are inside, by the majority of three rays' parities.
@@ -50,9 +43,7 @@ class Walls:
         """
         if not len(points_mm):
             return np.zeros(0, dtype=bool)
-        queried = _open3d().core.Tensor((points_mm - self._centre_mm).astype(np.float32))
-        found: np.ndarray = self._scene.compute_occupancy(queried, nsamples=3).numpy()
-        return found > 0
+        return self._closed.occupied(points_mm)
 
     def distance_mm(self, points_mm: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n"]:
         """Compute the distance to the nearest wall, which is the radius of the largest sphere that fits.
@@ -84,12 +75,4 @@ class Walls:
         float
             Distance in mm; infinite where the surface is not met.
         """
-        ray = np.concatenate([point_mm - self._centre_mm, direction]).astype(np.float32)
-        return float(self._scene.cast_rays(_open3d().core.Tensor(ray[None]))["t_hit"].numpy()[0])
-
-
-def _open3d() -> Any:
-    """Open3D, imported only where walls are asked: it takes a second, and its type stubs are not right."""
-    import open3d
-
-    return open3d
+        return float(self._closed.cast(point_mm[None], direction[None])[0][0])

@@ -11,6 +11,7 @@ import numpy as np
 from registration.checks import require_at_least, require_positive
 from registration.errors import InputError
 from registration.geometry.mesh_topology import keep_triangles, largest_piece
+from registration.geometry.open3d_bridge import import_open3d, point_body
 from registration.geometry.point_cloud import OrientedCloud, require_oriented, with_surface_normals
 from registration.geometry.shapes import Mesh
 from registration.reconstruction.open_ends import measured_part
@@ -98,7 +99,7 @@ class PoissonSurface:
         require_oriented(cloud)
         if self.normal_reach_mm > 0:
             cloud = with_surface_normals(cloud, self.normal_reach_mm)
-        open3d = _open3d()
+        open3d = import_open3d()
         middle_mm = cloud.points_mm.mean(axis=0)
         body = _body(cloud, middle_mm)
         found, density = open3d.geometry.TriangleMesh.create_from_point_cloud_poisson(
@@ -170,7 +171,7 @@ class BallPivotingSurface:
             If normals are not of unit length or no ball rests on three points.
         """
         require_oriented(cloud)
-        open3d = _open3d()
+        open3d = import_open3d()
         middle_mm = cloud.points_mm.mean(axis=0)
         found = open3d.geometry.TriangleMesh.create_from_point_cloud_ball_pivoting(
             _body(cloud, middle_mm), open3d.utility.DoubleVector(sorted(self.radii_mm))
@@ -182,19 +183,9 @@ class BallPivotingSurface:
 
 
 def _body(cloud: OrientedCloud, middle_mm: np.ndarray) -> Any:
-    open3d = _open3d()
-    body = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(cloud.points_mm - middle_mm))
-    body.normals = open3d.utility.Vector3dVector(cloud.normals)
-    return body
+    return point_body(cloud.points_mm - middle_mm, cloud.normals)
 
 
 def _mesh(found: Any, middle_mm: np.ndarray) -> Mesh:
     vertices_mm = np.asarray(found.vertices, dtype=np.float64).reshape(-1, 3) + middle_mm
     return Mesh(vertices_mm, np.asarray(found.triangles, dtype=np.int64).reshape(-1, 3))
-
-
-def _open3d() -> Any:
-    """Open3D, imported only where a surface is made: it takes a second, and its type stubs are not right."""
-    import open3d
-
-    return open3d
