@@ -23,7 +23,7 @@ ALLOWED: frozenset[str] = frozenset(
         "experiments.datasets.nnunet.NnUNet",
         "experiments.datasets.phantom.Phantom",
         "experiments.datasets.san_raffaele.SanRaffaele",
-        "experiments.datasets.simulated.StandIn",
+        "experiments.datasets.simulated.SimulatedSubstitute",
         "experiments.datasets.usgra.Usgra",
         "experiments.splits.group_splits.GroupSplits",
         "models.networks.attention_unet.AttentionUNet",
