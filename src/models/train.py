@@ -3,8 +3,8 @@
 ``python -m models.train config.yaml --out DIR`` trains one fold. The YAML file has ``frames`` (a file that
 ``LabelledFrames.save`` wrote), ``split`` (a JSON file with ``fold`` and the case ids of ``train``, ``validation`` and
 ``test``), both relative to it, ``dataset`` (a name), ``seed``, and the settings ``model`` (with the network's
-``name``), ``preprocessing``, ``trainer``, and, where not the defaults, ``augmentation`` and ``loss`` (with a ``name``,
-if it is not Dice and cross-entropy). In DIR it leaves ``model.pt``, ``history.json``, ``cases.csv`` (the test cases'
+``name``), ``preprocessing``, ``trainer``, and, where not the defaults, ``augmentation`` (a list of transforms, each with its
+``name``) and ``loss`` (with a ``name``, if it is not Dice and cross-entropy). In DIR it leaves ``model.pt``, ``history.json``, ``cases.csv`` (the test cases'
 scores), ``metrics.json`` and a copy of the configuration. ``DIR/state`` is what ``--resume`` goes on from after an
 interruption; it may be removed.
 """
@@ -23,7 +23,7 @@ from typing import Any
 import torch
 import yaml
 
-from models.augmentation import Augmentation
+from models.augmentation import augmentation_of
 from models.errors import InputError
 from models.evaluation import predict, score_cases
 from models.fold_training import FoldTraining
@@ -63,7 +63,7 @@ class TrainingPlan:
                 validation=sides["validation"],
                 preprocessing=Preprocessing(**config["preprocessing"]),
                 trainer=TrainerSettings(**{**config["trainer"], **({"resume": True} if resume else {})}),
-                augmentation=Augmentation(**config.get("augmentation", {})),
+                augmentation=augmentation_of(config.get("augmentation", {})),
                 loss=loss_of(str(loss.pop("name", DiceCrossEntropy.name)), loss),
                 fold=int(split["fold"]),
                 seed=int(config["seed"]),

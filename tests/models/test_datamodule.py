@@ -3,12 +3,12 @@ from types import SimpleNamespace
 import torch
 from drawn_vessels import drawn_frames
 
-from models.augmentation import PROBABILITIES, Augmentation
+from models.augmentation import Augmentation
 from models.datamodule import FoldData, prepared
 from models.preprocessing import Preprocessing
 
 STAGE = Preprocessing(32)
-NOTHING = Augmentation(**dict.fromkeys(PROBABILITIES, 0.0))
+NOTHING = Augmentation(())
 
 
 def fold_data(seed: int = 0, augmentation: Augmentation = NOTHING) -> FoldData:

@@ -4,7 +4,7 @@ import pytest
 import torch
 from drawn_vessels import drawn_frames
 
-from models.augmentation import Augmentation
+from models.augmentation import DEFAULT_TRANSFORMS, Augmentation, Contrast, Flip, Gamma
 from models.errors import InputError
 from models.fold_training import FoldTraining
 from models.losses import DiceCrossEntropy
@@ -38,7 +38,9 @@ def test_the_fingerprint_tells_every_other_training_apart() -> None:
         training(validation=drawn_frames(3, seed=2)),
         training(train=drawn_frames(6).subset([0, 1, 2, 3, 5, 4])),
         training(preprocessing=Preprocessing(32, normalisation="unit")),
-        training(augmentation=Augmentation(flip=0.4)),
+        training(augmentation=Augmentation((Flip(), *DEFAULT_TRANSFORMS[2:]))),
+        training(augmentation=Augmentation((Gamma(0.5, 0.2),))),
+        training(augmentation=Augmentation((Contrast(0.5, 0.2),))),
         training(loss=DiceCrossEntropy(smooth=2.0)),
         training(seed=1),
         training(fold=1),

@@ -152,6 +152,7 @@ def test_refuses_to_resume_another_training(tmp_path, capsys) -> None:
         ({"frames": "none.npz"}, "expected a file of labelled frames"),
         ({"loss": {"weight": 1}}, "loss: expected settings of dice_cross_entropy, received others"),
         ({"loss": {"name": "hinge"}}, "loss: expected one of"),
+        ({"augmentation": [{"name": "Turn"}]}, "augmentation[0]: expected a transform"),
     ],
 )
 def test_refuses_with_one_sentence_and_code_2(
