@@ -1,6 +1,6 @@
-"""How the learning rate runs over a training: a factor of its highest value, as a function of the step alone.
+"""Factors of the highest learning rate for torch's LambdaLR, as functions of the step alone.
 
-A schedule without memory can be entered at any step, which is what resuming a training needs.
+Functions of the step can be entered at any step, which exact resume needs; torch's own cosine schedule accumulates.
 """
 
 from __future__ import annotations

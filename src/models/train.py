@@ -3,10 +3,10 @@
 ``python -m models.train config.yaml --out DIR`` trains one fold. The YAML file has ``frames`` (a file that
 ``LabelledFrames.save`` wrote), ``split`` (a JSON file with ``fold`` and the case ids of ``train``, ``validation`` and
 ``test``), both relative to it, ``dataset`` (a name), ``seed``, and the settings ``model`` (with the network's
-``name``), ``preprocessing``, ``trainer``, and, where not the defaults, ``augmentation`` (a list of transforms, each with its
-``name``) and ``loss`` (with a ``name``, if it is not Dice and cross-entropy). In DIR it leaves ``model.pt``, ``history.json``, ``cases.csv`` (the test cases'
-scores), ``metrics.json`` and a copy of the configuration. ``DIR/state`` is what ``--resume`` goes on from after an
-interruption; it may be removed.
+``name``), ``preprocessing``, ``trainer``, and, where not the defaults, ``augmentation`` (a list of transforms, each
+with its ``name``) and ``loss`` (with a ``name``, if it is not Dice and cross-entropy). In DIR it leaves ``model.pt``,
+``history.json``, ``cases.csv`` (the test cases' scores), ``metrics.json`` and a copy of the configuration.
+``DIR/state`` is what ``--resume`` continues from after an interruption; it may be removed.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""What happens before, during and after each epoch of a training: random numbers, measures, best weights, state."""
+"""What happens before, during and after each epoch of a training: random numbers, measures, best weights, state.
+
+In place of Lightning's ModelCheckpoint: a checkpoint here holds the network's recipe and its preprocessing and is read
+without Lightning, and a state is not written where that would take a tenth of the time.
+"""
 
 from __future__ import annotations
 
@@ -47,6 +51,7 @@ class TrainingCourse(Callback):
         self._begin_s = time.perf_counter() - (start.runtime_s if start else 0.0)
         self._written_s, self._writing_s = -math.inf, 0.0
         self._throughput = Throughput(torch.device("cpu"))
+        self._learning_rate = math.nan
         for report in self.history:
             self._tell(report)
 
@@ -61,7 +66,9 @@ class TrainingCourse(Callback):
         if pl_module.device.type == "cuda":
             torch.cuda.reset_peak_memory_stats(pl_module.device)
         if self.start is not None:
-            trainer.optimizers[0].load_state_dict(dict(self.start.optimiser))
+            # The state of each weight alone: the learning rate is that of this training's schedule.
+            groups = trainer.optimizers[0].state_dict()["param_groups"]
+            trainer.optimizers[0].load_state_dict({**self.start.optimiser, "param_groups": groups})
             trainer.precision_plugin.load_state_dict(dict(self.start.scaler))
 
     def on_train_epoch_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
@@ -70,6 +77,12 @@ class TrainingCourse(Callback):
         self.data.begin_epoch(epoch)
         torch.manual_seed(seed_of(self.data.seed, DROPOUT, epoch))
         self._throughput.start()
+
+    def on_train_batch_start(
+        self, trainer: Trainer, pl_module: LightningModule, batch: list[Tensor], batch_idx: int
+    ) -> None:
+        """Note the learning rate: the schedule moves on as soon as a batch is done."""
+        self._learning_rate = float(trainer.optimizers[0].param_groups[0]["lr"])
 
     def on_train_batch_end(
         self,
@@ -86,7 +99,7 @@ class TrainingCourse(Callback):
         """Called after the epoch's training and validation."""
         assert isinstance(pl_module, Segmenter)
         report = {
-            "learning_rate": float(trainer.optimizers[0].param_groups[0]["lr"]),
+            "learning_rate": self._learning_rate,
             **pl_module.take_measures(),
             "images_per_s": self._throughput.images_per_s,
             "peak_memory_mb": peak_memory_mb(pl_module.device),

@@ -1,4 +1,8 @@
-"""From which epoch to which a training goes: the training itself, or the extension of a finished one."""
+"""From which epoch to which a training goes: the training itself, or the extension of a finished one.
+
+In place of Lightning's EarlyStopping: the same rule must tell from a saved history whether a training is finished,
+before there is a trainer, and patience counts anew in an extension.
+"""
 
 from __future__ import annotations
 
@@ -38,8 +42,6 @@ class Phase:
         waited_since = max(best_epoch(history), self.first - 1)
         return len(history) >= self.end or len(history) - 1 - waited_since >= self.settings.patience
 
-    def learning_rate(self, step: int, steps_per_epoch: int) -> float:
-        """The learning rate at a step of the training, counted from its very beginning."""
-        if self.first:
-            return self.settings.learning_rate * EXTENSION_FACTOR
-        return self.settings.learning_rate * self.settings.learning_rate_factor(step, steps_per_epoch)
+    def learning_rate_factor(self, step: int, steps_per_epoch: int) -> float:
+        """The factor of the highest learning rate at a step of the training, counted from its very beginning."""
+        return EXTENSION_FACTOR if self.first else self.settings.learning_rate_factor(step, steps_per_epoch)

@@ -1,6 +1,7 @@
-"""What a training is at the end of an epoch, in one file from which it goes on exactly.
+"""The state of a training at the end of an epoch, in one file from which it is resumed exactly.
 
-Random numbers need no place in it: those of an epoch depend on the seed and the number of the epoch alone.
+Random numbers need no place in it: those of an epoch depend on the seed and the number of the epoch alone. In
+place of Lightning's checkpoints: those have no fingerprint of settings and data that would refuse another training's.
 """
 
 from __future__ import annotations
