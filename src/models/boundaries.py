@@ -17,7 +17,7 @@ class Boundary:
     """Points of a boundary in mm (or px, for a spacing of one), with the contour length each one stands for."""
 
     points: Float64[np.ndarray, "n 2"]
-    lengths: Float64[np.ndarray, "n"]
+    lengths: Float64[np.ndarray, " n"]
 
     def __len__(self) -> int:
         return len(self.points)
@@ -82,7 +82,7 @@ def _places(chosen: Bool[np.ndarray, "a b"], spacing: tuple[float, float]) -> Fl
 
 def distances_between(
     first: Boundary, second: Boundary
-) -> tuple[Float64[np.ndarray, "n"], Float64[np.ndarray, "m"]]:
+) -> tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " m"]]:
     """The distance from each point of one boundary to the nearest of the other, both ways; infinite to an empty one."""
     if not len(first) or not len(second):
         return np.full(len(first), np.inf), np.full(len(second), np.inf)

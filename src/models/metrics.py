@@ -106,12 +106,12 @@ def _any(first: Directed, second: Directed) -> bool:
     return len(first[0]) + len(second[0]) > 0
 
 
-def _percentile(distances: Float64[np.ndarray, "n"]) -> float:
+def _percentile(distances: Float64[np.ndarray, " n"]) -> float:
     # An empty mask has no distances of its own: the other direction's are infinite and decide.
     return float(np.quantile(distances, 0.95)) if len(distances) and np.isfinite(distances[0]) else np.inf
 
 
-def _percentile_of_length(distances: Float64[np.ndarray, "n"], lengths: Float64[np.ndarray, "n"]) -> float:
+def _percentile_of_length(distances: Float64[np.ndarray, " n"], lengths: Float64[np.ndarray, " n"]) -> float:
     """The least distance within which 95 % of the contour's length lies."""
     if not len(distances):
         return float("inf")

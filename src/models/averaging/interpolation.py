@@ -75,9 +75,9 @@ class InterpolationPath:
 
     first: str
     second: str
-    alphas: Float64[np.ndarray, "n"]
-    losses: Float64[np.ndarray, "n"]
-    dscs: Float64[np.ndarray, "n"]
+    alphas: Float64[np.ndarray, " n"]
+    losses: Float64[np.ndarray, " n"]
+    dscs: Float64[np.ndarray, " n"]
 
     @property
     def loss_barrier(self) -> float:

@@ -28,9 +28,9 @@ class ReliabilityTable:
         Pixels of vessel.
     """
 
-    counts: Int64[np.ndarray, "bins"]
-    probability_sums: Float64[np.ndarray, "bins"]
-    vessel_counts: Int64[np.ndarray, "bins"]
+    counts: Int64[np.ndarray, " bins"]
+    probability_sums: Float64[np.ndarray, " bins"]
+    vessel_counts: Int64[np.ndarray, " bins"]
 
     def __add__(self, other: ReliabilityTable) -> ReliabilityTable:
         if len(self.counts) != len(other.counts):
@@ -49,17 +49,17 @@ class ReliabilityTable:
         return int(self.counts.sum())
 
     @property
-    def confidence(self) -> Float64[np.ndarray, "bins"]:
+    def confidence(self) -> Float64[np.ndarray, " bins"]:
         """The mean predicted probability in each bin; NaN in an empty one."""
         return _quotient(self.probability_sums, self.counts)
 
     @property
-    def frequency(self) -> Float64[np.ndarray, "bins"]:
+    def frequency(self) -> Float64[np.ndarray, " bins"]:
         """The share of vessel in each bin; NaN in an empty one."""
         return _quotient(self.vessel_counts, self.counts)
 
     @property
-    def gaps(self) -> Float64[np.ndarray, "bins"]:
+    def gaps(self) -> Float64[np.ndarray, " bins"]:
         """Absolute difference of confidence and frequency; NaN in an empty bin."""
         return np.abs(self.confidence - self.frequency)
 
@@ -133,7 +133,7 @@ def adaptive_table(fine: ReliabilityTable, n_bins: int) -> ReliabilityTable:
 
 def checked(
     probability: Float[np.ndarray, "*any"], reference: Shaped[np.ndarray, "..."]
-) -> tuple[Float64[np.ndarray, "n"], Bool[np.ndarray, "n"]]:
+) -> tuple[Float64[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
     """Probabilities and labels, flat; InputError if they are not such."""
     if probability.shape != reference.shape:
         raise InputError(
@@ -151,7 +151,7 @@ def checked(
 
 
 def _table(
-    bins: np.ndarray, values: Float64[np.ndarray, "n"], labels: Bool[np.ndarray, "n"], n_bins: int
+    bins: np.ndarray, values: Float64[np.ndarray, " n"], labels: Bool[np.ndarray, " n"], n_bins: int
 ) -> ReliabilityTable:
     return ReliabilityTable(
         np.bincount(bins, minlength=n_bins).astype(np.int64),

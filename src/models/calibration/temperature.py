@@ -167,7 +167,7 @@ class _Likelihood:
         # The range of logits on which the classes overlap, in the first pass.
         self.least_of_vessel, self.most_of_background = math.inf, -math.inf
 
-    def __call__(self, parameters: Float64[np.ndarray, "p"]) -> tuple[float, Float64[np.ndarray, "p"]]:
+    def __call__(self, parameters: Float64[np.ndarray, " p"]) -> tuple[float, Float64[np.ndarray, " p"]]:
         factor, bias = float(parameters[0]), float(parameters[1]) if self.with_bias else 0.0
         sums = np.zeros(3)
         pixels = vessel = 0

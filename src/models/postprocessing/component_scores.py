@@ -59,9 +59,9 @@ class SelectionCase:
 class ComponentTable:
     """Areas in pixels, highest probabilities, and pixels in the reference, of the components above a threshold."""
 
-    areas: Float64[np.ndarray, "n"]
-    peaks: Shaped[np.ndarray, "n"]
-    overlaps: Float64[np.ndarray, "n"]
+    areas: Float64[np.ndarray, " n"]
+    peaks: Shaped[np.ndarray, " n"]
+    overlaps: Float64[np.ndarray, " n"]
 
 
 def component_table(case: SelectionCase, low: float, connectivity: int) -> ComponentTable:

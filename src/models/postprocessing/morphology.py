@@ -167,7 +167,7 @@ def filled(mask: Bool[np.ndarray, "h w"], connectivity: int) -> Bool[np.ndarray,
 
 
 def _selected(
-    found: Components, kept: Bool[np.ndarray, "n"], shape: tuple[int, ...]
+    found: Components, kept: Bool[np.ndarray, " n"], shape: tuple[int, ...]
 ) -> Bool[np.ndarray, "h w"]:
     result = np.zeros(shape, dtype=bool)
     result[found.box] = kept[found.labels]

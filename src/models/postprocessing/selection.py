@@ -39,8 +39,8 @@ class PostprocessingSelection:
     false_alarm_rate: float
     within_limit: bool
     options: tuple[Option, ...]
-    dscs: Float64[np.ndarray, "n"]
-    false_alarm_rates: Float64[np.ndarray, "n"]
+    dscs: Float64[np.ndarray, " n"]
+    false_alarm_rates: Float64[np.ndarray, " n"]
 
 
 def select_postprocessing(
