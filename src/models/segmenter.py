@@ -52,7 +52,13 @@ class Segmenter(LightningModule):
         self._dsc: list[Tensor] = []
 
     def configure_optimizers(self) -> dict[str, Any]:
-        """AdamW, and the schedule that sets its learning rate before each step."""
+        """Set up AdamW, and the schedule that sets its learning rate before each step.
+
+        Returns
+        -------
+        dict
+            Optimiser and scheduler as Lightning takes them.
+        """
         optimiser = torch.optim.AdamW(
             self.network.parameters(),
             lr=self.settings.learning_rate,
@@ -62,13 +68,34 @@ class Segmenter(LightningModule):
         return {"optimizer": optimiser, "lr_scheduler": {"scheduler": schedule, "interval": "step"}}
 
     def training_step(self, batch: list[Tensor], batch_idx: int) -> Tensor:
-        """The loss of a batch."""
+        """Compute the loss of a training batch.
+
+        Parameters
+        ----------
+        batch : list of Tensor
+            Images and masks, shape (b, 1, h, w).
+        batch_idx : int
+            Not used.
+
+        Returns
+        -------
+        Tensor, shape ()
+            Loss.
+        """
         loss = training_loss(self.loss, self.network(batch[0]), batch[1])
         self._losses["train_loss"].append(loss.detach())
         return loss
 
     def validation_step(self, batch: list[Tensor], batch_idx: int) -> None:
-        """Collect each image's DSC, and the loss."""
+        """Collect the DSC of each image and the loss of a validation batch.
+
+        Parameters
+        ----------
+        batch : list of Tensor
+            Images and masks, shape (b, 1, h, w).
+        batch_idx : int
+            Not used.
+        """
         logits, masks = self.network(batch[0]), batch[1]
         self._losses["validation_loss"].append(training_loss(self.loss, logits, masks))
         predicted = (logits > 0).float()
@@ -78,8 +105,13 @@ class Segmenter(LightningModule):
         self._dsc.append(dsc[reference > 0])
 
     def take_measures(self) -> dict[str, float]:
-        """The mean losses and the validation DSC since the last call: ``train_loss``, ``validation_loss``,
-        ``validation_dsc``."""
+        """Return the mean losses and the validation DSC since the last call.
+
+        Returns
+        -------
+        dict of str to float
+            ``train_loss``, ``validation_loss`` and ``validation_dsc``, where there are any.
+        """
         measures = {
             name: float(torch.stack(values).mean()) for name, values in self._losses.items() if values
         }

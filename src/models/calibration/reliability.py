@@ -84,10 +84,24 @@ class ReliabilityTable:
 def equal_width_table(
     probability: Float[np.ndarray, "*any"], reference: Shaped[np.ndarray, "..."], n_bins: int
 ) -> ReliabilityTable:
-    """The table of ``n_bins`` bins of equal width; a bin holds its lower edge, the last one both.
+    """Count pixels in bins of equal width; a bin holds its lower edge, the last one both.
 
     Its ``expected_gap`` is the expected calibration error (Naeini et al., AAAI 2015; Guo et al., ICML 2017), for the
     probability of vessel, not of the likelier class.
+
+    Parameters
+    ----------
+    probability : ndarray
+        Probabilities of vessel, 0 to 1, of any shape.
+    reference : ndarray of bool or of 0 and 1
+        Labels of the same shape.
+    n_bins : int
+        Number of bins.
+
+    Returns
+    -------
+    ReliabilityTable
+        Table of the bins.
 
     Raises
     ------
@@ -104,18 +118,53 @@ def equal_width_table(
 def fine_table(
     probability: Float[np.ndarray, "*any"], reference: Shaped[np.ndarray, "..."]
 ) -> ReliabilityTable:
-    """The table of ``FINE_BINS`` bins as fine as 16-bit floats, towards 1 as towards 0, that others are made of."""
+    """Count pixels in ``FINE_BINS`` bins as fine as 16-bit floats, towards 1 as towards 0.
+
+    Parameters
+    ----------
+    probability : ndarray
+        Probabilities of vessel, 0 to 1, of any shape.
+    reference : ndarray of bool or of 0 and 1
+        Labels of the same shape.
+
+    Returns
+    -------
+    ReliabilityTable
+        Table that adaptive ones are made of.
+
+    Raises
+    ------
+    InputError
+        If shapes differ, or probabilities or labels are out of range.
+    """
     values, labels = checked(probability, reference)
     below = np.minimum(values, 1 - values).astype(np.float16).view(np.uint16).astype(np.int64)
     return _table(np.where(values <= 0.5, below, 2 * _HALF - below), values, labels, FINE_BINS)
 
 
 def adaptive_table(fine: ReliabilityTable, n_bins: int) -> ReliabilityTable:
-    """The table of ``n_bins`` bins with equal numbers of pixels, from a fine one.
+    """Merge a fine table into bins with equal numbers of pixels.
 
     A fine bin goes whole where its middle pixel lies, so that equal probabilities are never parted. The
-    ``expected_gap`` is the adaptive calibration error (Nixon et al., CVPR Workshops 2019), each bin weighed by its
+    ``expected_gap`` is the adaptive calibration error (Nixon et al., CVPR Workshops 2019), each bin weighted by its
     pixels since these can't always be equally many.
+
+    Parameters
+    ----------
+    fine : ReliabilityTable
+        Table of ``fine_table``.
+    n_bins : int
+        Number of bins.
+
+    Returns
+    -------
+    ReliabilityTable
+        Table of the bins.
+
+    Raises
+    ------
+    InputError
+        If there is no bin.
     """
     if n_bins < 1:
         raise InputError(f"n_bins: expected at least 1, received {n_bins}")
@@ -134,7 +183,27 @@ def adaptive_table(fine: ReliabilityTable, n_bins: int) -> ReliabilityTable:
 def checked(
     probability: Float[np.ndarray, "*any"], reference: Shaped[np.ndarray, "..."]
 ) -> tuple[Float64[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
-    """Probabilities and labels, flat; InputError if they are not such."""
+    """Check probabilities and labels, and flatten them.
+
+    Parameters
+    ----------
+    probability : ndarray
+        Probabilities of vessel, 0 to 1, of any shape.
+    reference : ndarray of bool or of 0 and 1
+        Labels of the same shape.
+
+    Returns
+    -------
+    probability : ndarray of float, shape (n,)
+        Probabilities.
+    reference : ndarray of bool, shape (n,)
+        Labels.
+
+    Raises
+    ------
+    InputError
+        If shapes differ, or probabilities or labels are out of range.
+    """
     if probability.shape != reference.shape:
         raise InputError(
             f"reference: expected the probabilities' shape {probability.shape}, received {reference.shape}"

@@ -46,7 +46,7 @@ class PostprocessingSelection:
 def select_postprocessing(
     cases: Iterable[SelectionCase], grid: PostprocessingGrid, *, max_false_alarm_rate: float | None = None
 ) -> PostprocessingSelection:
-    """The option of the highest mean DSC; of equal ones that with fewer false alarms, then the simplest.
+    """Select the option of the highest mean DSC; of equal ones that with fewer false alarms, then the simplest.
 
     Cases are read once, one after the other.
 
@@ -58,6 +58,11 @@ def select_postprocessing(
         What is tried.
     max_false_alarm_rate
         Only options with at most this share of false alarms (0 to 1) are compared; None for all.
+
+    Returns
+    -------
+    PostprocessingSelection
+        The best option, and the scores of all.
 
     Raises
     ------
