@@ -25,7 +25,7 @@ ALLOWED: frozenset[str] = frozenset(
         "experiments.datasets.san_raffaele.SanRaffaele",
         "experiments.datasets.simulated.SimulatedSubstitute",
         "experiments.datasets.usgra.Usgra",
-        "experiments.splits.group_splits.GroupSplits",
+        "experiments.splits.split.split.group_splits.GroupSplits",
         "models.networks.attention_unet.AttentionUNet",
         "models.training.augmentation.Augmentation",
         "models.training.losses.DiceCrossEntropy",

@@ -39,14 +39,14 @@ class PostprocessingSelection:
     false_alarm_rate: float
     within_limit: bool
     options: tuple[Option, ...]
-    dscs: Float64[np.ndarray, "n"]
-    false_alarm_rates: Float64[np.ndarray, "n"]
+    dscs: Float64[np.ndarray, " n"]
+    false_alarm_rates: Float64[np.ndarray, " n"]
 
 
 def select_postprocessing(
     cases: Iterable[SelectionCase], grid: PostprocessingGrid, *, max_false_alarm_rate: float | None = None
 ) -> PostprocessingSelection:
-    """The option of the highest mean DSC; of equal ones that with fewer false alarms, then the simplest.
+    """Select the option of the highest mean DSC; of equal ones that with fewer false alarms, then the simplest.
 
     Cases are read once, one after the other.
 
@@ -58,6 +58,11 @@ def select_postprocessing(
         What is tried.
     max_false_alarm_rate
         Only options with at most this share of false alarms (0 to 1) are compared; None for all.
+
+    Returns
+    -------
+    PostprocessingSelection
+        The best option, and the scores of all.
 
     Raises
     ------

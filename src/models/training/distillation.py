@@ -63,7 +63,20 @@ class Distillation:
     def __call__(
         self, logits: Float[Tensor, "b 1 h w"], masks: Float[Tensor, "b 1 h w"]
     ) -> Float[Tensor, ""]:
-        """The loss of a batch; ``masks`` are the ensemble's probabilities, 0 to 1."""
+        """Compute the loss of a batch.
+
+        Parameters
+        ----------
+        logits : Tensor, shape (b, 1, h, w)
+            Logits of "vessel".
+        masks : Tensor, shape (b, 1, h, w)
+            Probabilities of the ensemble, 0 to 1.
+
+        Returns
+        -------
+        Tensor, shape ()
+            Loss of the batch, in 32 bits.
+        """
         logits, ensemble = logits.float(), masks.float()
         loss = logits.new_zeros(())
         if self.divergence_weight:
@@ -119,7 +132,22 @@ class DistillationWithReference:
         masks: Float[Tensor, "b 1 h w"],
         ensemble: Float[Tensor, "b 1 h w"],
     ) -> Float[Tensor, ""]:
-        """The loss of a batch; ``masks`` are 0 and 1, ``ensemble`` probabilities."""
+        """Compute the loss of a batch.
+
+        Parameters
+        ----------
+        logits : Tensor, shape (b, 1, h, w)
+            Logits of "vessel".
+        masks : Tensor, shape (b, 1, h, w)
+            Reference masks of 0 and 1.
+        ensemble : Tensor, shape (b, 1, h, w)
+            Probabilities of the ensemble, 0 to 1.
+
+        Returns
+        -------
+        Tensor, shape ()
+            Loss of the batch, in 32 bits.
+        """
         soft = self.distillation(logits, ensemble)
         hard = self.reference(logits, masks)
         return self.ensemble_share * soft + (1 - self.ensemble_share) * hard

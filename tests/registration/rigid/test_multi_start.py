@@ -301,7 +301,9 @@ def compact_problem(seed: int, tilt_deg: float, length_widths: float, margin: fl
     frame = np.zeros(len(moving), dtype=np.int64)
     outlier = np.zeros(len(moving), dtype=bool)
     fixed = fixed + rng.normal(scale=0.3, size=fixed.shape)
-    return Trial(transforms.apply(pose, moving), fixed, transforms.invert_rigid(pose), 0.0, 0.0, outlier, frame, "")
+    return Trial(
+        transforms.apply(pose, moving), fixed, transforms.invert_rigid(pose), 0.0, 0.0, outlier, frame, ""
+    )
 
 
 @pytest.mark.parametrize("seed", [208, 210, 216, 220])
