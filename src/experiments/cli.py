@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from hydra.core.override_parser.types import Override
     from omegaconf import DictConfig
 
-    from experiments.running.run_sweep import Points
+    from experiments.running.run_sweep import SweepPoints
 
 HYDRA_VERSION_BASE = "1.3"
 # Options of Hydra's without a meaning here: a call of ctus is always composed from its own configuration.
@@ -116,7 +116,7 @@ def _show(asked: Namespace, overrides: list[str], folder: str | None) -> int:
 
     composed = _composed(overrides, folder, multirun=asked.multirun)
     if asked.cfg != "job":
-        first, *_ = _points(overrides) if asked.multirun else [(overrides, "")]
+        first, *_ = _sweep_points(overrides) if asked.multirun else [(overrides, "")]
         kind = ["--cfg", asked.cfg] if asked.cfg else ["--info", asked.info]
         _call_hydra([*kind, *_of_folder(folder), *first[0]])
         return 0
@@ -137,7 +137,7 @@ def _run(overrides: list[str], folder: str | None, *, multirun: bool) -> int:
     from experiments.running.run_job import user_errors
 
     try:
-        points = compose_points(overrides, folder, multirun=multirun)
+        points = compose_sweep(overrides, folder, multirun=multirun)
         for config, _ in points:
             require_shared(config)
         _note_useless_seed(points)
@@ -156,7 +156,7 @@ def _run(overrides: list[str], folder: str | None, *, multirun: bool) -> int:
         return 130
 
 
-def _note_useless_seed(points: Points) -> None:
+def _note_useless_seed(points: SweepPoints) -> None:
     for config, _ in points:
         if config.get("seed") is not None and cli_words.draws_nothing(config["study"]):
             print(
@@ -167,7 +167,9 @@ def _note_useless_seed(points: Points) -> None:
             return
 
 
-def compose_points(overrides: list[str], config_dir: str | None = None, *, multirun: bool = False) -> Points:
+def compose_sweep(
+    overrides: list[str], config_dir: str | None = None, *, multirun: bool = False
+) -> SweepPoints:
     """Compose every point of a sweep (one point without ``multirun``): its resolved configuration and a label.
 
     Raises InputError for an unknown study, group option or setting, for a sweep over no value, and for a value that
@@ -204,7 +206,9 @@ def _composed(
         preset = dict(base.hydra.sweeper.get("params") or {}) if multirun else {}
         return [
             (compose("config", words + more, return_hydra_config=True), label)
-            for words, label in _points([f"{key!s}={value}" for key, value in preset.items()] + overrides)
+            for words, label in _sweep_points(
+                [f"{key!s}={value}" for key, value in preset.items()] + overrides
+            )
         ]
 
 
@@ -318,7 +322,7 @@ def _without_hydra(config: DictConfig) -> DictConfig:
         return OmegaConf.masked_copy(config, [str(key) for key in config if key != "hydra"])
 
 
-def _points(overrides: list[str]) -> list[tuple[list[str], str]]:
+def _sweep_points(overrides: list[str]) -> list[tuple[list[str], str]]:
     """The overrides of every point of a sweep, and a label made of those that vary."""
     from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 
@@ -357,7 +361,7 @@ def _point(config: DictConfig) -> None:
     _register_resolvers()  # a launcher may have started this process
     with open_dict(config):
         config["hydra"] = {"runtime": {"choices": HydraConfig.get().runtime.choices}}
-    run_sweep.run_point(resolve(config))
+    run_sweep.run_sweep_point(resolve(config))
 
 
 if __name__ == "__main__":

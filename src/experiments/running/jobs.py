@@ -1,4 +1,4 @@
-"""From a resolved configuration to the jobs in it: one for each cell that the study names."""
+"""From a resolved configuration to the jobs in it: those that the study names."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from experiments.running.job_names import choices_of, distinct_labels, folder_na
 from experiments.running.path_settings import named_paths
 from models.value_types import mismatch, parameter_types
 
-# What the shell hands to a study beside its configuration.
+# What the sweep runner hands to a study beside its configuration.
 INJECTED = frozenset({"workspace", "progress", "store"})
 
 
 @dataclass(frozen=True)
-class Cell:
+class Job:
     """One job: its whole configuration, its hash, and a short label that tells it from its neighbours.
 
-    ``choices`` are the words of the command line by which its point of the sweep differs from others.
+    ``choices`` are the words of the command line by which its sweep point differs from others.
     """
 
     config: dict[str, Any]
@@ -40,7 +40,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Plan:
-    """All cells of one call of the command line, by hash, and the run that stands above them, if there is one.
+    """All jobs of one call of the command line, by hash, and the run that stands above them, if there is one.
 
     ``contents`` are the digests of all that the jobs read, as they were when the call began.
     """
@@ -78,10 +78,10 @@ def study_module(name: str) -> ModuleType:
     return importlib.import_module(f"experiments.studies.{name}")
 
 
-def cell_configs(config: Mapping[str, Any]) -> list[tuple[dict[str, Any], str]]:
-    """The configuration of every cell of one point of a sweep, and the label of what sets it apart."""
+def job_configs(config: Mapping[str, Any]) -> list[tuple[dict[str, Any], str]]:
+    """The configuration of every job of one point of a sweep, and the label of what sets it apart."""
     module = study_module(config["study"])
-    changes = module.cells(config) if hasattr(module, "cells") else [{}]
+    changes = module.jobs(config) if hasattr(module, "jobs") else [{}]
     if not changes:
         raise InputError(f"study={config['study']}: expected at least one job, the configuration names none")
     return [
@@ -124,21 +124,19 @@ def _arguments(function: Callable[..., object], config: Mapping[str, Any]) -> di
     return built
 
 
-def cells_of(
-    points: list[tuple[Mapping[str, Any], str]], contents: dict[str, str] | None = None
-) -> list[Cell]:
-    """Every cell of every point (its configuration and label), each once, with labels that are all different.
+def jobs_of(points: list[tuple[Mapping[str, Any], str]], contents: dict[str, str] | None = None) -> list[Job]:
+    """Every job of every sweep point (its configuration and label), each once, with labels that are all different.
 
     ``contents`` are digests of paths that are known already; those of further paths are added to it.
     """
     known = {} if contents is None else contents
-    cells: dict[str, Cell] = {}
+    jobs: dict[str, Job] = {}
     for config, label in points:
-        for cell, change in cell_configs(config):
-            key = config_hash(cell, _contents_of(cell, known))
-            cells.setdefault(key, Cell(cell, key, ",".join(filter(None, (label, change))), choices_of(label)))
-    labels = distinct_labels({key: cell.label for key, cell in cells.items()})
-    return [replace(cell, label=labels[key]) for key, cell in cells.items()]
+        for job, change in job_configs(config):
+            key = config_hash(job, _contents_of(job, known))
+            jobs.setdefault(key, Job(job, key, ",".join(filter(None, (label, change))), choices_of(label)))
+    labels = distinct_labels({key: job.label for key, job in jobs.items()})
+    return [replace(job, label=labels[key]) for key, job in jobs.items()]
 
 
 def hash_now(config: Mapping[str, Any]) -> str:
@@ -149,12 +147,15 @@ def hash_now(config: Mapping[str, Any]) -> str:
 def read_paths(config: Mapping[str, Any]) -> list[str]:
     """Every path that a job reads: what its settings name, and what its study finds beside that.
 
-    A study that reads files which no setting names has a function ``beside`` that yields them for a configuration.
+    A study that reads files which no setting names has a function ``implicit_paths`` that yields them for a
+    configuration.
     """
     module = study_module(config["study"])
     takers = [getattr(module, name) for name in ("run", "check") if hasattr(module, name)]
     named = list(named_paths(config, takers).values())
-    return named + [str(path) for path in (module.beside(config) if hasattr(module, "beside") else ())]
+    return named + [
+        str(path) for path in (module.implicit_paths(config) if hasattr(module, "implicit_paths") else ())
+    ]
 
 
 def _contents_of(config: Mapping[str, Any], known: dict[str, str]) -> dict[str, str]:

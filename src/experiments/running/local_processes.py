@@ -15,7 +15,7 @@ from pathlib import Path
 
 from experiments import files
 from experiments.running import run_job
-from experiments.running.jobs import Cell, Plan
+from experiments.running.jobs import Job, Plan
 from experiments.running.run_job import Report
 
 WORKER = (sys.executable, "-m", "experiments.running.local_processes")
@@ -25,29 +25,29 @@ LOOK_EVERY_S = 0.1
 TIME_TO_END_S = 30.0
 
 
-def run_beside(
-    planned: Sequence[Cell], plan: Plan, folder: Path, at_once: int, worker: Sequence[str] = WORKER
+def run_in_processes(
+    planned: Sequence[Job], plan: Plan, folder: Path, at_once: int, worker: Sequence[str] = WORKER
 ) -> None:
     """Run all jobs, ``at_once`` at a time; leave a report of each in ``folder``, also of one that was killed.
 
     ``worker`` is the command of a process; it gets ``folder`` and the job's hash as its last arguments. The cores are
     shared out evenly between the processes.
     """
-    waiting, running = list(planned), list[tuple[Cell, subprocess.Popen[bytes]]]()
+    waiting, running = list(planned), list[tuple[Job, subprocess.Popen[bytes]]]()
     environment = {**os.environ, **_threads(at_once)}
     try:
         while waiting or running:
             while waiting and len(running) < at_once:
-                cell = waiting.pop(0)
+                job = waiting.pop(0)
                 files.write_text(
-                    _cell_file(folder, cell.hash), json.dumps({"config": cell.config, "label": cell.label})
+                    _job_file(folder, job.hash), json.dumps({"config": job.config, "label": job.label})
                 )
-                command = [*worker, str(folder), cell.hash]
-                running.append((cell, subprocess.Popen(command, env=environment)))
+                command = [*worker, str(folder), job.hash]
+                running.append((job, subprocess.Popen(command, env=environment)))
             time.sleep(LOOK_EVERY_S)
-            for cell, process in [one for one in running if one[1].poll() is not None]:
-                running.remove((cell, process))
-                _report_of_the_dead(cell, plan, folder, process.returncode)
+            for job, process in [one for one in running if one[1].poll() is not None]:
+                running.remove((job, process))
+                _report_of_killed(job, plan, folder, process.returncode)
     except BaseException:
         _stop([process for _, process in running])
         raise
@@ -59,17 +59,17 @@ def main(arguments: Sequence[str]) -> int:
     from experiments.running.terminal import TerminalProgress, plain_console
 
     folder, key = Path(arguments[0]), arguments[1]
-    content = json.loads(_cell_file(folder, key).read_text(encoding="utf-8"))
-    cell = Cell(content["config"], key, content["label"])
+    content = json.loads(_job_file(folder, key).read_text(encoding="utf-8"))
+    job = Job(content["config"], key, content["label"])
     # Bars of several processes would overwrite each other; lines say whose they are.
-    progress = TerminalProgress(plain_console(), prefix=f"{cell.label}: " if cell.label else "")
+    progress = TerminalProgress(plain_console(), prefix=f"{job.label}: " if job.label else "")
     with run_sweep.stoppable():
-        run_sweep.run_one(cell, Plan.read(folder / "plan.json"), folder, progress)
+        run_sweep.run_one(job, Plan.read(folder / "plan.json"), folder, progress)
     return 0
 
 
-def _cell_file(folder: Path, key: str) -> Path:
-    return folder / f"{key}.cell.json"
+def _job_file(folder: Path, key: str) -> Path:
+    return folder / f"{key}.job.json"
 
 
 def _threads(at_once: int) -> dict[str, str]:
@@ -78,14 +78,14 @@ def _threads(at_once: int) -> dict[str, str]:
     return {name: os.environ.get(name, share) for name in THREAD_SETTINGS}
 
 
-def _report_of_the_dead(cell: Cell, plan: Plan, folder: Path, code: int) -> None:
-    path = run_job.report_file(folder, cell.hash)
+def _report_of_killed(job: Job, plan: Plan, folder: Path, code: int) -> None:
+    path = run_job.report_file(folder, job.hash)
     if path.is_file():
         return
     how = f"signal {-code}" if code < 0 else f"exit code {code}"
     message = f"its process ended by {how} before the job did"
-    print(f"{cell.label}: {message}", file=sys.stderr)
-    Report(cell.hash, cell.label, "failed", str(plan.folder_of(cell.hash)), message=message).write(path)
+    print(f"{job.label}: {message}", file=sys.stderr)
+    Report(job.hash, job.label, "failed", str(plan.folder_of(job.hash)), message=message).write(path)
 
 
 def _stop(processes: Sequence[subprocess.Popen[bytes]]) -> None:
