@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import inspect
 import json
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -14,7 +16,8 @@ from typing import Any
 from experiments import registry
 from experiments.errors import InputError
 from experiments.files import write_text
-from experiments.paths import conf_dir, project_root
+from experiments.paths import project_root
+from experiments.plugins import options_of, study_packages
 from experiments.running.config_hash import config_hash
 from experiments.running.content_hash import content_digest
 from experiments.running.job_names import choices_of, distinct_labels, folder_names
@@ -56,26 +59,76 @@ class Plan:
         out = Path(self.out)
         return out if len(self.labels) == 1 else out / folder_names(self.labels)[key]
 
-    def write(self, path: Path) -> None:
-        """Write as JSON, for the processes that a launcher starts."""
-        write_text(path, json.dumps(asdict(self)))
+    def write(self, folder: Path) -> None:
+        """Write the plan as JSON, for the processes that a launcher starts.
+
+        Parameters
+        ----------
+        folder : Path
+            The folder of the plan.
+        """
+        write_text(folder / "plan.json", json.dumps(asdict(self)))
 
     @staticmethod
-    def read(path: Path) -> Plan:
-        """Read what ``write`` wrote."""
-        return Plan(**json.loads(path.read_text(encoding="utf-8")))
+    def read(folder: Path) -> Plan:
+        """Read what ``write`` wrote.
+
+        Parameters
+        ----------
+        folder : Path
+            The folder of the plan.
+
+        Returns
+        -------
+        Plan
+            The plan.
+        """
+        return Plan(**json.loads((folder / "plan.json").read_text(encoding="utf-8")))
 
 
 def study_names() -> list[str]:
-    """The studies there are, by their configurations."""
-    return sorted(path.stem for path in (conf_dir() / "study").glob("*.yaml"))
+    """List the studies there are, by their configurations.
+
+    Returns
+    -------
+    list of str
+        Names, sorted, those of plugins among them.
+    """
+    return options_of("study")
 
 
 def study_module(name: str) -> ModuleType:
-    """The module of a study."""
-    if name not in study_names():
-        raise InputError(f"study: expected one of {', '.join(study_names())}, received {name!r}")
-    return importlib.import_module(f"experiments.studies.{name}")
+    """Import the module of a study.
+
+    Parameters
+    ----------
+    name : str
+        Name of the study, which is that of its module in ``experiments.studies`` or in a plugin's ``studies``.
+
+    Returns
+    -------
+    ModuleType
+        The module, or the package that hands its functions on.
+
+    Raises
+    ------
+    InputError
+        If there is no such study.
+    """
+    for package in study_packages() if name.isidentifier() else ():
+        if _is_module(package, name):
+            return importlib.import_module(f"{package}.{name}")
+    raise InputError(f"study: expected one of {', '.join(study_names())}, received {name!r}")
+
+
+def _is_module(package: str, name: str) -> bool:
+    full = f"{package}.{name}"
+    try:
+        return full in sys.modules or importlib.util.find_spec(full) is not None
+    except ModuleNotFoundError as missing:  # a plugin need not have studies
+        if missing.name == package:
+            return False
+        raise
 
 
 def job_configs(config: Mapping[str, Any]) -> list[tuple[dict[str, Any], str]]:
@@ -162,7 +215,7 @@ def _contents_of(config: Mapping[str, Any], known: dict[str, str]) -> dict[str, 
     """The digest of what lies under each path of a job; ``known`` ones are taken, the others added to it."""
     paths = read_paths(config)
     # What this project writes is nobody's input only because it lies inside a folder that is.
-    written = [project_root() / name for name in ("outputs", "mlruns")]
+    written = [project_root() / name for name in ("outputs", "mlruns", ".cache/plans")]
     written += [Path(str(config["out"])).expanduser()] if config.get("out") else []
     for path in paths:
         if path not in known:
