@@ -161,7 +161,7 @@ def _dilated(
 ) -> Bool[np.ndarray, "h w"]:
     """Pixels no farther than ``reach`` from the mask: a disc is a stack of rows, and a row a difference of sums.
 
-    For the few rows of a usual disc that is several times faster than a distance transform.
+    For a disc of a few rows this is several times faster than a distance transform.
     """
     height, width = mask.shape
     side = min(math.floor(reach / spacing[1]), width)

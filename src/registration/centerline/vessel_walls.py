@@ -89,7 +89,7 @@ class Walls:
 
 
 def _open3d() -> Any:
-    """Open3D, imported only where walls are asked: it takes a second, and its type stubs are not right."""
+    """Open3D, imported only where walls are queried: it takes a second, and its type stubs are not right."""
     import open3d
 
     return open3d
