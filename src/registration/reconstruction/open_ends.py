@@ -22,7 +22,7 @@ MIN_COSINE = 0.5
 CELLS_A_BRIDGE = 12
 # What is kept although nothing was measured there counts as just inside.
 SHALLOW_MM = 1e-6
-# Vertices asked at a time, which bounds the memory.
+# Vertices queried at a time, which bounds the memory.
 BLOCK = 2000
 
 
