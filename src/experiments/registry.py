@@ -37,7 +37,7 @@ ALLOWED: frozenset[str] = frozenset(
         "models.training.settings.TrainerSettings",
         "models.networks.unet.UNet",
         "models.networks.unet3plus.UNet3Plus",
-        "registration.rigid.acceptance.Judge",
+        "registration.rigid.acceptance.AcceptanceCriteria",
         "registration.centerline.CenterlineExtractor",
         "registration.reconstruction.outlier_filters.RadiusOutlierRemoval",
         "registration.reconstruction.outlier_filters.StatisticalOutlierRemoval",

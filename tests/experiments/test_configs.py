@@ -144,7 +144,7 @@ ABLATIONS = sorted(path.stem for path in (CONF / "rigid").glob("multistart_*.yam
 @pytest.mark.parametrize("order", ["{0},multistart", "multistart,{0}"])
 def test_an_ablation_follows_what_is_set_for_multistart(ablation: str, order: str) -> None:
     words = ["study=robustness", f"rigid=[{order.format(ablation)}]", "rigid.multistart.fine_points=4321"]
-    words += ["rigid.multistart.judge.tolerated_mm=1.5", "rigid.multistart.kernel=null"]
+    words += ["rigid.multistart.acceptance.max_tre_mm=1.5", "rigid.multistart.kernel=null"]
     ((plain, _),) = compose_points(["study=robustness", f"rigid=[multistart,{ablation}]"])
     ((config, _),) = compose_points(words)
     meant = {name.split(".")[-1] for name in MEANT["rigid", ablation]}
@@ -152,7 +152,7 @@ def test_an_ablation_follows_what_is_set_for_multistart(ablation: str, order: st
         own, whole = rigid[ablation], rigid["multistart"]
         assert {name for name in whole if own[name] != whole[name]} == meant
     assert config["rigid"][ablation]["fine_points"] == 4321
-    assert config["rigid"][ablation]["judge"]["tolerated_mm"] == 1.5
+    assert config["rigid"][ablation]["acceptance"]["max_tre_mm"] == 1.5
     assert config["rigid"][ablation]["kernel"] is None
 
 

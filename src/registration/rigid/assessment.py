@@ -26,18 +26,18 @@ from registration.rigid.uncertainty import bootstrap_motions, local_fit
 if TYPE_CHECKING:
     from registration.rigid.multi_start import MultiStartICP
 
-# The answer is slid along the vessel by so many tolerated errors to see whether the clouds object.
+# The result is slid along the vessel by so many accepted errors to see whether the clouds object.
 PROBED_SLIDE = 1.5
 PROBED_ITERATIONS = 6
-# Rivals that are within so many standard errors of the best one are as good as it, and named beside it.
+# Rivals that are within so many standard errors of the best one are as good as it, and named with it.
 ALIKE_GAPS = 2.0
 # The error is predicted at this many points of the fixed cloud.
 TARGETS = 300
-# The predicted error that is compared with the tolerated one is exceeded in one case of twenty.
+# The predicted error that is compared with the largest accepted one is exceeded in one case of twenty.
 UPPER = 0.95
 
 
-def answer(
+def assess(
     method: MultiStartICP,
     moving_mm: Float64[np.ndarray, "m 3"],
     evidence: Evidence,
@@ -48,7 +48,7 @@ def answer(
     """Judge the best candidate by the others, by its local fit, by its residuals, and by what lies beyond the bound."""
     if not found.candidates or not len(found.gap):
         raise InputError(
-            "search_cone: expected a cone that holds an answer, received one that no start ends in"
+            "search_cone: expected a cone that holds a result, received one that no start ends in"
             + _best_end(found, bound)
         )
     target = evidence.target
@@ -70,19 +70,19 @@ def answer(
     rivals = [
         (motion, gap)
         for motion, gap in _others(method, evidence, found, frame)
-        if displacement_mm(motion[None], places_mm)[0] > method.judge.tolerated_mm
+        if displacement_mm(motion[None], places_mm)[0] > method.acceptance.max_tre_mm
     ]
     gap = min((behind for _, behind in rivals), default=float("inf"))
     weak = []
     # Where several axes may be the vessel's, as many searches look for a pose that is better by chance.
     tries = method.axes_tried(evidence) if bound is None else 1
-    if gap < method.judge.needed_gap(tries):
+    if gap < method.acceptance.needed_gap(tries):
         weak = [motion for motion, behind in rivals if behind < gap + ALIKE_GAPS]
-    if spread.expected_mm > method.judge.tolerated_mm:
+    if spread.expected_mm > method.acceptance.max_tre_mm:
         weak.append(spread.weakest)
     names = {name for motion in weak for name in named_motion(motion, frame)}
     directions = tuple(name for name in DIRECTIONS if name in names)
-    verdict, reason = method.judge(
+    verdict, reason = method.acceptance(
         settled=found.settled,
         inlier_share=measured.inlier_share,
         gap=gap,
@@ -122,12 +122,12 @@ def _best_end(found: Found, bound: Bound | None) -> str:
 def _beyond(
     method: MultiStartICP, evidence: Evidence, found: Found, bound: Bound | None, pose: np.ndarray
 ) -> str:
-    """Say that a pose outside the bound explains the clouds better than the answer by more than chance, if one does."""
+    """Say that a pose outside the bound explains the clouds better than the result by more than chance, if one does."""
     if bound is None or found.outside is None:
         return ""
     other = found.outside.fixed_T_moving
     behind = float(evidence.gaps(np.stack([other, pose]))[1])
-    if behind < method.judge.least_gap:
+    if behind < method.acceptance.min_gap:
         return ""
     return f"a pose {bound.describe(other)}, explains the clouds better by {behind:.1f} standard errors"
 
@@ -135,7 +135,7 @@ def _beyond(
 def _within_bound(
     verdict: str, reason: str, bound: Bound | None, pose: np.ndarray, beyond: str
 ) -> tuple[str, str]:
-    """The verdict on an answer that was looked for near a known pose alone."""
+    """The verdict on a result that was looked for near a known pose alone."""
     if bound is None:
         return verdict, reason
     if beyond:
@@ -146,7 +146,7 @@ def _within_bound(
 
 @dataclass(frozen=True)
 class _Spread:
-    """Where the answer might lie: poses as fixed_T_fixed, the error they predict, and the motion that is least held."""
+    """Where the result might lie: poses as fixed_T_fixed, the error they predict, and the motion that is least held."""
 
     samples: np.ndarray | None
     expected_mm: float
@@ -191,9 +191,9 @@ def measured_candidate(
 def _others(
     method: MultiStartICP, evidence: Evidence, found: Found, frame: PrincipalFrame
 ) -> list[tuple[np.ndarray, float]]:
-    """Where else the cloud might lie, as motions from the answer, each with its gap in standard errors.
+    """Where else the cloud might lie, as motions from the result, each with its gap in standard errors.
 
-    The refined candidates of other basins, and the answer slid and rolled as a vessel without features could be, and
+    The refined candidates of other basins, and the result slid and rolled as a vessel without features could be, and
     settled there: a vessel with features comes back.
     """
     pose = found.candidates[0].fixed_T_moving
@@ -202,7 +202,7 @@ def _others(
     settled = align(
         evidence.moving_mm[: method.coarse_points],
         evidence.target,
-        probes(frame, PROBED_SLIDE * method.judge.tolerated_mm) @ pose,
+        probes(frame, PROBED_SLIDE * method.acceptance.max_tre_mm) @ pose,
         max_iterations=PROBED_ITERATIONS,
         tolerance=EARLY_TOLERANCE,
         keep=method.kept,

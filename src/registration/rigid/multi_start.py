@@ -13,20 +13,20 @@ from numpy.typing import ArrayLike
 from registration.checks import require_count, require_positive
 from registration.errors import InputError
 from registration.geometry.shapes import principal_frame
-from registration.rigid.acceptance import Judge
-from registration.rigid.assessment import answer, measured_candidate
+from registration.rigid.acceptance import AcceptanceCriteria
+from registration.rigid.assessment import assess, measured_candidate
 from registration.rigid.coarse_to_fine import EARLY_TOLERANCE, CoarseToFine, Stage, estimation_by
 from registration.rigid.icp.correspondence import TreeTarget
 from registration.rigid.icp.rejection import NormalRejection, Rejection
 from registration.rigid.icp.robust_kernels import RobustKernel, Tukey
 from registration.rigid.initial_poses import centerline_starts, cone_starts, principal_axes, symmetry_starts
-from registration.rigid.isolated_points import LEAST_CLOUD, NEIGHBOUR, lonely, strays
+from registration.rigid.isolated_points import MIN_CLOUD_POINTS, NEIGHBOUR, is_isolated, isolated_points
 from registration.rigid.pose_comparison import Evidence, blocks_of, blocks_of_frames
 from registration.rigid.result import ACCEPTED, RigidResult, fit
 from registration.rigid.rigid_input import frame_of_points, points_on_line, rigid_clouds
 from registration.rigid.search_cone import USUAL_DEG, USUAL_MM, Bound, SearchCone, bound_around, known_pose
 from registration.rigid.smoothed_target import outward_targets
-from registration.rigid.swapped import is_longer, turned_round
+from registration.rigid.swapped import inverted_result, is_longer
 
 # The surface that poses are judged on is smoothed over so many times the points that a normal is estimated from.
 SMOOTHING = 2
@@ -43,7 +43,7 @@ class MultiStartICP:
     steps of ``slide_share`` of the moving cloud's length; an axis with ``axis_share`` of the longest one's spread
     counts as principal too, and where the second one has ``compact_share`` of it none is: all are tried; ``invert`` and
     ``slide`` can be left out. Where the centerlines of both clouds are given and ``use_centerline`` is true, ICP on
-    these comes first and leaves only its ``centerline_places`` best places to be rolled; where the answer is then not
+    these comes first and leaves only its ``centerline_places`` best places to be rolled; where the result is then not
     accepted, the surfaces' own axes are tried too. All starts take ``first_iterations`` on ``first_points`` against a
     closest-point table of ``coarse_cells`` voxels, the best ``first_share`` of them ``coarse_iterations`` on
     ``coarse_points``; the best ``survivors`` of different basins go on with ``middle_points`` and exact closest points,
@@ -57,12 +57,12 @@ class MultiStartICP:
     the borders that two modalities show are not one: it is estimated with the pose and reported, and is no residual.
     Along normals the ``kernel`` weighs the pairs of the last two stages. The closest ``keep`` share of pairs counts in
     all stages and in the trimmed residual; None stands for 0.9, and for all pairs where the kernel weighs them.
-    ``rejections`` can leave out more. ``cone_deg`` and ``cone_radius_mm`` bound the answer around a given initial pose,
-    as far as a search cone does not. The ``judge`` decides whether the answer is accepted, from the candidates and from
+    ``rejections`` can leave out more. ``cone_deg`` and ``cone_radius_mm`` bound the result around a given initial pose,
+    as far as a search cone does not. The ``judge`` decides whether the result is accepted, from the candidates and from
     a bootstrap of ``replicates`` over ``blocks`` blocks of points, its spread enlarged by ``inflation``: this was set
     so that the predicted 90 % intervals hold on random anatomies with seeds below 1000. From point to point no error is
     predicted: closest points say too little about it. Where the moving cloud is the longer one, the fixed one is
-    registered to it and the result turned round. Deterministic in ``seed``.
+    registered to it and the result inverted. Deterministic in ``seed``.
 
     Methods: T. Vantini, Politecnico di Milano, 2025, section 2.5 (starts and selection); see
     ``registration.rigid.icp.loop``,
@@ -107,7 +107,7 @@ class MultiStartICP:
     blocks: int = 48
     replicates: int = 400
     inflation: float = 1.25
-    judge: Judge = field(default_factory=Judge)
+    acceptance: AcceptanceCriteria = field(default_factory=AcceptanceCriteria)
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -154,7 +154,7 @@ class MultiStartICP:
     ) -> RigidResult:
         """Register ``moving_mm`` to ``fixed_mm`` from anywhere, or from near ``initial`` (a fixed_T_moving).
 
-        Clouds and points on centerlines are arrays or lists of shape (n, 3) in mm, ``initial`` is (4, 4). No answer
+        Clouds and points on centerlines are arrays or lists of shape (n, 3) in mm, ``initial`` is (4, 4). No result
         lies outside the bound around ``initial``: of ``search_cone``, else of ``cone_deg`` and ``cone_radius_mm``.
         Points on the clouds' centerlines, in their frames, shorten the search; ``moving_frame`` (m,) is the frame of
         the sweep that each moving point was seen in, which makes the bootstrap one over frames. Raises InputError for a
@@ -172,7 +172,7 @@ class MultiStartICP:
         if known is None and is_longer(moving, fixed):
             # The moving cloud would have to slide out of the fixed one: the shorter one moves instead.
             found_back = self(fixed, moving, moving_centerline_mm=lines[1], fixed_centerline_mm=lines[0])
-            return self._turned_round(found_back, moving, fixed, begin_s)
+            return self._swapped_back(found_back, moving, fixed, begin_s)
         return self._registered(moving, fixed, known, search_cone, lines, frame, begin_s)
 
     def _registered(
@@ -198,14 +198,14 @@ class MultiStartICP:
             normals = TreeTarget(moving_mm).normals_at(evidence.moving_mm, self.neighbours)
         search = self._search(evidence.moving_mm)
         found = search(evidence, starts, bound, normals)
-        result = answer(self, moving_mm, evidence, found, bound, begin_s)
+        result = assess(self, moving_mm, evidence, found, bound, begin_s)
         if centerlines is None or bound is not None or result.verdict == ACCEPTED:
             return result
         # Centerlines that are rough, or not of one vessel, can mislead: the surfaces' own axes have a say as well.
         own = self._starts(evidence, None, None)
         again = search(evidence, np.concatenate([starts, own]), bound, normals)
         again = replace(again, iterations=found.iterations + again.iterations)
-        return answer(self, moving_mm, evidence, again, bound, begin_s)
+        return assess(self, moving_mm, evidence, again, bound, begin_s)
 
     @property
     def kept(self) -> float:
@@ -221,12 +221,12 @@ class MultiStartICP:
     def _weighing(self) -> RobustKernel | None:
         return None if self.refine_by == "point" else self.kernel
 
-    def _turned_round(
+    def _swapped_back(
         self, result: RigidResult, moving_mm: np.ndarray, fixed_mm: np.ndarray, begin_s: float
     ) -> RigidResult:
         moving, target = TreeTarget(moving_mm), TreeTarget(fixed_mm)
         settings = {"keep": self.kept, "inlier_spacings": self.inlier_spacings}
-        return turned_round(
+        return inverted_result(
             result,
             lambda one: measured_candidate(self, one, moving_mm, moving, target),
             lambda pose: fit(moving_mm, target, pose, **settings),
@@ -246,8 +246,8 @@ class MultiStartICP:
         if centerlines is None:
             target = evidence.target
             fixed_mm = target.points_mm
-            if len(fixed_mm) >= LEAST_CLOUD:
-                fixed_mm = fixed_mm[~lonely(target.away_mm(NEIGHBOUR))]
+            if len(fixed_mm) >= MIN_CLOUD_POINTS:
+                fixed_mm = fixed_mm[~is_isolated(target.away_mm(NEIGHBOUR))]
             return symmetry_starts(
                 moving_mm,
                 fixed_mm,
@@ -274,10 +274,10 @@ class MultiStartICP:
         order = rng.permutation(len(moving_mm))[: self.fine_points]
         if len(fixed_mm) > self.fixed_points:
             fixed_mm = fixed_mm[rng.permutation(len(fixed_mm))[: self.fixed_points]]
-        # The early stages take the first points: they should not be strays.
-        stray = strays(moving_mm[order])
-        order = np.concatenate([order[~stray], order[stray]])
-        core = len(order) - int(stray.sum())
+        # The early stages take the first points: they should not be isolated points.
+        isolated = isolated_points(moving_mm[order])
+        order = np.concatenate([order[~isolated], order[isolated]])
+        core = len(order) - int(isolated.sum())
         shuffled_mm = moving_mm[order]
         if moving_frame is None:
             block = blocks_of(shuffled_mm, self.blocks)

@@ -24,7 +24,7 @@ INSIDE_SHARE = 1e-9
 
 @dataclass(frozen=True)
 class SearchCone:
-    """A bound on the answer around an initial pose: turned by at most ``angle_deg``, moved by at most ``radius_mm``.
+    """A bound on the result around an initial pose: turned by at most ``angle_deg``, moved by at most ``radius_mm``.
 
     The angle is that of the rotation between both poses, the distance that of the moving cloud's centroid. None stands
     for the bound that the method has itself.
@@ -40,7 +40,7 @@ class SearchCone:
             require_positive("radius_mm", self.radius_mm)
 
 
-# For a step of a method whose whole answer is bounded afterwards.
+# For a step of a method whose whole result is bounded afterwards.
 UNBOUNDED = SearchCone(180.0, sys.float_info.max)
 
 
@@ -145,7 +145,7 @@ def bound_around(
     usual_deg: float = USUAL_DEG,
     usual_mm: float = USUAL_MM,
 ) -> Bound | None:
-    """The bound on the answer around a known pose, with or without a cone of the caller's; None around none."""
+    """The bound on the result around a known pose, with or without a cone of the caller's; None around none."""
     if initial is None:
         return None
     return Bound(initial, search_cone or SearchCone(), moving_mm.mean(axis=0), usual_deg, usual_mm)

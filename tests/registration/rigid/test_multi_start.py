@@ -54,8 +54,8 @@ def test_noise_and_outliers_cost_accuracy_and_not_the_pose() -> None:
 
 
 @pytest.mark.parametrize("number", range(4))
-def test_a_piece_among_strays_is_as_long_as_it_is(number: int) -> None:
-    """Strays lie all around: taken for the vessel's, they would make the piece twice as long."""
+def test_a_piece_among_isolated_points_is_as_long_as_it_is(number: int) -> None:
+    """Isolated points lie all around: taken for the vessel's, they would make the piece twice as long."""
     trial = problem(piece=Piece(0.4, "end"), number=number, noise_mm=0.3, outlier_share=0.1)
     found = METHOD(trial.moving_mm, trial.fixed_mm)
     assert error_mm(found.fixed_T_moving, trial) < 2
@@ -106,7 +106,7 @@ def test_the_result_carries_all_candidates_best_first() -> None:
     assert result.rmse_trimmed_mm < result.rmse_mm < 1.5
     assert result.inlier_share > 0.95
     assert result.verdict == "accepted", result.reason
-    assert result.ambiguity_gap > METHOD.judge.least_gap
+    assert result.ambiguity_gap > METHOD.acceptance.min_gap
     best = result.candidates[0]
     assert (best.inlier_share, best.coverage) == (result.inlier_share, result.coverage)
     assert result.coverage > 0.95
@@ -140,18 +140,18 @@ def test_a_known_pose_keeps_the_search_near_it() -> None:
     assert error_mm(narrow(trial.moving_mm, trial.fixed_mm, near).fixed_T_moving, trial) < 0.2
 
 
-def test_no_answer_lies_outside_a_search_cone() -> None:
+def test_no_result_lies_outside_a_search_cone() -> None:
     trial = problem(number=6)
     off = transforms.compose(transforms.translation((3.0, -2.0, 1.0)), trial.fixed_T_moving)
     found = METHOD(trial.moving_mm, trial.fixed_mm, off, search_cone=SearchCone(30.0, 15.0))
     assert error_mm(found.fixed_T_moving, trial) < 0.2
     assert found.verdict == "accepted"
     away = transforms.compose(transforms.translation((60.0, 0, 0)), trial.fixed_T_moving)
-    with pytest.raises(InputError, match="search_cone: expected a cone that holds an answer"):
+    with pytest.raises(InputError, match="search_cone: expected a cone that holds a result"):
         METHOD(trial.moving_mm, trial.fixed_mm, away, search_cone=SearchCone(5.0, 1.0))
 
 
-def test_centerlines_give_the_same_answer_from_other_starts() -> None:
+def test_centerlines_give_the_same_result_from_other_starts() -> None:
     trial = problem(piece=Piece(0.45, "end"), number=7)
     middle = TUBE.vertices_mm[:-2].reshape(-1, 32, 3).mean(axis=1)
     inside = Piece(0.45, "end").contains(middle, TUBE)
@@ -245,7 +245,7 @@ def test_a_straight_tube_slides_and_rolls(seed: int) -> None:
     assert result.rmse_mm < 1
     assert result.verdict == "ambiguous"
     assert {"slide", "roll"} <= set(result.weak_directions)
-    assert result.ambiguity_gap < METHOD.judge.least_gap
+    assert result.ambiguity_gap < METHOD.acceptance.min_gap
 
 
 @pytest.mark.parametrize("seed", range(3))
