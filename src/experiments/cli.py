@@ -9,7 +9,6 @@ import os
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from experiments.command_line import words as cli_words
@@ -42,7 +41,7 @@ def main(argv: list[str] | None = None) -> int:
         if not words or any(word in ("--help", "-h") for word in words):
             return _print_help(words)
         asked = _parsed(words)
-        overrides, folder = list(asked.overrides), _config_folder(asked.config_dir)
+        overrides, folder = list(asked.overrides), cli_words.config_folder(asked.config_dir)
         if asked.hydra_help or asked.shell_completion:
             _call_hydra(words)
             return 0
@@ -100,16 +99,6 @@ def _parsed(words: list[str]) -> Namespace:
     return asked
 
 
-def _config_folder(config_dir: str | None) -> str | None:
-    """The user's own folder of configurations as an absolute path, or None."""
-    if config_dir is None:
-        return None
-    folder = Path(config_dir).expanduser().absolute()
-    if not folder.is_dir():
-        raise InputError(f"--config-dir: expected a folder of configurations, received {config_dir!r}")
-    return str(folder)
-
-
 def _show(asked: Namespace, overrides: list[str], folder: str | None) -> int:
     """Print the configuration of every point of a sweep, or what else Hydra tells of one point."""
     from omegaconf import OmegaConf
@@ -118,7 +107,7 @@ def _show(asked: Namespace, overrides: list[str], folder: str | None) -> int:
     if asked.cfg != "job":
         first, *_ = _points(overrides) if asked.multirun else [(overrides, "")]
         kind = ["--cfg", asked.cfg] if asked.cfg else ["--info", asked.info]
-        _call_hydra([*kind, *_of_folder(folder), *first[0]])
+        _call_hydra([*kind, *cli_words.words_of_folder(folder), *first[0]])
         return 0
     for config, label in composed:
         job = _without_hydra(config)
@@ -140,13 +129,13 @@ def _run(overrides: list[str], folder: str | None, *, multirun: bool) -> int:
         points = compose_points(overrides, folder, multirun=multirun)
         for config, _ in points:
             require_shared(config)
-        _note_useless_seed(points)
+        cli_words.note_useless_seed(config for config, _ in points)
         require_writable(jobs.out_folder(points[0][0], "0" * 64))
         beside = run_sweep.jobs_at_once(points[0][0]) > 1
         if beside and any(word.startswith("hydra/launcher=") for word in overrides):
             raise InputError("jobs: expected 1 where a launcher starts the jobs, received more")
         launched = multirun and not beside
-        words = ["--multirun", *_of_folder(folder), *overrides]
+        words = ["--multirun", *cli_words.words_of_folder(folder), *overrides]
         return run_sweep.run(points, (lambda: _call_hydra(words)) if launched else None)
     except user_errors() as refusal:
         print(refusal, file=sys.stderr)
@@ -154,17 +143,6 @@ def _run(overrides: list[str], folder: str | None, *, multirun: bool) -> int:
     except KeyboardInterrupt:
         print("Stopped by the keyboard; what had finished is kept.", file=sys.stderr)
         return 130
-
-
-def _note_useless_seed(points: Points) -> None:
-    for config, _ in points:
-        if config.get("seed") is not None and cli_words.draws_nothing(config["study"]):
-            print(
-                f"seed: study={config['study']} draws nothing at random, so that seed={config['seed']} changes no "
-                "result.",
-                file=sys.stderr,
-            )
-            return
 
 
 def compose_points(overrides: list[str], config_dir: str | None = None, *, multirun: bool = False) -> Points:
@@ -326,10 +304,6 @@ def _points(overrides: list[str]) -> list[tuple[list[str], str]]:
     varying = {override.get_key_element() for override in parsed if override.is_sweep_override()}
     (batch,) = BasicSweeper.split_arguments(parsed, None)
     return [(words, ",".join(word for word in words if word.split("=")[0] in varying)) for words in batch]
-
-
-def _of_folder(folder: str | None) -> list[str]:
-    return ["--config-dir", folder] if folder else []
 
 
 def _call_hydra(words: list[str]) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import yaml
@@ -98,6 +100,33 @@ def sentence(refusal: Exception, study: str | None, known: Sequence[str]) -> str
             f"lists them){did_you_mean(name, [each for each in known if each != name])}"
         )
     return "; ".join(lines)
+
+
+def config_folder(config_dir: str | None) -> str | None:
+    """The user's own folder of configurations as an absolute path, or None."""
+    if config_dir is None:
+        return None
+    folder = Path(config_dir).expanduser().absolute()
+    if not folder.is_dir():
+        raise InputError(f"--config-dir: expected a folder of configurations, received {config_dir!r}")
+    return str(folder)
+
+
+def note_useless_seed(configs: Iterable[Mapping[str, Any]]) -> None:
+    """Say on standard error, once, that a seed was given to a study that draws nothing."""
+    for config in configs:
+        if config.get("seed") is not None and draws_nothing(config["study"]):
+            print(
+                f"seed: study={config['study']} draws nothing at random, so that seed={config['seed']} changes no "
+                "result.",
+                file=sys.stderr,
+            )
+            return
+
+
+def words_of_folder(folder: str | None) -> list[str]:
+    """The words that hand a folder of configurations on to Hydra."""
+    return ["--config-dir", folder] if folder else []
 
 
 def _groups() -> list[Any]:

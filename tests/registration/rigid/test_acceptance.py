@@ -57,9 +57,34 @@ def test_a_result_is_accepted_with_what_speaks_for_it() -> None:
     verdict, reason = AcceptanceCriteria()(**CALM)
     assert verdict == "accepted"
     assert "worse by 8.0 standard errors" in reason
-    assert "below 0.4 mm" in reason
+    assert "the predicted TRE without deformation is up to 0.4 mm (95 %)" in reason
     assert "no other pose" in AcceptanceCriteria()(**(CALM | {"gap": float("inf")}))[1]
-    assert "not predicted" in AcceptanceCriteria()(**(CALM | {"expected_mm": float("nan")}))[1]
+    assert "no error was predicted" in AcceptanceCriteria()(**(CALM | {"expected_mm": float("nan")}))[1]
+
+
+@pytest.mark.parametrize("expected_mm", [0.0, 1e-15, 4e-4])
+def test_clouds_without_noise_promise_no_error_of_nothing(expected_mm: float) -> None:
+    verdict, reason = AcceptanceCriteria()(**(CALM | {"expected_mm": expected_mm}))
+    assert verdict == "accepted"
+    assert "the clouds fit without noise, which predicts nothing" in reason
+    assert "0.0 mm" not in reason
+    assert "should" not in reason
+
+
+def test_several_axes_that_are_tried_ask_for_a_larger_gap() -> None:
+    assert AcceptanceCriteria().needed_gap(1) == 2.0
+    # A third of the normal tail beyond 2: 0.0228 / 3.
+    assert AcceptanceCriteria().needed_gap(3) == pytest.approx(2.428, abs=1e-3)
+    close = CALM | {"gap": 2.2}
+    assert AcceptanceCriteria()(**close)[0] == "accepted"
+    verdict, reason = AcceptanceCriteria()(**close, tries=3)
+    assert verdict == "ambiguous"
+    assert "worse by 2.2 standard errors, at least 2.4 are needed" in reason
+
+
+def test_a_rival_that_is_better_is_not_called_worse() -> None:
+    _, reason = AcceptanceCriteria()(**(CALM | {"gap": -5.23}))
+    assert "another pose explains the clouds better, by 5.2 standard errors" in reason
 
 
 @pytest.mark.parametrize(
@@ -72,7 +97,11 @@ def test_a_result_is_accepted_with_what_speaks_for_it() -> None:
             "ambiguous",
             r"another pose \(slide, roll\).* 1.2 standard errors",
         ),
-        ({"expected_mm": 3.1, "weak": ("slide",)}, "ambiguous", r"pose open \(slide\).* 3.1 mm, 2 mm"),
+        (
+            {"expected_mm": 3.1, "weak": ("slide",)},
+            "ambiguous",
+            r"pose open \(slide\).* 3.1 mm without deformation, 2 mm",
+        ),
     ],
 )
 def test_a_result_is_not_accepted_for_a_reason(change: dict[str, object], verdict: str, said: str) -> None:
