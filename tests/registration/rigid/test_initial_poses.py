@@ -106,16 +106,18 @@ def test_an_elongated_shape_has_the_starts_it_had() -> None:
 
 
 def test_a_compact_piece_starts_near_its_place_whichever_axis_is_the_vessels() -> None:
-    """A drum a little wider than long, of a drum that is longer: its first axis lies across the vessel."""
+    """A tube 16 mm wide, cut obliquely to about that length: its first axis is the slanted cut's, not the tube's."""
     rng = np.random.default_rng(5)
     turn = rng.uniform(0, 2 * np.pi, 4000)
     radius = 8.0 + 1.5 * np.cos(2 * turn)
-    drum = np.stack([radius * np.cos(turn), radius * np.sin(turn), rng.uniform(0, 60, 4000)], axis=1)
-    piece = drum[(drum[:, 2] > 20) & (drum[:, 2] < 34)]
-    assert abs(principal_frame(piece).axes[2, 0]) < 0.3
+    tube = np.stack([radius * np.cos(turn), radius * np.sin(turn), rng.uniform(0, 60, 4000)], axis=1)
+    cut = np.array([0.0, np.sin(np.deg2rad(50)), np.cos(np.deg2rad(50))])
+    piece = tube[np.abs((tube - [0, 0, 30]) @ cut) < 7]
+    spread_mm = principal_frame(piece).spread_mm
+    assert 0.5 < spread_mm[1] / spread_mm[0] < 0.75
     moving = frames.apply(POSE, piece)
-    assert closest_mm(symmetry_starts(moving, drum, 12, 0.25, 1.0), moving) > 6
-    assert closest_mm(symmetry_starts(moving, drum, 12, 0.25, 1.0, 0.5), moving) < 3
+    assert closest_mm(symmetry_starts(moving, tube, 12, 0.25, 0.75), moving) > 5
+    assert closest_mm(symmetry_starts(moving, tube, 12, 0.25, 0.75, 0.5), moving) < 3.2
 
 
 def test_a_longer_moving_cloud_and_a_sliver_have_bounded_starts() -> None:

@@ -304,7 +304,7 @@ def compact_problem(seed: int, tilt_deg: float, length_widths: float, margin: fl
     return Trial(frames.apply(pose, moving), fixed, frames.invert_rigid(pose), 0.0, 0.0, outlier, frame, "")
 
 
-@pytest.mark.parametrize("seed", [208, 210, 216, 222])
+@pytest.mark.parametrize("seed", [208, 210, 216, 220])
 def test_a_piece_about_as_long_as_wide_is_found_or_doubted(seed: int) -> None:
     """Where the cut lies decides which axis is longest, so that none of them is the vessel's for sure."""
     trial = compact_problem(seed, 30.0, 1.3, 0.3)

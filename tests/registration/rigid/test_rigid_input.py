@@ -6,14 +6,20 @@ from typing import Any
 
 import numpy as np
 import pytest
-from registration.comparators import FpfhFastGlobal, FpfhFeatures, FpfhRansac, GeneralisedICP, SingleStartICP
-from registration.results import RigidResult
-from registration.rigid_input import frame_of_points
 from vessels import bent_tube
 
 from registration.errors import InputError
-from registration.perturbation import Piece, draw
-from registration.rigid import MultiStartICP
+from registration.perturbation.perturbation import Piece, draw
+from registration.rigid.comparators import (
+    FpfhFastGlobal,
+    FpfhFeatures,
+    FpfhRansac,
+    GeneralisedICP,
+    SingleStartICP,
+)
+from registration.rigid.multi_start import MultiStartICP
+from registration.rigid.result import RigidResult
+from registration.rigid.rigid_input import frame_of_points
 
 CLOUD = draw(bent_tube(), 400, Piece(), np.random.default_rng(0))
 FEATURES = FpfhFeatures(2.0, 12.0)

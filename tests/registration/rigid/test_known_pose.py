@@ -6,17 +6,23 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from registration.comparators import FpfhFastGlobal, FpfhFeatures, FpfhRansac, GeneralisedICP, SingleStartICP
-from registration.results import RigidResult
-from registration.search_cone import USUAL_DEG, USUAL_MM, Bound, SearchCone
 from scipy.spatial.transform import Rotation
 from vessels import bent_tube
 
-from registration import frames
+from registration import transforms
 from registration.errors import InputError
-from registration.geometry import principal_frame
-from registration.perturbation import Piece, draw
-from registration.rigid import MultiStartICP
+from registration.geometry.shapes import principal_frame
+from registration.perturbation.perturbation import Piece, draw
+from registration.rigid.comparators import (
+    FpfhFastGlobal,
+    FpfhFeatures,
+    FpfhRansac,
+    GeneralisedICP,
+    SingleStartICP,
+)
+from registration.rigid.multi_start import MultiStartICP
+from registration.rigid.result import RigidResult
+from registration.rigid.search_cone import USUAL_DEG, USUAL_MM, Bound, SearchCone
 
 TUBE = bent_tube()
 FIXED = draw(TUBE, 1500, Piece(), np.random.default_rng(0))
@@ -40,7 +46,9 @@ def guess(seed: int) -> np.ndarray:
     turn = Rotation.from_rotvec(np.deg2rad(rng.uniform(0, 120)) * axis / np.linalg.norm(axis))
     away = rng.normal(size=3)
     shift_mm = rng.uniform(0, 60) * away / np.linalg.norm(away)
-    return frames.compose(frames.translation(shift_mm), frames.rotate_about(turn, MOVING.mean(axis=0)))
+    return transforms.compose(
+        transforms.translation(shift_mm), transforms.rotate_about(turn, MOVING.mean(axis=0))
+    )
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -75,8 +83,8 @@ def turned(angle_deg: float, shift_mm: float = 0.0) -> np.ndarray:
     """The right pose, turned about the cloud's middle across the vessel and shifted along it."""
     axes = principal_frame(MOVING).axes
     turn = Rotation.from_rotvec(np.deg2rad(angle_deg) * axes[:, 2])
-    return frames.compose(
-        frames.translation(shift_mm * axes[:, 0]), frames.rotate_about(turn, MOVING.mean(axis=0))
+    return transforms.compose(
+        transforms.translation(shift_mm * axes[:, 0]), transforms.rotate_about(turn, MOVING.mean(axis=0))
     )
 
 
@@ -90,13 +98,13 @@ def test_what_explains_the_clouds_better_beyond_the_bound_is_told() -> None:
         assert result.verdict != "accepted", result.reason
     near = METHODS["multistart"](MOVING, FIXED, turned(25.0, 3.0), search_cone=SearchCone(30.0, 20.0))
     assert near.verdict == "accepted", near.reason
-    assert frames.rotation_angle_deg(near.fixed_T_moving) < 1
+    assert transforms.rotation_angle_deg(near.fixed_T_moving) < 1
 
 
 def test_an_answer_at_the_bound_says_so() -> None:
     """The right pose is 24.5 of 25 degrees away."""
     result = METHODS["multistart"](MOVING, FIXED, turned(24.5), search_cone=SearchCone(25.0, 20.0))
-    assert frames.rotation_angle_deg(result.fixed_T_moving) < 0.5
+    assert transforms.rotation_angle_deg(result.fixed_T_moving) < 0.5
     assert "it lies at the bound of the search (24" in result.reason
     assert "of 25 degrees from the initial pose" in result.reason
     single = METHODS["single_icp_plane"](MOVING, FIXED, turned(9.8), search_cone=SearchCone(10.0, 20.0))
@@ -115,9 +123,9 @@ def test_a_method_has_a_bound_of_its_own_where_the_cone_leaves_it_open() -> None
 @pytest.mark.parametrize("angle_deg, shift_mm", [(50.0, 0.0), (0.0, 30.0), (170.0, 45.0), (179.9, 1e-9)])
 def test_a_pose_is_put_on_the_bound_on_the_way_to_it(angle_deg: float, shift_mm: float) -> None:
     bound = Bound(guess(3), SearchCone(30.0, 10.0), MOVING.mean(axis=0))
-    pose = frames.compose(turned(angle_deg, shift_mm), guess(3))
+    pose = transforms.compose(turned(angle_deg, shift_mm), guess(3))
     held = bound.held(pose)
-    frames.require_rigid(held, "held")
+    transforms.require_rigid(held, "held")
     assert bound.holds(held)
     turn_deg, away_mm = bound.away(held)
     asked_deg, asked_mm = bound.away(pose)
