@@ -9,6 +9,7 @@ from jaxtyping import Float64, Int64
 from scipy.spatial.transform import Rotation
 
 from registration import transforms
+from registration.checks import require_count, require_positive
 from registration.errors import InputError
 from registration.rigid.icp.estimation import motion_jacobian, with_offset
 from registration.rigid.icp.pairs import closest_pairs
@@ -22,6 +23,36 @@ FREE_SHARE = 1e-6
 STIFFENING = 12.0
 # The spread is itself known only to a factor, whose logarithm has this standard deviation: fitted likewise.
 SPREAD_DOUBT = 0.35
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Settings of the bootstrap that predicts the error of a pose.
+
+    Parameters
+    ----------
+    blocks : int, optional
+        Number of blocks of points that are drawn with replacement.
+    replicates : int, optional
+        Number of draws.
+    inflation : float, optional
+        Factor on the spread; the default was set so that the predicted 90 % intervals hold on random anatomies with
+        seeds below 1000.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than 2 blocks or 20 draws, or the factor is not positive.
+    """
+
+    blocks: int = 48
+    replicates: int = 400
+    inflation: float = 1.25
+
+    def __post_init__(self) -> None:
+        require_count("blocks", self.blocks, 2)
+        require_count("replicates", self.replicates, 20)
+        require_positive("inflation", self.inflation)
 
 
 @dataclass(frozen=True)
