@@ -69,16 +69,6 @@ class ComponentTable:
         Number of pixels in the reference.
     """
 
-    Parameters
-    ----------
-    areas : ndarray, shape (n,)
-        Areas in px.
-    peaks : ndarray, shape (n,)
-        Highest probabilities.
-    overlaps : ndarray, shape (n,)
-        Numbers of px in the reference.
-    """
-
     areas: Float64[np.ndarray, " n"]
     peaks: Shaped[np.ndarray, " n"]
     overlaps: Float64[np.ndarray, " n"]
