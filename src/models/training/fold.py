@@ -147,7 +147,7 @@ def _run(
         network,
         training.loss,
         settings,
-        lambda step: phase.learning_rate(step, steps),
+        lambda step: phase.learning_rate_factor(step, steps),
         step=len(course.history) * steps,
     )
     with reproducible(settings), quiet():

@@ -311,7 +311,7 @@ def require_points(points_mm: ArrayLike, name: str, min_points: int = 1) -> Floa
         found = np.asarray(points_mm)
         if found.dtype.kind not in "iuf":
             found = np.array([[_number(value) for value in row] for row in found.tolist()], dtype=np.float64)
-        found = found.astype(np.float64)
+        found = np.ascontiguousarray(found, dtype=np.float64)
     except (TypeError, ValueError) as refusal:
         raise InputError(
             f"{name}: expected points as an array of numbers of shape (n, 3), received {type(points_mm).__name__} "
