@@ -6,7 +6,7 @@ import math
 
 import pandas as pd
 import pytest
-from robustness_rows import SILENT, FAR, binned, row
+from robustness_rows import FAR, SILENT, binned, row
 
 from experiments.studies.robustness_metrics import (
     by_bin,
