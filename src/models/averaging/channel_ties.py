@@ -78,18 +78,7 @@ class ChannelTies:
 def channel_ties(recipe: NetworkRecipe) -> ChannelTies:
     """Find the ties of a network by following an image through it, in training mode for all its outputs.
 
-    The network is in training mode so that all outputs are there. No memory is taken and no random number drawn:
-    tensors have shapes alone.
-
-    Parameters
-    ----------
-    recipe : NetworkRecipe
-        Architecture.
-
-    Returns
-    -------
-    ChannelTies
-        Groups of channels and the axes on which they lie.
+    No memory is taken and no random number drawn: tensors have shapes alone.
 
     Parameters
     ----------

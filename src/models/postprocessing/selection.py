@@ -67,11 +67,6 @@ def select_postprocessing(
     PostprocessingSelection
         The selected option, and the scores of all.
 
-    Returns
-    -------
-    PostprocessingSelection
-        The best option, and the scores of all.
-
     Raises
     ------
     InputError
