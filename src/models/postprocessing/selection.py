@@ -12,7 +12,7 @@ from models.errors import InputError
 from models.postprocessing.component_scores import ComponentScorer, SelectionCase
 from models.postprocessing.options import Option, PostprocessingGrid
 
-# DSCs that differ by less are the same.
+# Differences of DSC below this are rounding.
 DSC_ROUNDING = 1e-9
 
 

@@ -11,9 +11,9 @@ from registration.geometry.shapes import Mesh
 from registration.metrics.surface_distance import SurfaceDistance
 from registration.reconstruction.taubin import TaubinSmoothing
 
-# Iterations that tell a rough wall, and those that then take off what is left of noise as large as the triangles.
+# Iterations of smoothing to detect a rough wall, and those to remove noise as large as the triangles.
 TELLING, CLEANING = 10, 60
-# Of a normal distribution's absolute values.
+# Standard deviation of a normal distribution over the median of its absolute values.
 DEVIATION_PER_MEDIAN = 1.4826
 
 

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float64, Int64
 
 from registration import transforms
 
-# A mask of at most so many pixels is compared pixel by pixel; of a larger one as many are drawn evenly.
+# Number of pixels that are compared; larger masks are sampled evenly.
 PIXELS = 400
 
 
@@ -142,7 +142,7 @@ class MaskSeries:
         column, row = np.rint(place).astype(np.int64).T
         height, width = self.filled.shape[1:]
         there = (column >= 0) & (row >= 0) & (column < width) & (row < height)
-        # What the picture's edge cuts off says nothing about the shape.
+        # Pixels beyond the image border are unknown and do not count.
         if not there.any():
             return 1.0
         return 1 - float(self.filled[other][row[there], column[there]].mean())
