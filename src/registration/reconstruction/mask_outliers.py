@@ -14,7 +14,7 @@ from registration.reconstruction.mask_specks import specks
 POSITION, SIZE, SHAPE = "position", "size", "shape"
 REASONS = (POSITION, SIZE, SHAPE)
 # Largest number of repetitions of the test, each without the masks rejected so far.
-ROUNDS = 8
+MAX_ROUNDS = 8
 # Smallest number of masks on a side that a line is fitted to.
 MIN_MASKS_A_SIDE = 3
 # Standard deviation of a normal distribution over the median of its absolute values.
@@ -156,7 +156,7 @@ class MaskOutliers:
             return none
         good = series.shown.copy()
         factors = np.zeros((count, 3))
-        for _ in range(ROUNDS):
+        for _ in range(MAX_ROUNDS):
             factors = self._factors(series, good)
             found = series.shown & ~(factors.max(axis=1) > 1)
             if (found == good).all():

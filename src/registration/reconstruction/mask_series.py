@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float64, Int64
 from registration import transforms
 
 # Number of pixels that are compared; larger masks are sampled evenly.
-PIXELS = 400
+MAX_PIXELS = 400
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ class MaskSeries:
         found = []
         for frame, own in enumerate(self.filled):
             row, column = np.nonzero(own)
-            few = np.linspace(0, len(row) - 1, min(PIXELS, len(row))).astype(np.int64)
+            few = np.linspace(0, len(row) - 1, min(MAX_PIXELS, len(row))).astype(np.int64)
             offset_px = np.stack([column[few], row[few]], axis=1) - self.middle_px[frame]
             found.append(offset_px * self.pixel_mm[frame])
         return found
