@@ -1,4 +1,7 @@
-"""Files of figures, in which every name is shown as it is."""
+"""Files of figures, in which every name is shown as it is.
+
+Studies draw with matplotlib and hand the figure over; the formats are the same for all of them.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ def save_figure(figure: Figure, stem: Path, suffixes: Sequence[str] = ("png", "s
     Parameters
     ----------
     figure : matplotlib.figure.Figure
-        Figure to write.
+        Figure to write; its text is set to plain text.
     stem : Path
         Path without suffix.
     suffixes : sequence of str, optional
