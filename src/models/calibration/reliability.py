@@ -103,20 +103,6 @@ def equal_width_table(
     ReliabilityTable
         The table.
 
-    Parameters
-    ----------
-    probability : ndarray
-        Probabilities of vessel, 0 to 1, of any shape.
-    reference : ndarray of bool or of 0 and 1
-        Labels of the same shape.
-    n_bins : int
-        Number of bins.
-
-    Returns
-    -------
-    ReliabilityTable
-        Table of the bins.
-
     Raises
     ------
     InputError

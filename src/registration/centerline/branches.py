@@ -197,6 +197,6 @@ def _walk(before: Int64[np.ndarray, "n"], node: int) -> Int64[np.ndarray, "p"]:
 
 
 def _width_mm(axis: MedialAxis, endpoint: Endpoint) -> float:
-    """How wide the vessel is at a tip: the widest sphere within two radii of it."""
+    """Radius of the vessel at an endpoint: that of the widest sphere within two radii of it."""
     apart_mm = np.linalg.norm(axis.centres_mm - axis.centres_mm[endpoint.node], axis=1)
     return float(axis.radius_mm[apart_mm <= 2 * axis.radius_mm[endpoint.node]].max())

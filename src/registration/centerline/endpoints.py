@@ -67,7 +67,7 @@ def branch_ends(
     ----------
     H. Edelsbrunner, D. Letscher and A. Zomorodian, Discrete Comput. Geom. 28, 2002.
     """
-    # Of each part, by the node that stands for it: its farthest main sphere (or none, -1) and the marked nodes in it.
+    # For each part, by its root: its farthest main sphere (or none, -1) and the marked nodes in it.
     top = np.where(main, np.arange(len(main)), -1).tolist()
     held = {int(node): [int(node)] for node in marked}
     owner = list(range(len(top)))

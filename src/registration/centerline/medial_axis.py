@@ -17,14 +17,14 @@ from registration.centerline.vessel_walls import Walls
 from registration.errors import InputError
 from registration.geometry.shapes import Mesh
 
-# Points are shaken by this share of their spacing: vertices of a drawn tube lie on common spheres, whose Delaunay
-# tetrahedra have no volume and no circumcentre.
+# Share of their spacing by which points are jittered: vertices of a synthetic tube lie on common spheres, whose
+# Delaunay tetrahedra have no volume and no circumcentre.
 JOGGLE_SHARE = 1e-3
-# Above the square root of 2 the scaled spheres leave out the sheet that runs into a square rim.
+# Factor of the scale axis transform; above the square root of 2 it excludes the sheet into a square rim.
 SCALE = 2.0
-# Points of a wall at most, which bounds the memory: a million tetrahedra or so, at about a kilobyte each.
+# Largest number of points of a wall, which bounds the memory: about a million tetrahedra of a kilobyte each.
 MAX_POINTS = 120_000
-# Spheres at most; where more fit inside, as in a thin wall, fewer points are taken of it.
+# Largest number of spheres; where more fit inside, as in a thin wall, it is sampled by fewer points.
 MAX_SPHERES = 150_000
 # Spheres compared at a time, which bounds the memory.
 BLOCK = 4096
@@ -199,7 +199,7 @@ def sample_evenly(
     chosen = _one_a_cube(points_mm, fine * size_mm)
     side_mm, max_points = fine * size_mm, MAX_POINTS if max_points is None else max_points
     while len(chosen) > max_points:
-        # As many on a surface go with the square of their spacing.
+        # The number of points on a surface is inversely proportional to the square of their spacing.
         side_mm *= 1.1 * np.sqrt(len(chosen) / max_points)
         chosen = _one_a_cube(points_mm, side_mm)
     points_mm = points_mm[chosen]

@@ -8,7 +8,7 @@ from scipy.signal import savgol_filter
 
 from registration.centerline.vessel_walls import Walls
 
-# Pitch of the candidates around a path, in radii, one round after another; each round looks this many steps out.
+# Spacing of the candidates around a path, in radii, in successive rounds, and number of steps to each side.
 PITCHES_RADII = (0.05, 0.02, 0.01)
 STEPS_OUT = 4
 

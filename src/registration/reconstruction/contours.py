@@ -12,7 +12,7 @@ from registration import transforms
 from registration.errors import InputError
 from registration.geometry.point_cloud import OrientedCloud
 
-# How far on both sides of a contour the probability is read for its confidence.
+# Distance in px from a contour, on both sides, at which the probability is read for its confidence.
 CONFIDENCE_REACH_PX = 2.0
 
 
@@ -112,7 +112,7 @@ class ContourExtractor:
             )
         transforms.require_affine(world_A_pixel, "world_A_pixel")
         lines = [(index, line) for index, mask in enumerate(masks) for line in self.contours_px(mask)]
-        # A closed contour names its first point twice; in a cloud it would weigh double.
+        # A closed contour repeats its first point; in a cloud that would count twice.
         own = [line[:-1] if _closed(line) else line for _, line in lines]
         sizes = [len(points) for points in own]
         points_px = np.concatenate([np.empty((0, 2)), *own])

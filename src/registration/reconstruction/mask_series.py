@@ -10,8 +10,8 @@ from jaxtyping import Bool, Float64, Int64
 
 from registration import transforms
 
-# A mask of at most so many pixels is compared pixel by pixel; of a larger one as many are drawn evenly.
-PIXELS = 400
+# Number of pixels that are compared; larger masks are sampled evenly.
+MAX_PIXELS = 400
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ class MaskSeries:
         found = []
         for frame, own in enumerate(self.filled):
             row, column = np.nonzero(own)
-            few = np.linspace(0, len(row) - 1, min(PIXELS, len(row))).astype(np.int64)
+            few = np.linspace(0, len(row) - 1, min(MAX_PIXELS, len(row))).astype(np.int64)
             offset_px = np.stack([column[few], row[few]], axis=1) - self.middle_px[frame]
             found.append(offset_px * self.pixel_mm[frame])
         return found
@@ -142,7 +142,7 @@ class MaskSeries:
         column, row = np.rint(place).astype(np.int64).T
         height, width = self.filled.shape[1:]
         there = (column >= 0) & (row >= 0) & (column < width) & (row < height)
-        # What the picture's edge cuts off says nothing about the shape.
+        # Pixels beyond the image border are unknown and do not count.
         if not there.any():
             return 1.0
         return 1 - float(self.filled[other][row[there], column[there]].mean())

@@ -11,7 +11,7 @@ from scipy.ndimage import label
 from registration import transforms
 from registration.reconstruction.mask_series import MaskSeries
 
-# With fewer neighbours than this a part may be the first or last of its branch.
+# Smallest number of neighbouring masks: with fewer, a part may be the first or last of its branch.
 MIN_NEIGHBOURS = 3
 
 

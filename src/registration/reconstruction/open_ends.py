@@ -16,13 +16,13 @@ from registration.geometry.point_cloud import OrientedCloud
 from registration.geometry.shapes import Mesh
 from registration.reconstruction.outlier_filters import VoxelDownsampling
 
-# A wall's points count for a piece of surface that faces within 60 degrees of them: the bulge's middle does not.
+# Points count for a vertex whose normal is within 60 degrees of theirs: the bulge's middle has none.
 MIN_COSINE = 0.5
-# A cloud denser than this many points along a bridge is thinned: wide bridges would otherwise see it all at once.
+# Cells along ``bridge_mm`` that the cloud is downsampled to, which bounds the number of neighbours of a vertex.
 CELLS_A_BRIDGE = 12
-# What is kept although nothing was measured there counts as just inside.
+# Depth of what is kept although nothing was measured there: just inside.
 SHALLOW_MM = 1e-6
-# Vertices queried at a time, which bounds the memory.
+# Vertices processed at a time, which bounds the memory.
 BLOCK = 2000
 
 
@@ -118,7 +118,7 @@ def _past_mm(
 ) -> np.ndarray:
     """For each of ``count`` vertices, how far it lies past the points whose offsets from it are given."""
     weights = np.maximum(1 - (offset_mm**2).sum(axis=1) / bridge_mm**2, 0.0) + 1e-9
-    # The plane is the wall's and not the surface's: a bulge turns in, and would see the far side of the rim ahead.
+    # The plane is the wall's and not the surface's: a bulge turns inwards and would face the far side of the rim.
     outwards = _unit(_sums(weights[:, None] * facing, owner, count))[owner]
     along_mm = offset_mm - np.einsum("pi,pi->p", offset_mm, outwards)[:, None] * outwards
     outward = -_unit(_sums(weights[:, None] * along_mm, owner, count))
