@@ -11,6 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import ClassVar
 
+from experiments.datasets.content_key import cached_while_unchanged
 from experiments.datasets.images import image_files
 from experiments.datasets.pairing import REFUSE, Pairing, pair, require_choice
 from experiments.datasets.pixel_cache import read_pairs
@@ -136,7 +137,7 @@ def _folder(dataset: Carotid) -> Path:
     )
 
 
-@lru_cache(maxsize=1)
+@cached_while_unchanged(lambda dataset: _paired(dataset)[0].files)
 def _read(dataset: Carotid) -> LabelledFrames:
     folder = _folder(dataset)
     pairing, counts = _paired(dataset)

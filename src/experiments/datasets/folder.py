@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 
+from experiments.datasets.content_key import cached_while_unchanged
 from experiments.datasets.group_table import Spacing, groups_by_role, read_groups, spacing_pair
 from experiments.datasets.images import image_files
 from experiments.datasets.images.dicom import is_dicom, read_dicom
@@ -98,7 +98,14 @@ class _Content:
     pairing: Pairing
 
 
-@lru_cache(maxsize=1)
+def _files(dataset: Folder) -> tuple[Path, ...]:
+    root = dataset.require_root()
+    # Of a film the pairing by name has the first mask alone.
+    pairing, masks = _by_name(root), image_files.image_files(root / "masks")
+    return (*pairing.files, *masks.values(), root / "groups.csv")
+
+
+@cached_while_unchanged(_files)
 def _read(dataset: Folder) -> _Content:
     root = dataset.require_root()
     # What can be refused by names alone is refused before any pixel is read.

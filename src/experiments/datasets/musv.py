@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
+from experiments.datasets.content_key import cached_while_unchanged
 from experiments.datasets.images import image_files
 from experiments.datasets.musv_subjects import ALL, DISTRICTS, Volunteer, read_volunteers
 from experiments.datasets.pairing import REFUSE, Pairing, pair, require_choice
@@ -99,7 +100,12 @@ def _folder(dataset: MusV) -> Path:
     )
 
 
-@lru_cache(maxsize=1)
+def _files(dataset: MusV) -> tuple[Path, ...]:
+    table = () if dataset.subjects is None else (Path(dataset.subjects).expanduser(),)
+    return (*_paired(dataset)[0].files, *table)
+
+
+@cached_while_unchanged(_files)
 def _read(dataset: MusV) -> LabelledFrames:
     root = _folder(dataset)
     pairing, groups = _paired(dataset)

@@ -8,10 +8,10 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar
 
+from experiments.datasets.content_key import cached_while_unchanged
 from experiments.datasets.group_table import GroupRow, groups_by_role, read_groups, spacing_pair
 from experiments.datasets.images import image_files as reading
 from experiments.datasets.pairing import REFUSE, SKIP, Pairing, pair, require_choice
@@ -119,16 +119,17 @@ class _Labels:
     ending: str
 
 
+def _files(dataset: NnUNet) -> tuple[Path, ...]:
+    root, table = dataset.require_root(), dataset._table
+    files = _paired(root, dataset)[0].files
+    return (*files, root / "dataset.json", *(() if table is None else (table,)))
+
+
+@cached_while_unchanged(_files)
 def _read(dataset: NnUNet) -> _Content:
-    pairing, role_of = _paired(dataset.require_root(), dataset)
-    return _content(dataset, tuple(pairing.pairs.items()), tuple(role_of.items()))
-
-
-@lru_cache(maxsize=1)
-def _content(
-    dataset: NnUNet, pairs: tuple[tuple[str, tuple[Path, Path]], ...], roles: tuple[tuple[str, str], ...]
-) -> _Content:
-    root, files = dataset.require_root(), dict(pairs)
+    root = dataset.require_root()
+    pairing, role_of = _paired(root, dataset)
+    files = pairing.pairs
     labels = _described(root / "dataset.json", dataset.target)
     table = dataset._table
     rows = {case: GroupRow(case) for case in files} if table is None else read_groups(table, set(files))
@@ -150,7 +151,7 @@ def _content(
     if dataset.ignored == SKIP and found:
         frames = frames.subset(index for index, case in enumerate(rows) if case not in found)
     groups = dict(zip(frames.case_ids, frames.groups, strict=True))
-    return _Content(frames, groups_by_role(groups, dict(roles)), len(found))
+    return _Content(frames, groups_by_role(groups, role_of), len(found))
 
 
 def _ignored(

@@ -32,6 +32,12 @@ class Pairing:
         )
 
     @property
+    def files(self) -> tuple[Path, ...]:
+        """All files: images and masks of the pairs, then what is left over."""
+        paired = tuple(path for both in self.pairs.values() for path in both)
+        return (*paired, *self.images, *self.masks, *self.others)
+
+    @property
     def unpaired(self) -> int:
         """How many images and masks are left over."""
         return len(self.images) + len(self.masks)

@@ -9,10 +9,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from experiments.datasets import san_raffaele_subsets as subsets
+from experiments.datasets.content_key import cached_while_unchanged, content_key
 from experiments.datasets.images import image_files
 from experiments.datasets.images.image_quality import QualityOutliers
 from experiments.datasets.pairing import REFUSE, require_choice
-from experiments.datasets.san_raffaele_sessions import Session, left_over, read_sessions, simulated_sessions
+from experiments.datasets.san_raffaele_sessions import (
+    Session,
+    left_over,
+    read_sessions,
+    session_files,
+    simulated_sessions,
+)
 from experiments.datasets.san_raffaele_subsets import Chosen, Frame
 from experiments.datasets.simulated import SimulatedSubstitute
 from experiments.errors import InputError
@@ -164,16 +171,26 @@ def _sessions(dataset: SanRaffaele) -> tuple[Session, ...]:
     return (
         _simulated_once(dataset.substitute)
         if root is None
-        else _read_once(root, dataset.cache, dataset.unpaired)
+        else _read_once(root, dataset.cache, dataset.unpaired, content_key(session_files(root)))
     )
 
 
-# Of the configurations only the choice differs: the frames are read once for all.
-_read_once = lru_cache(maxsize=1)(read_sessions)
+@lru_cache(maxsize=1)
+def _read_once(root: Path, cache: str | None, unpaired: str, content: str) -> tuple[Session, ...]:
+    """Read the sessions for all configurations, of which only the choice differs, until ``content`` changes."""
+    del content
+    return read_sessions(root, cache, unpaired)
+
+
 _simulated_once = lru_cache(maxsize=1)(simulated_sessions)
 
 
-@lru_cache(maxsize=4)
+def _files(dataset: SanRaffaele) -> tuple[Path, ...]:
+    root = dataset.require_root()
+    return () if root is None else session_files(root)
+
+
+@cached_while_unchanged(_files, maxsize=4)
 def _chosen(dataset: SanRaffaele) -> Chosen:
     """The frames of a configuration outside the test."""
     sessions, tested = _sessions(dataset), dataset.test_groups()
@@ -196,7 +213,7 @@ def _part(dataset: SanRaffaele, subset: str, pool: tuple[Frame, ...]) -> Chosen:
     return subsets.without_outliers(pool, dataset.quality_limit)
 
 
-@lru_cache(maxsize=1)
+@cached_while_unchanged(_files)
 def _labelled(dataset: SanRaffaele) -> LabelledFrames:
     tested = dataset.test_groups()
     test = subsets.frames_of([session for session in _sessions(dataset) if session.group in tested])

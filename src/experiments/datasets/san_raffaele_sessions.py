@@ -89,6 +89,11 @@ def read_sessions(root: Path, cache: str | None, unpaired: str = REFUSE) -> tupl
     return tuple(sessions)
 
 
+def session_files(root: Path) -> tuple[Path, ...]:
+    """All files that decide what ``read_sessions`` returns: the tables, images and masks."""
+    return (root / "sessions.csv", root / "excluded.csv", *left_over(root).files)
+
+
 def left_over(root: Path) -> Pairing:
     """All frames of all sessions with what has no partner among them."""
     return pairing_of(_paired(root, _session_rows(root)))

@@ -7,6 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import ClassVar
 
+from experiments.datasets.content_key import cached_while_unchanged
 from experiments.datasets.images import image_files
 from experiments.datasets.images.near_duplicates import near_duplicate_groups
 from experiments.datasets.pairing import REFUSE, Pairing, pair, require_choice
@@ -93,7 +94,7 @@ def _paired(dataset: Usgra) -> Pairing:
     return pair(images, masks, others).settled(dataset.unpaired, root)
 
 
-@lru_cache(maxsize=1)
+@cached_while_unchanged(lambda dataset: _paired(dataset).files)
 def _read(dataset: Usgra) -> LabelledFrames:
     root = _folder(dataset)
     files = _paired(dataset).pairs
