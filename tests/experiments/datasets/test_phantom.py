@@ -86,13 +86,14 @@ def test_the_shipped_configuration_builds(tmp_path: Path) -> None:
 
     from experiments.paths import conf_dir
 
-    node = yaml.safe_load((conf_dir() / "dataset" / "phantom.yaml").read_text())
-    # Defaults and interpolations are resolved by Hydra before anything is built.
-    node.pop("defaults")
-    assert isinstance(registry.build({**node, "seed": 0, "cache": str(tmp_path)}), Phantom)
+    def resolved(group: str, name: str) -> dict:
+        # Defaults and interpolations are resolved by Hydra before anything is built.
+        node = yaml.safe_load((conf_dir() / group / f"{name}.yaml").read_text())
+        return {key: value for key, value in node.items() if key != "defaults"} | {"seed": 0}
+
+    assert isinstance(registry.build(resolved("dataset", "phantom") | {"cache": str(tmp_path)}), Phantom)
     for name in ("artificial", "vein", "artery"):
-        settings = registry.build(yaml.safe_load((conf_dir() / "phantom" / f"{name}.yaml").read_text()))
-        assert settings.subset == name
+        assert registry.build(resolved("phantom", name)).subset == name
 
 
 @pytest.mark.parametrize(

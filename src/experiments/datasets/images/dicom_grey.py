@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pydicom import Dataset
 
 # Without a window, values must fill a quarter of what the stored bits allow: else nobody knows how many bits count.
-_LEAST_FILLED = 0.25
+_MIN_FILLED = 0.25
 
 
 class GreyDisplay:
@@ -60,7 +60,7 @@ class GreyDisplay:
     def require_plausible(self, path: Path) -> None:
         """Raise InputError if values were scaled by the bits stored but use only the lowest of them."""
         bits = int(self._content.BitsStored)
-        if self._scaled_by_bits and bits > 8 and 0 < self._largest < _LEAST_FILLED * 2**bits:
+        if self._scaled_by_bits and bits > 8 and 0 < self._largest < _MIN_FILLED * 2**bits:
             raise InputError(
                 f"{path}: expected a window (WindowCenter, WindowWidth) or values that use the {bits} bits stored, "
                 f"received none and values up to {self._largest}; write the window, or the BitsStored that count, "
