@@ -23,13 +23,30 @@ from models.labelled_frames import LabelledFrames
 class Folder:
     """``root/images`` and ``root/masks`` with files of the same names, and ``root/groups.csv``.
 
-    The table has a row for each image with columns ``case`` (the name without suffix) and ``group`` (subject, session
-    or recording), and may have ``vertical_mm`` and ``horizontal_mm``, the pixel's size, and ``role`` (see
-    ``read_groups``). Where it has no size, that is the one that a DICOM file gives, else ``spacing_mm`` (vertical,
-    horizontal). Masks hold ``vessel_labels`` and
-    ``other_labels`` only. A DICOM film ``clip.dcm`` has one row, ``clip``, and thus one group; the masks of its frames
-    are ``clip_0000``, ``clip_0001`` and so on, and frames without one are no cases. ``unpaired`` says whether images
-    without a mask and masks without an image are refused or left out (skip).
+    Parameters
+    ----------
+    root : Path
+        The folder of both and of the table.
+    vessel_labels, other_labels : sequence of int
+        Labels of the vessel and of all else that masks may hold.
+    spacing_mm : sequence of float or None
+        Pixel size (vertical, horizontal) where neither the table nor a DICOM file has one; None: not known.
+    unpaired : {'refuse', 'skip'}
+        Whether images without a mask and masks without an image are refused or left out.
+
+    Raises
+    ------
+    InputError
+        If a label is the vessel's and another's, or another setting is out of range.
+
+    Notes
+    -----
+    The table has a row for each image with columns ``case`` (the name without suffix) and ``group`` (subject,
+    session or recording), and may have ``vertical_mm`` and ``horizontal_mm``, the pixel size, and ``role``
+    (see ``read_groups``).
+
+    A DICOM file ``clip.dcm`` of several frames has one row, ``clip``, and thus one group; the masks of its
+    frames are ``clip_0000``, ``clip_0001`` and so on, and frames without a mask are no cases.
     """
 
     root: PathSetting
@@ -54,29 +71,75 @@ class Folder:
             object.__setattr__(self, "spacing_mm", spacing_pair(self.spacing_mm, "spacing_mm"))
 
     def require_root(self) -> Path:
-        """The folder; InputError says what it must hold if it is not there."""
+        """Check that the folder is there.
+
+        Returns
+        -------
+        Path
+            The folder.
+
+        Raises
+        ------
+        InputError
+            If there is none; the message says what it must hold.
+        """
         return image_files.require_root(
             self.name, self.root, "images of your own", "images/, masks/ of the same names, groups.csv"
         )
 
     def __call__(self) -> LabelledFrames:
-        """Read the images and masks; InputError names the folder or file that is not as expected."""
+        """Read the images and masks.
+
+        Returns
+        -------
+        LabelledFrames
+            All frames that have a mask.
+
+        Raises
+        ------
+        InputError
+            If a file or folder is not as expected; the message names it.
+        """
         return _read(self).frames
 
     def test_groups(self) -> tuple[str, ...]:
-        """The groups whose role is test."""
+        """Return the groups whose role is test.
+
+        Returns
+        -------
+        tuple of str
+            Group names, sorted.
+        """
         return _read(self).roles["test"]
 
     def selection_groups(self) -> tuple[str, ...]:
-        """The groups whose role is selection."""
+        """Return the groups whose role is selection.
+
+        Returns
+        -------
+        tuple of str
+            Group names, sorted.
+        """
         return _read(self).roles["selection"]
 
     def notes(self) -> tuple[str, ...]:
-        """What was left out or is not used."""
+        """Return what was left out or is not used.
+
+        Returns
+        -------
+        tuple of str
+            Sentences.
+        """
         return _read(self).pairing.notes(self.require_root())
 
     def left_out(self) -> int:
-        """How many images and masks were left out because they had no partner."""
+        """Count the images and masks that were left out because they had no partner.
+
+        Returns
+        -------
+        int
+            Number of files.
+        """
         return _read(self).pairing.unpaired
 
 

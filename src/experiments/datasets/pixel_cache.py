@@ -30,11 +30,35 @@ def read_pairs(
     others: Sequence[int],
     cache: str | None,
 ) -> tuple[Arrays, Arrays]:
-    """Images, uint8, and masks, bool, of paired files; the first that can't be taken is an InputError by name.
+    """Read images and masks of paired files.
 
-    ``vessel`` and ``others`` are the labels that a mask may hold. What was read is kept in the folder ``cache`` (None:
-    nowhere) under the files' names, sizes and times of change, and read again once one of them differs. A folder that
-    can't be written to is no failure.
+    Parameters
+    ----------
+    images : sequence of Path
+        n image files.
+    masks : sequence of Path
+        Their n mask files.
+    vessel : sequence of int
+        Labels of the vessel.
+    others : sequence of int
+        Further labels that a mask may hold.
+    cache : str or None
+        Folder for decoded pixels; None: they are not stored. One that can't be written to is no failure.
+
+    Returns
+    -------
+    (tuple of ndarray of uint8, tuple of ndarray of bool)
+        Images and masks, each of shape (h, w).
+
+    Raises
+    ------
+    InputError
+        If a file can't be read as expected; the message names the first.
+
+    Notes
+    -----
+    Entries are named by the files' paths, sizes and times of change, and files are read again once one of
+    these differs.
     """
     folder = cache_folder(cache) if cache else None
     grey = _kept(
@@ -50,7 +74,31 @@ def read_masks(
     others: Sequence[int],
     cache: str | None,
 ) -> Arrays:
-    """The masks alone, of images of these sizes, as ``read_pairs`` reads and keeps them."""
+    """Read masks alone, as ``read_pairs`` does.
+
+    Parameters
+    ----------
+    masks : sequence of Path
+        n mask files.
+    sizes : sequence of tuple of int
+        Height and width of their images in px.
+    vessel : sequence of int
+        Labels of the vessel.
+    others : sequence of int
+        Further labels that a mask may hold.
+    cache : str or None
+        Folder for decoded pixels; None: they are not stored.
+
+    Returns
+    -------
+    tuple of ndarray of bool, shape (h, w)
+        The masks.
+
+    Raises
+    ------
+    InputError
+        If a file can't be read as expected; the message names the first.
+    """
     folder = cache_folder(cache) if cache else None
     labels = sorted(vessel), sorted(others)
     return _kept(

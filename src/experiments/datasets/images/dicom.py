@@ -50,10 +50,17 @@ _PREAMBLE, _MAGIC = 128, b"DICM"
 
 @dataclass(frozen=True)
 class DicomFrames:
-    """The frames of one file: ``images`` (n, height, width) uint8, n from 1.
+    """The frames of one DICOM file.
 
-    ``spacing_mm`` is (vertical, horizontal), None where the file doesn't say. ``region_px`` is the box of the 2-D
-    tissue picture (top, left, bottom, right; the last two exclusive), None where the file has none.
+    Parameters
+    ----------
+    images : ndarray of uint8, shape (n, h, w)
+        Grey values, n from 1.
+    spacing_mm : (float, float) or None
+        Pixel size (vertical, horizontal); None where the file has none.
+    region_px : (int, int, int, int) or None
+        Box of the 2-D tissue picture (top, left, bottom, right; the last two exclusive); None where the file
+        has none.
     """
 
     images: UInt8[np.ndarray, "n h w"]
@@ -72,7 +79,18 @@ class DicomFrames:
 
 
 def is_dicom(path: Path) -> bool:
-    """Whether a file is DICOM, by its suffix or by its content; the directory of a medium (DICOMDIR) is not."""
+    """Return whether a file is DICOM, by its suffix or by its content.
+
+    Parameters
+    ----------
+    path : Path
+        Any file.
+
+    Returns
+    -------
+    bool
+        False for the directory of a medium (DICOMDIR) too.
+    """
     if path.suffix.lower() == SUFFIX:
         return True
     if path.name.casefold() == "dicomdir":

@@ -30,10 +30,29 @@ _DARK, _BRIGHT = 64, 192
 def label_values(
     path: Path, decoded: Decoded, vessel: Collection[int], others: Collection[int]
 ) -> Shaped[np.ndarray, "h w"]:
-    """The label of each pixel, by the rules above; those in neither list are for the caller to refuse.
+    """Return the label of each pixel, by the rules of this module.
 
-    Raises InputError where the file has no meaning as labels: colours that no rule covers, half-transparent pixels,
-    or a JPEG file that is not black and white.
+    Parameters
+    ----------
+    path : Path
+        The file, for the message.
+    decoded : Decoded
+        Its pixels.
+    vessel : collection of int
+        Labels of the vessel.
+    others : collection of int
+        Further labels that the image may hold.
+
+    Returns
+    -------
+    ndarray, shape (h, w)
+        Labels; those in neither list are for the caller to refuse.
+
+    Raises
+    ------
+    InputError
+        If the file has no meaning as labels: colours that no rule covers, half-transparent pixels, or a JPEG
+        file that is not black and white.
     """
     known, white = {*vessel, *others}, _white(vessel, others)
     if decoded.lossy:
