@@ -103,13 +103,30 @@ def is_dicom(path: Path) -> bool:
 
 
 def read_dicom(path: Path) -> DicomFrames:
-    """Read a single- or multi-frame file.
+    """Read a DICOM file of one or several frames.
 
-    Colour (RGB, YBR, palette) becomes grey as colour frames do anywhere; grey values go through the file's window, else
-    by the bits stored (see ``GreyDisplay``); MONOCHROME1 is inverted. The pixel size is that of the largest 2-D tissue
-    region in cm, else PixelSpacing, also where the functional groups of an enhanced file have it, else unknown.
-    Raises InputError for a missing, damaged or truncated file, one without pixels, signed pixels without a window,
-    frames of different pixel sizes, and a compression that no installed package reads.
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    DicomFrames
+        Grey values, pixel size and region of the picture.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged or truncated, has no pixels, signed pixels without a window or frames
+        of different pixel sizes, or no installed package reads its compression.
+
+    Notes
+    -----
+    Colour (RGB, YBR, palette) becomes grey as colour frames do anywhere; grey values go through the file's
+    window, else by the bits stored (see ``GreyDisplay``); MONOCHROME1 is inverted. The pixel size is that of
+    the largest 2-D tissue region in cm, else PixelSpacing, also where the functional groups of an enhanced
+    file have it, else unknown.
     """
     try:
         import pydicom  # noqa: F401
