@@ -16,7 +16,7 @@ from registration.rigid.icp.correspondence import Target
 from registration.rigid.icp.estimation import Estimation, PointToPlane, PointToPoint
 from registration.rigid.icp.pairs import Pairs, closest_pairs
 from registration.rigid.icp.rejection import Rejection, trimming_weights
-from registration.rigid.icp.robust_kernels import RobustKernel, usual_size
+from registration.rigid.icp.robust_kernels import RobustKernel, robust_scale
 
 # A residual below this share of the cloud's radius is rounding: two equal clouds have met.
 FLOOR_SHARE = 1e-10
@@ -149,7 +149,7 @@ def _weights(
     for rejection in rejections:
         weights = weights * rejection(pairs)
     if kernel is not None:
-        weights = weights * kernel(residuals_mm / usual_size(residuals_mm, floor_mm))
+        weights = weights * kernel(residuals_mm / robust_scale(residuals_mm, floor_mm))
     bare = (weights > 0).sum(axis=1) < 3
     if bare.any():
         weights[bare] = trimming_weights(pairs.squared_mm2[bare], np.finfo(float).tiny)

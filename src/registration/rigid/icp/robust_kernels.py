@@ -158,7 +158,7 @@ class Welsch:
         return np.exp(-((standardised / self.tuning) ** 2))
 
 
-def usual_size(residuals_mm: Float64[np.ndarray, "s n"], floor_mm: float) -> Float64[np.ndarray, "s 1"]:
+def robust_scale(residuals_mm: Float64[np.ndarray, "s n"], floor_mm: float) -> Float64[np.ndarray, "s 1"]:
     """Compute the robust scale of each row: the standard deviation as the median of absolute values has it.
 
     Parameters

@@ -1,4 +1,4 @@
-"""The steps of ICP held against scipy and answers known by construction."""
+"""The steps of ICP held against scipy and results known by construction."""
 
 from __future__ import annotations
 
