@@ -241,7 +241,7 @@ def _paired(dataset: Carotid) -> tuple[Pairing, Counter[str]]:
 
 
 def _parts(path: Path) -> tuple[str, int]:
-    """The recording that an image is from, and its place in it."""
+    """Return the recording that an image is from, and its place in it."""
     found = PATTERN.fullmatch(path.stem)
     if found is None:
         raise InputError(
@@ -275,7 +275,7 @@ def _simulated(dataset: Carotid) -> LabelledFrames:
 
 
 def _simulated_names(dataset: Carotid, subject: int, number: int) -> tuple[str, str]:
-    """Recording and group of a subject's recording, as the real set names them, in the year 2000."""
+    """Return recording and group of a subject's recording, as the real set names them, in the year 2000."""
     time = datetime(2000, 1, 1, 10) + timedelta(days=subject, minutes=5 * number)
     kind = "VAS" if number % 2 == 0 else "EM VASCULAR"
     recording = f"{time:%Y%m%d%H%M%S}{number + 1:04d}{kind}"

@@ -219,7 +219,7 @@ def _film_of(mask: str, films: Collection[str]) -> str | None:
 def _with_frames(
     by_name: Pairing, pictures: Mapping[str, _Picture], files: Mapping[str, Path], masks: Mapping[str, Path]
 ) -> Pairing:
-    """The pairing once the films' frames are known: films without any, and masks of frames that films do not have."""
+    """Return the pairing once the frames of films are known, with masks of frames that no film has."""
     shown = {picture.file for picture in pictures.values()}
     without = tuple(path for name, path in files.items() if name not in shown)
     frameless = tuple(
@@ -234,7 +234,7 @@ def _with_frames(
 
 
 def _pictures(files: Mapping[str, Path], masks: Mapping[str, Path]) -> dict[str, _Picture]:
-    """The frames that have a mask, by case."""
+    """Return the frames that have a mask, by case."""
     pictures: dict[str, _Picture] = {}
     for name, path in files.items():
         if not is_dicom(path):

@@ -203,7 +203,7 @@ def _paired(dataset: MusV) -> tuple[Pairing, tuple[str, ...]]:
 
 
 def _sequences(root: Path) -> dict[str, Path]:
-    """The folder of each sequence, in order of name; each must be in one part."""
+    """Return the folder of each sequence, in order of name; each must be in one part."""
     found: dict[str, Path] = {}
     for part in PARTS:
         folder = root / VIDEOS / part
@@ -224,7 +224,7 @@ def _sequences(root: Path) -> dict[str, Path]:
 
 
 def _annotations(root: Path) -> dict[str, Path]:
-    """The folders of masks that hold any file, by sequence."""
+    """Return the folders of masks that hold any file, by sequence."""
     folder = root / ANNOTATIONS
     if not folder.is_dir():
         raise InputError(f"{folder}: expected a folder of annotations, found none")
@@ -245,7 +245,7 @@ def _of_district(
 
 
 def _frames(sequence: str, folder: Path) -> dict[str, Path]:
-    """The frames of a sequence in order of their number."""
+    """Return the frames of a sequence in order of their number."""
     files = image_files.image_files(folder)
     numbered = re.compile(rf"{re.escape(sequence)}_(\d+)")
     for case, path in files.items():

@@ -225,7 +225,7 @@ def _read(dataset: NnUNet) -> _Content:
 def _ignored(
     dataset: NnUNet, labels: _Labels, frames: LabelledFrames, mask_files: Sequence[Path]
 ) -> set[str]:
-    """The cases with pixels that are not labelled; InputError for some where they are refused, or for nothing else."""
+    """Return the cases with pixels that are not labelled; InputError where they are refused."""
     if not labels.ignored:
         return set()
     sizes = [image.shape for image in frames.images]

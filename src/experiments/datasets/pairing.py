@@ -98,15 +98,15 @@ class Pairing:
         tuple of str
             Sentences.
         """
-        said = []
+        notes = []
         if self.unpaired:
-            said.append(
+            notes.append(
                 f"Left out as unpaired: {_counted(self.images, 'image')} without a mask and "
                 f"{_counted(self.masks, 'mask')} without an image."
             )
         if self.others:
-            said.append(f"Not used: {self._no_images(root).removeprefix(', with ')}.")
-        return tuple(said)
+            notes.append(f"Not used: {self._no_images(root).removeprefix(', with ')}.")
+        return tuple(notes)
 
     def _parts(self, root: Path) -> list[str]:
         parts = []

@@ -129,7 +129,7 @@ def _kept(folder: Path | None, key: str, kind: type, read: Callable[[], list[np.
 
 
 def _mapped(entry: Path, kind: type) -> Arrays | None:
-    """The arrays of an entry, mapped from disk; None if it is not there or damaged."""
+    """Return the arrays of an entry, mapped from disk; None if it is not there or damaged."""
     try:
         sizes = np.load(entry / "sizes.npy")
         pixels = np.memmap(entry / "pixels.bin", dtype=kind, mode="r")
@@ -146,5 +146,5 @@ def _mapped(entry: Path, kind: type) -> Arrays | None:
 
 
 def _key(paths: Sequence[Path], what: str) -> str:
-    """What decides the content: each file's path, size and time of change, and the version of the decoding."""
+    """Hash what decides the content: the state of each file, and the version of the decoding."""
     return content_key(paths, f"{what} {CACHE_VERSION}")

@@ -277,7 +277,7 @@ def _files(dataset: SanRaffaele) -> tuple[Path, ...]:
 
 @cached_while_unchanged(_files, maxsize=4)
 def _chosen(dataset: SanRaffaele) -> Chosen:
-    """The frames of a configuration outside the test."""
+    """Return the frames of a configuration outside the test."""
     sessions, tested = _sessions(dataset), dataset.test_groups()
     pool = subsets.frames_of([session for session in sessions if session.group not in tested])
     if dataset.subset == FULL:

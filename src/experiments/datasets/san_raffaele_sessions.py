@@ -218,7 +218,7 @@ def simulated_sessions(maker: SimulatedSubstitute) -> tuple[Session, ...]:
 
 
 def _session_rows(root: Path) -> dict[str, dict[str, str]]:
-    """The row of each session; every row must have its folder and every folder its row."""
+    """Return the row of each session; every row must have its folder and every folder its row."""
     path = root / "sessions.csv"
     rows: dict[str, dict[str, str]] = {}
     for row in read_table(path, COLUMNS):
@@ -254,7 +254,7 @@ def _frames(folder: Path) -> Pairing:
 
 
 def _listed_frames(path: Path, sessions: Mapping[str, Pairing]) -> dict[str, dict[int, str]]:
-    """The frames on the optional list ``excluded.csv`` (session, frame, reason), by session and place.
+    """Return the frames on the optional list ``excluded.csv`` (session, frame, reason), by session and place.
 
     Frames that are left out because they have no mask or image may be on it.
     """
@@ -289,6 +289,6 @@ def _marked(root: Path, row: Mapping[str, str]) -> bool:
 
 
 def _spacing(root: Path, row: Mapping[str, str]) -> Spacing | None:
-    """The pixel's size where the table has columns vertical_mm and horizontal_mm and the row fills them."""
+    """Return the pixel size where the row has values in columns vertical_mm and horizontal_mm."""
     sides = [row.get(side, "") for side in SPACING]
     return spacing_pair(sides, f"{root / 'sessions.csv'}: {row['session']}") if any(sides) else None

@@ -96,7 +96,7 @@ def draw_pair(district: str, seed: int) -> tuple[VesselLine, VesselLine]:
 
 
 @lru_cache(maxsize=4)
-def pair_anatomy(district: str, seed: int) -> tuple[Anatomy, Bool[np.ndarray, "t"]]:
+def pair_anatomy(district: str, seed: int) -> tuple[Anatomy, Bool[np.ndarray, " t"]]:
     """Build the anatomy around both vessels.
 
     Parameters

@@ -180,7 +180,7 @@ class GroupSplits:
     def _folds(
         self, cases: GroupedCases, outer: int | None, pool: Indices, selection: Indices, held_out: Indices
     ) -> Iterator[Split]:
-        """The folds of ``pool`` less the groups that the shares take from it."""
+        """Return the folds of ``pool`` less the groups that the shares take from it."""
         taken = [share for share in (self.selection_share, self.test_share) if share]
         self._require_groups(cases.count_groups(pool) - len(taken), outer)
         pool, *chosen = cases.divide(pool, [1 - sum(taken), *taken], self.seed)

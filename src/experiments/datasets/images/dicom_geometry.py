@@ -92,7 +92,7 @@ def region_of(content: Dataset, height: int, width: int) -> tuple[int, int, int,
 
 
 def _tissue_region(content: Dataset) -> Dataset | None:
-    """The largest 2-D region of tissue with a pixel size in cm."""
+    """Return the largest 2-D region of tissue with a pixel size in cm."""
     regions = [region for region in content.get("SequenceOfUltrasoundRegions") or () if _is_measured(region)]
     return max(regions, key=_area_px, default=None)
 

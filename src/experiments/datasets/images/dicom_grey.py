@@ -132,7 +132,7 @@ def functional_groups(content: Dataset, number: int, kind: str) -> Iterator[Data
 
 
 def _with(content: Dataset, number: int, *names: str) -> Dataset:
-    """What has one of these attributes for a frame: a functional group, else the file itself."""
+    """Return what has one of these attributes for a frame: a functional group, else the file itself."""
     kinds = ("FrameVOILUTSequence", "PixelValueTransformationSequence")
     groups = [item for kind in kinds for item in functional_groups(content, number, kind)]
     return next((item for item in groups if any(item.get(name) is not None for name in names)), content)

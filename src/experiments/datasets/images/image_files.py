@@ -302,7 +302,7 @@ def _is_image(path: Path) -> bool:
 
 
 def _eight_bits(path: Path, decoded: Decoded) -> np.ndarray:
-    """The values of a picture scaled so that 255 is white."""
+    """Return the values of a picture scaled so that 255 is white."""
     values = decoded.values
     if decoded.bits < 8:
         return (values * (255 // decoded.largest)).astype(np.uint8)

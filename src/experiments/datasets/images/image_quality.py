@@ -171,7 +171,7 @@ def measure(image: UInt8[np.ndarray, "h w"]) -> Quality:
 
 
 def _half_width_px(local: np.ndarray) -> float:
-    """The lag down the rows at which the autocorrelation falls to one half, between two lags by a line."""
+    """Return the lag down the rows at which the autocorrelation falls to one half, interpolated linearly."""
     power = float((local * local).mean())
     if power <= 0:
         return 1.0

@@ -125,6 +125,6 @@ class _Overlaid:
 
 
 def _reduced(image: np.ndarray, height: int, width: int, scale: float) -> np.ndarray:
-    """The top left of an image, reduced by ``scale`` to (height, width)."""
+    """Return the top left of an image, reduced by ``scale`` to (height, width)."""
     box = (0, 0, min(width / scale, image.shape[1]), min(height / scale, image.shape[0]))
     return np.asarray(Image.fromarray(image).resize((width, height), Image.Resampling.BILINEAR, box=box))

@@ -67,7 +67,7 @@ def label_values(
 
 
 def _white(vessel: Collection[int], others: Collection[int]) -> int | None:
-    """The label that white of a black-and-white image stands for; None where several could be meant."""
+    """Return the label that white of a black-and-white image means; None where several are possible."""
     foreground = {*vessel, *others} - {0}
     if foreground <= BINARY:
         return next((label for label in (255, 1) if label in vessel), None)
@@ -142,7 +142,7 @@ def _luma(decoded: Decoded) -> np.ndarray:
 
 
 def _without_alpha(path: Path, decoded: Decoded) -> Decoded:
-    """The mask that the transparency is, where nothing else varies; else transparent pixels as background."""
+    """Return the opacity as mask where nothing else varies; else transparent pixels as background."""
     alpha: UInt8[np.ndarray, "h w"] | None = decoded.alpha
     assert alpha is not None
     _require_clear_or_opaque(path, alpha)
