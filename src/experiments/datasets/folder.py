@@ -163,7 +163,7 @@ class _Content:
 
 def _files(dataset: Folder) -> tuple[Path, ...]:
     root = dataset.require_root()
-    # Of a film the pairing by name has the first mask alone.
+    # Of a clip the pairing by name has the first mask alone.
     pairing, masks = _by_name(root), image_files.image_files(root / "masks")
     return (*pairing.files, *masks.values(), root / "groups.csv")
 
@@ -202,24 +202,24 @@ def _read(dataset: Folder) -> _Content:
 
 
 def _by_name(root: Path) -> Pairing:
-    """Each file with a mask of its name; a DICOM film with the first mask of a frame of it."""
+    """Each file with a mask of its name; a DICOM clip with the first mask of a frame of it."""
     folders = root / "images", root / "masks"
     files, masks = (image_files.image_files(folder) for folder in folders)
     others = [path for folder in folders for path in image_files.other_files(folder)]
-    films = {name for name, path in files.items() if is_dicom(path)}
-    film_of = {mask: _film_of(mask, films) for mask in masks}
-    of_films = {film: masks[mask] for mask, film in reversed(film_of.items()) if film is not None}
-    return pair(files, {name: masks[name] for name in masks if film_of[name] is None} | of_films, others)
+    clips = {name for name, path in files.items() if is_dicom(path)}
+    clip_of = {mask: _clip_of(mask, clips) for mask in masks}
+    of_clips = {clip: masks[mask] for mask, clip in reversed(clip_of.items()) if clip is not None}
+    return pair(files, {name: masks[name] for name in masks if clip_of[name] is None} | of_clips, others)
 
 
-def _film_of(mask: str, films: Collection[str]) -> str | None:
-    return next((name for name in (mask, mask.rpartition("_")[0]) if name in films), None)
+def _clip_of(mask: str, clips: Collection[str]) -> str | None:
+    return next((name for name in (mask, mask.rpartition("_")[0]) if name in clips), None)
 
 
 def _with_frames(
     by_name: Pairing, pictures: Mapping[str, _Picture], files: Mapping[str, Path], masks: Mapping[str, Path]
 ) -> Pairing:
-    """Return the pairing once the frames of films are known, with masks of frames that no film has."""
+    """Return the pairing once the frames of clips are known, with masks of frames that no clip has."""
     shown = {picture.file for picture in pictures.values()}
     without = tuple(path for name, path in files.items() if name not in shown)
     frameless = tuple(
@@ -240,13 +240,13 @@ def _pictures(files: Mapping[str, Path], masks: Mapping[str, Path]) -> dict[str,
         if not is_dicom(path):
             pictures[name] = _Picture(image_files.read_grey(path), name, None)
             continue
-        film = read_dicom(path)
+        clip = read_dicom(path)
         cases = (
-            [name] if len(film.images) == 1 else [f"{name}_{index:04d}" for index in range(len(film.images))]
+            [name] if len(clip.images) == 1 else [f"{name}_{index:04d}" for index in range(len(clip.images))]
         )
         pictures |= {
-            case: _Picture(np.ascontiguousarray(image), name, film.spacing_mm)
-            for case, image in zip(cases, film.images, strict=True)
+            case: _Picture(np.ascontiguousarray(image), name, clip.spacing_mm)
+            for case, image in zip(cases, clip.images, strict=True)
             if case in masks
         }
     return pictures

@@ -147,7 +147,7 @@ class NnUNet:
         if self._table is None:
             notes.append("No groups.csv: each case is a group of its own, subject leakage can't be excluded.")
         if (root / "imagesTs").is_dir() and not (root / "labelsTs").is_dir():
-            notes.append("imagesTs has no labelsTs beside it and is not used.")
+            notes.append("imagesTs is not used: there is no labelsTs.")
         return (*notes, *_left_out_notes(self))
 
     def left_out(self) -> int:

@@ -86,7 +86,7 @@ class Pairing:
         return self
 
     def notes(self, root: Path) -> tuple[str, ...]:
-        """Return what was left out, for whoever reads the results.
+        """Return what was left out, as sentences for reports.
 
         Parameters
         ----------

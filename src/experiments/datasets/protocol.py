@@ -1,6 +1,6 @@
 """The interface of a data set. Only calling it for the frames is required; the rest is optional.
 
-``name``, ``root`` and ``require_root()`` are those of a data set on disk; ``notes()`` are sentences that whoever reads
+``name``, ``root`` and ``require_root()`` are those of a data set on disk; ``notes()`` are sentences that readers of
 its results must know; ``left_out()`` counts images and masks without a partner; ``selection_groups()`` and
 ``test_groups()`` are groups that it keeps outside all folds; ``report()`` are tables of what it left out and why.
 """

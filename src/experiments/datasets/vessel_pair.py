@@ -2,7 +2,7 @@
 
 Sizes: the common carotid measures 6 to 7 mm across in adults (Krejza et al., Stroke 37, 2006), the internal jugular
 vein about twice that and flat; the common femoral artery 8 to 10 mm (Sandgren et al., J. Vasc. Surg. 29, 1999), the
-common femoral vein about 12 mm (Fronek et al., J. Vasc. Surg. 33, 2001). The vein lies beside the artery, somewhat in
+common femoral vein about 12 mm (Fronek et al., J. Vasc. Surg. 33, 2001). The vein lies next to the artery, somewhat in
 front of it in the neck and behind it in the groin. Under the probe both flatten alike: the simulator presses once.
 """
 

@@ -1,4 +1,4 @@
-"""What is known of the answer before a search: a pose from a file or from landmarks, and how far to look from it."""
+"""Initial poses: what is known of the result before a search, from a file or landmarks, and how far to look from it."""
 
 from __future__ import annotations
 

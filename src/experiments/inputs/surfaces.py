@@ -164,7 +164,7 @@ def refuse_metres(surface: Surface, other: Surface, name: str, unit: str | None,
     own, others = diagonal_mm(points_of(surface)), diagonal_mm(points_of(other))
     if unit is None and (own < METRES_BELOW or HUNDREDFOLD * own <= others):
         raise InputError(
-            f"{name}: expected millimetres, received a bounding box with a diagonal of {own:.3g} beside one of "
+            f"{name}: expected millimetres, received a bounding box with a diagonal of {own:.3g} compared with one of "
             f"{others:.3g}, which looks like metres; {hint}"
         )
 

@@ -71,19 +71,19 @@ class GroupSplits:
             if not 0 <= share < 1:
                 raise InputError(f"{role}_share: expected 0 to below 1, received {share}")
             if share and names:
-                raise InputError(f"{role}_share: expected 0 beside {role}_groups, received {share}")
+                raise InputError(f"{role}_share: expected 0 together with {role}_groups, received {share}")
         for name in ("folds", "validation_parts", "outer_folds"):
             value = getattr(self, name)
             if (value is not None or name != "outer_folds") and not _whole(value):
                 raise InputError(f"{name}: expected a whole number of at least 2, received {value!r}")
         if self.selection_share + self.test_share >= 1:
             raise InputError(
-                f"test_share: expected less than {1 - self.selection_share:g} beside selection_share, "
+                f"test_share: expected less than {1 - self.selection_share:g} together with selection_share, "
                 f"received {self.test_share}"
             )
         if self.outer_folds is not None and (self.test_share or self.test_groups):
             raise InputError(
-                f"outer_folds: expected null beside test_share or test_groups, received {self.outer_folds}"
+                f"outer_folds: expected null together with test_share or test_groups, received {self.outer_folds}"
             )
 
     def pairs(self) -> tuple[tuple[int | None, int], ...]:

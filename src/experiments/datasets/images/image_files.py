@@ -140,7 +140,7 @@ def read_grey(path: Path) -> UInt8[np.ndarray, "h w"]:
     if is_dicom(path):
         frames = read_dicom(path).images
         if len(frames) != 1:
-            raise InputError(f"{path}: expected one frame, received a film of {len(frames)}")
+            raise InputError(f"{path}: expected one frame, received {len(frames)}")
         return np.asarray(frames[0])
     decoded = decode(path)
     if decoded.palette is not None:
@@ -295,7 +295,7 @@ def require_vessel(folder: Path, masks: Collection[np.ndarray]) -> None:
 
 
 def _is_image(path: Path) -> bool:
-    # What begins with a dot is a system's own, such as the ._name.png that macOS leaves beside name.png.
+    # What begins with a dot is a system's own, such as the ._name.png that macOS leaves next to name.png.
     if path.name.startswith(".") or not path.is_file():
         return False
     return path.suffix.lower() in IMAGE_SUFFIXES or is_dicom(path)

@@ -22,7 +22,7 @@ from experiments.datasets.images.decoding import OPAQUE, Decoded
 from experiments.errors import InputError
 
 BINARY = frozenset({0, 1, 255})
-# Of a mask in a JPEG file: at most so much of it may lie between dark and bright, where it can't be told what it is.
+# Of a mask in a JPEG file: at most so much of it may lie between dark and bright, where its meaning is unknown.
 _UNCLEAR_SHARE = 0.05
 _DARK, _BRIGHT = 64, 192
 
