@@ -1,4 +1,4 @@
-"""Initial poses: what is known of the result before a search, from a file or landmarks, and how far to look from it."""
+"""Initial poses: what is known of the result before a search, and how far from it to search."""
 
 from __future__ import annotations
 

@@ -192,7 +192,7 @@ def _require_pixels(path: Path, content: Dataset) -> None:
 
 
 def _images(path: Path, content: Dataset) -> np.ndarray:
-    """Grey frames (n, height, width), decoded one by one: a film in colour would fill the memory."""
+    """Grey frames (n, height, width), decoded one by one: a long colour sequence would fill the memory."""
     count = int(content.get("NumberOfFrames") or 1)
     images = np.empty((count, int(content.Rows), int(content.Columns)), dtype=np.uint8)
     if images.size == 0:
