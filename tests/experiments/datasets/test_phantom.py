@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from experiments import registry
+from experiments.cli import compose_points
 from experiments.datasets.phantom import Phantom
 from experiments.datasets.sweep_cache import SweepRecipe, sweep_hash
 from experiments.errors import InputError
@@ -82,18 +83,13 @@ def test_later_sweeps_are_the_same_whatever_else_is_made(tmp_path: Path) -> None
 
 
 def test_the_shipped_configuration_builds(tmp_path: Path) -> None:
-    import yaml
-
-    from experiments.paths import conf_dir
-
-    def resolved(group: str, name: str) -> dict:
-        # Defaults and interpolations are resolved by Hydra before anything is built.
-        node = yaml.safe_load((conf_dir() / group / f"{name}.yaml").read_text())
-        return {key: value for key, value in node.items() if key != "defaults"} | {"seed": 0}
-
-    assert isinstance(registry.build(resolved("dataset", "phantom") | {"cache": str(tmp_path)}), Phantom)
+    ((config, _),) = compose_points(["study=segmentation", "dataset=phantom", "seed=3"])
+    built = registry.build(config["dataset"])
+    assert isinstance(built, Phantom) and built.seed == 3
     for name in ("artificial", "vein", "artery"):
-        assert registry.build(resolved("phantom", name)).subset == name
+        ((config, _),) = compose_points(["study=simulate", f"phantom={name}", "seed=3"])
+        settings = registry.build(config["phantom"])
+        assert settings.subset == name and settings.seed == 3
 
 
 @pytest.mark.parametrize(
