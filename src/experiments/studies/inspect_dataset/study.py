@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from experiments.datasets.exclusion_report import write_report
 from experiments.datasets.images.mask_shape import mask_shape
 from experiments.datasets.images.near_duplicates import CrossGroupDuplicates, near_duplicates_across_groups
 from experiments.datasets.protocol import (
@@ -18,6 +17,7 @@ from experiments.datasets.protocol import (
     notes_of,
     outside_groups,
     require_root,
+    write_report,
 )
 from experiments.errors import InputError, require_count
 from experiments.outcome import Outcome, Progress
