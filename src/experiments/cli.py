@@ -81,7 +81,7 @@ def _show(asked: CallOptions, overrides: list[str], folder: str | None) -> int:
     composed = _composed(overrides, folder, multirun=asked.multirun)
     if asked.info:
         words, _ = _sweep_points(overrides)[0]
-        _call_hydra(["--info", asked.info, *_of_folder(folder), *words])
+        _call_hydra(["--info", asked.info, *cli_words.words_of_folder(folder), *words])
         return 0
     for config, label in composed:
         shown = _part(config, str(asked.cfg))
@@ -113,7 +113,7 @@ def _run(overrides: list[str], folder: str | None, *, multirun: bool) -> int:
         points = compose_sweep(overrides, folder, multirun=multirun)
         for config, _ in points:
             require_shared(config)
-        _note_useless_seed(points)
+        cli_words.note_useless_seed(config for config, _ in points)
         require_writable(jobs.out_folder(points[0][0], "0" * 64))
         return run_sweep.run(points)
     except user_errors() as refusal:
@@ -122,17 +122,6 @@ def _run(overrides: list[str], folder: str | None, *, multirun: bool) -> int:
     except KeyboardInterrupt:
         print("Stopped by the keyboard; what had finished is kept.", file=sys.stderr)
         return 130
-
-
-def _note_useless_seed(points: SweepPoints) -> None:
-    for config, _ in points:
-        if config.get("seed") is not None and cli_words.draws_nothing(config["study"]):
-            print(
-                f"seed: study={config['study']} draws nothing at random, so that seed={config['seed']} changes no "
-                "result.",
-                file=sys.stderr,
-            )
-            return
 
 
 def compose_sweep(
@@ -339,10 +328,6 @@ def _find_plugin_configs() -> None:
 
     if CtusPluginConfigs.__name__ not in known:
         Plugins.instance().register(CtusPluginConfigs)
-
-
-def _of_folder(folder: str | None) -> list[str]:
-    return ["--config-dir", folder] if folder else []
 
 
 def _call_hydra(words: list[str]) -> None:

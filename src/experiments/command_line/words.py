@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import yaml
@@ -90,6 +91,23 @@ def sentence(refusal: Exception, study: str | None, known: Sequence[str]) -> str
             f"lists them){did_you_mean(name, [each for each in known if each != name])}"
         )
     return "; ".join(lines)
+
+
+def note_useless_seed(configs: Iterable[Mapping[str, Any]]) -> None:
+    """Say on standard error, once, that a seed was given to a study that draws nothing."""
+    for config in configs:
+        if config.get("seed") is not None and draws_nothing(config["study"]):
+            print(
+                f"seed: study={config['study']} draws nothing at random, so that seed={config['seed']} changes no "
+                "result.",
+                file=sys.stderr,
+            )
+            return
+
+
+def words_of_folder(folder: str | None) -> list[str]:
+    """The words that hand a folder of configurations on to Hydra."""
+    return ["--config-dir", folder] if folder else []
 
 
 def _groups() -> list[str]:

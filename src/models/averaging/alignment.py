@@ -18,7 +18,7 @@ from models.errors import InputError
 # A permutation by which channels are taken: channel i of the result is channel permutation[i].
 Permutations = Mapping[int, np.ndarray]
 # Of the agreement: less than that is rounding.
-_LEAST_GAIN = 1e-6
+_MIN_GAIN = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,12 +45,12 @@ class Alignment:
 
     @property
     def moved_channels(self) -> int:
-        """The number of channels that have changed places."""
+        """Number of channels that have changed places."""
         return sum(int((taken != np.arange(len(taken))).sum()) for taken in self.permutations.values())
 
 
 def permuted(weights: Weights, ties: ChannelTies, permutations: Permutations) -> dict[str, Tensor]:
-    """The state dict with its channels permuted; the network computes the same but for rounding.
+    """Permute the channels of a state dict; the network computes the same but for rounding.
 
     Parameters
     ----------
@@ -60,6 +60,11 @@ def permuted(weights: Weights, ties: ChannelTies, permutations: Permutations) ->
         Which axes move together.
     permutations
         Of any groups; the others stay.
+
+    Returns
+    -------
+    dict of str to Tensor
+        The permuted state dict.
     """
     return {
         name: _permuted(tensor, ties.axes.get(name, {}), ties, permutations)
@@ -89,10 +94,10 @@ class WeightMatching:
 
     Parameters
     ----------
-    max_sweeps
-        Passes over all groups at most.
-    seed
-        Of the order in which the groups are taken.
+    max_sweeps : int
+        Largest number of passes over all groups.
+    seed : int
+        Seed of the order in which the groups are taken.
     """
 
     max_sweeps: int = 50
@@ -104,7 +109,27 @@ class WeightMatching:
 
     @torch.no_grad()
     def __call__(self, reference: Weights, moving: Weights, ties: ChannelTies) -> Alignment:
-        """Align ``moving`` with ``reference``; InputError unless both are state dicts of the network of ``ties``."""
+        """Align the channels of one network with another's.
+
+        Parameters
+        ----------
+        reference : mapping of str to Tensor
+            State dict that stays.
+        moving : mapping of str to Tensor
+            State dict whose channels are permuted.
+        ties : ChannelTies
+            Which axes of both move together.
+
+        Returns
+        -------
+        Alignment
+            The permuted state dict and its permutations.
+
+        Raises
+        ------
+        InputError
+            If either is no state dict of the network of ``ties``.
+        """
         require_alike({"the reference": reference, "the network to align": moving})
         if missing := sorted(ties.axes.keys() - reference.keys()):
             raise InputError(
@@ -169,7 +194,7 @@ class _Matcher:
         names = {name for name, _, _ in self.places[group]}
         agreement = self.agreement(names)
         self.permutations[group] = after
-        if self.agreement(names) > agreement + _LEAST_GAIN * abs(agreement):
+        if self.agreement(names) > agreement + _MIN_GAIN * abs(agreement):
             return True
         self.permutations[group] = before
         return False
@@ -198,17 +223,24 @@ def align_all(
 
     Parameters
     ----------
-    weights
+    weights : sequence of mapping
         State dicts of the network that ``ties`` were found for; at least two.
-    matching
+    ties : ChannelTies
+        Which axes move together.
+    matching : WeightMatching
         How two are aligned.
-    max_rounds
-        Passes over all networks at most.
+    max_rounds : int
+        Largest number of passes over all networks.
 
     Returns
     -------
     list of dict
         State dicts in the order given, each the same function as before.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two networks.
     """
     if len(weights) < 2:
         raise InputError(f"weights: expected at least two networks to align, received {len(weights)}")

@@ -35,7 +35,7 @@ class GreedyAverage:
 
 
 def uniform_average(members: Sequence[Member], *, same_start: bool = True) -> dict[str, Tensor]:
-    """The mean of all members' weights (the "uniform soup" of Wortsman et al., ICML 2022).
+    """Average the weights of all members (the "uniform soup" of Wortsman et al., ICML 2022).
 
     Statistics of batch normalisation are averaged like the rest, which is not what they are in the averaged network:
     see ``models.averaging.batch_statistics``.
@@ -46,6 +46,11 @@ def uniform_average(members: Sequence[Member], *, same_start: bool = True) -> di
         Networks of one architecture, trained from one start.
     same_start
         As in ``models.averaging.members.require_averageable``.
+
+    Returns
+    -------
+    dict of str to Tensor
+        State dict of the average.
 
     Raises
     ------
@@ -63,7 +68,7 @@ def greedy_average(
     refresh: Callable[[Weights], Weights] | None = None,
     same_start: bool = True,
 ) -> GreedyAverage:
-    """The average to which networks are added, best first, as long as its score does not fall.
+    """Average networks, added best first as long as the average's score does not fall.
 
     The "greedy soup" of Wortsman et al., ICML 2022 (Recipe 1): a network that lowers the score is left out and the
     next one is tried. Equal scores keep the order given.
@@ -79,6 +84,11 @@ def greedy_average(
         normalisation; single networks are scored as they are.
     same_start
         As in ``models.averaging.members.require_averageable``.
+
+    Returns
+    -------
+    GreedyAverage
+        The average and its members.
 
     Raises
     ------

@@ -27,7 +27,13 @@ class PooledStatistics:
         self._squares = torch.zeros(0, dtype=torch.float64)
 
     def update(self, features: Float[Tensor, "b c *space"]) -> None:
-        """Take in the features of a batch."""
+        """Add the features of a batch.
+
+        Parameters
+        ----------
+        features : Tensor, shape (b, c, *space)
+            Inputs of a normalisation layer.
+        """
         others = [axis for axis in range(features.ndim) if axis != 1]
         count = features.numel() // features.shape[1]
         variance, mean = torch.var_mean(features.detach().float(), dim=others, correction=0)
@@ -42,7 +48,18 @@ class PooledStatistics:
         self.count = total
 
     def variance(self, correction: int) -> Float64[Tensor, " c"]:
-        """The variance with ``count - correction`` in the denominator."""
+        """Compute the variance of every channel.
+
+        Parameters
+        ----------
+        correction : int
+            Subtracted from the number of values in the denominator; 1 for the unbiased variance.
+
+        Returns
+        -------
+        Tensor, shape (c,)
+            Variances.
+        """
         return self._squares / (self.count - correction)
 
 
@@ -93,7 +110,23 @@ def reestimate_batch_statistics(network: nn.Module, batches: Iterable[Tensor]) -
 
 
 def batch_normalisations(network: nn.Module) -> list[_BatchNorm]:
-    """The layers whose statistics are fixed in use; InputError for one that can't be re-estimated."""
+    """Find the layers whose statistics are fixed in use.
+
+    Parameters
+    ----------
+    network : nn.Module
+        Network to search.
+
+    Returns
+    -------
+    list of nn.Module
+        Batch normalisation layers that track statistics.
+
+    Raises
+    ------
+    InputError
+        If an instance normalisation tracks statistics, which can't be re-estimated.
+    """
     for name, module in network.named_modules():
         if isinstance(module, _InstanceNorm) and module.running_mean is not None:
             raise InputError(

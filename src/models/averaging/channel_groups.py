@@ -14,27 +14,72 @@ Layout = tuple[int, ...]
 
 @dataclass
 class ChannelGroups:
-    """Groups of channels, some of which are found to be one (a forest of union-find)."""
+    """Groups of channels, some of which are found to be one (a union-find forest).
+
+    Parameters
+    ----------
+    sizes : list of int
+        Number of channels of each group.
+    parents : list of int
+        For each group one that it is united with, itself for a root.
+    labels : list of list of ndarray
+        For each group the restrictions, one label for each channel.
+    """
 
     sizes: list[int] = field(default_factory=list)
     parents: list[int] = field(default_factory=list)
     labels: list[list[np.ndarray]] = field(default_factory=list)
 
     def new(self, size: int) -> int:
-        """A group of ``size`` channels that nothing is known of."""
+        """Add a group of channels that nothing is known of.
+
+        Parameters
+        ----------
+        size : int
+            Number of channels.
+
+        Returns
+        -------
+        int
+            Number of the group.
+        """
         self.sizes.append(size)
         self.parents.append(len(self.parents))
         self.labels.append([])
         return self.parents[-1]
 
     def root(self, group: int) -> int:
-        """The group that stands for this one and all united with it."""
+        """Find the group that stands for this one and all united with it.
+
+        Parameters
+        ----------
+        group : int
+            Number of a group.
+
+        Returns
+        -------
+        int
+            Number of the group that stands for it.
+        """
         while self.parents[group] != group:
             group = self.parents[group]
         return group
 
     def unite(self, first: Layout, second: Layout, where: str) -> None:
-        """Let channels of equal place move together; InputError, naming ``where``, if they are grouped otherwise."""
+        """Let channels of equal place move together.
+
+        Parameters
+        ----------
+        first, second : tuple of int
+            Groups of two layouts, in the order of their channels.
+        where : str
+            Where in the network they are joined, for messages.
+
+        Raises
+        ------
+        InputError
+            If the channels are grouped otherwise.
+        """
         if [self.sizes[group] for group in first] != [self.sizes[group] for group in second]:
             raise InputError(
                 f"network: expected channels joined in {where} to be grouped alike, "
@@ -47,10 +92,29 @@ class ChannelGroups:
                 self.labels[low] += self.labels[high]
 
     def restrict(self, group: int, labels: np.ndarray) -> None:
-        """Let channels change places only with those of the same label."""
+        """Let channels change places only with those of the same label.
+
+        Parameters
+        ----------
+        group : int
+            Number of a group.
+        labels : ndarray of int
+            One label for each channel.
+        """
         self.labels[self.root(group)].append(labels)
 
     def blocks(self, group: int) -> np.ndarray:
-        """One label a channel: those with the same may change places, by all restrictions of the united groups."""
+        """Combine all restrictions of the united groups.
+
+        Parameters
+        ----------
+        group : int
+            Number of a group.
+
+        Returns
+        -------
+        ndarray of int
+            One label for each channel; channels of the same label may change places.
+        """
         labels = [np.zeros(self.sizes[group], dtype=np.int64), *self.labels[self.root(group)]]
         return np.unique(np.stack(labels), axis=1, return_inverse=True)[1].reshape(-1)

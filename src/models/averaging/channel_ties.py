@@ -54,7 +54,18 @@ class ChannelTies:
     parameters: frozenset[str]
 
     def size(self, group: int) -> int:
-        """The number of channels in a group."""
+        """Return the number of channels in a group.
+
+        Parameters
+        ----------
+        group : int
+            Number of a group.
+
+        Returns
+        -------
+        int
+            Number of channels.
+        """
         return len(self.blocks[group])
 
     @property
@@ -64,9 +75,20 @@ class ChannelTies:
 
 
 def channel_ties(recipe: NetworkRecipe) -> ChannelTies:
-    """Follow an image through the network of a recipe, in training mode so that all outputs are there.
+    """Find which channels of a recipe's network move together, by following an image through it.
 
-    No memory is taken and no random number drawn: tensors have shapes alone.
+    The network is in training mode so that all outputs are there. No memory is taken and no random number drawn:
+    tensors have shapes alone.
+
+    Parameters
+    ----------
+    recipe : NetworkRecipe
+        Architecture.
+
+    Returns
+    -------
+    ChannelTies
+        Groups of channels and the axes on which they lie.
 
     Raises
     ------

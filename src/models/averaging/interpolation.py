@@ -20,7 +20,15 @@ from models.training.losses import Loss
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The mean loss and the mean DSC (0 to 1, over images with a vessel) of a network on fixed data."""
+    """Evaluation of a network on fixed data.
+
+    Parameters
+    ----------
+    loss : float
+        Mean loss over images.
+    dsc : float
+        Mean DSC over images with a vessel, 0 to 1.
+    """
 
     loss: float
     dsc: float
@@ -50,7 +58,23 @@ class BatchEvaluation:
 
     @torch.no_grad()
     def __call__(self, weights: Weights) -> Evaluation:
-        """The evaluation of ``weights``; InputError where no image shows a vessel."""
+        """Evaluate a state dict.
+
+        Parameters
+        ----------
+        weights : mapping of str to Tensor
+            State dict of the network.
+
+        Returns
+        -------
+        Evaluation
+            Mean loss and mean DSC.
+
+        Raises
+        ------
+        InputError
+            If no image shows a vessel.
+        """
         self.network.load_state_dict(dict(weights))
         if self.statistics_batches is not None:
             reestimate_batch_statistics(self.network, self.statistics_batches())
@@ -71,22 +95,34 @@ class BatchEvaluation:
 
 @dataclass(frozen=True, eq=False)
 class InterpolationPath:
-    """Loss and DSC of ``(1 - alpha) first + alpha second`` for ``alphas`` from 0 to 1, ends included."""
+    """Loss and DSC of (1 - alpha) first + alpha second along the line between two networks.
+
+    Parameters
+    ----------
+    first, second : str
+        Names of the networks.
+    alphas : ndarray, shape (n,)
+        From 0 to 1, both ends included.
+    losses : ndarray, shape (n,)
+        Mean losses.
+    dscs : ndarray, shape (n,)
+        Mean DSCs, 0 to 1.
+    """
 
     first: str
     second: str
-    alphas: Float64[np.ndarray, "n"]
-    losses: Float64[np.ndarray, "n"]
-    dscs: Float64[np.ndarray, "n"]
+    alphas: Float64[np.ndarray, " n"]
+    losses: Float64[np.ndarray, " n"]
+    dscs: Float64[np.ndarray, " n"]
 
     @property
     def loss_barrier(self) -> float:
-        """How far the loss rises above the line between its ends: 0 where the two are linearly connected."""
+        """Largest rise of the loss above the line between its ends: 0 where the two are linearly connected."""
         return float(np.max(self.losses - self._between(self.losses)))
 
     @property
     def dsc_barrier(self) -> float:
-        """How far the DSC falls below the line between its ends."""
+        """Largest fall of the DSC below the line between its ends."""
         return float(np.max(self._between(self.dscs) - self.dscs))
 
     def _between(self, values: np.ndarray) -> np.ndarray:
@@ -95,19 +131,27 @@ class InterpolationPath:
 
 @dataclass(frozen=True, eq=False)
 class PairwiseBarriers:
-    """The paths between all pairs of networks, and their barriers as symmetric matrices in the order of ``names``."""
+    """Paths between all pairs of networks, and their barriers as symmetric matrices.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Names of the networks, in the order of the matrices.
+    paths : tuple of InterpolationPath
+        One path for each pair.
+    """
 
     names: tuple[str, ...]
     paths: tuple[InterpolationPath, ...]
 
     @property
     def loss(self) -> Float64[np.ndarray, "k k"]:
-        """Barriers of the loss."""
+        """Barriers of the loss, shape (k, k)."""
         return self._matrix(lambda path: path.loss_barrier)
 
     @property
     def dsc(self) -> Float64[np.ndarray, "k k"]:
-        """Barriers of the DSC."""
+        """Barriers of the DSC, shape (k, k)."""
         return self._matrix(lambda path: path.dsc_barrier)
 
     def _matrix(self, value: Callable[[InterpolationPath], float]) -> np.ndarray:
@@ -120,7 +164,7 @@ class PairwiseBarriers:
 def interpolation_barriers(
     members: Sequence[Member], evaluate: Callable[[Weights], Evaluation], *, n_points: int = 11
 ) -> PairwiseBarriers:
-    """Loss and DSC along the line between every pair of networks; every network itself is evaluated once.
+    """Compute loss and DSC along the line between every pair of networks; each network itself is evaluated once.
 
     The barrier is that of Frankle et al., ICML 2020, against the linear interpolation of both ends (Entezari et al.,
     ICLR 2022). The networks may come from different starts: that is one thing a barrier explains.
@@ -133,6 +177,11 @@ def interpolation_barriers(
         Loss and DSC of a state dict, such as a ``BatchEvaluation``.
     n_points
         Points on each line, both ends included; at least 3.
+
+    Returns
+    -------
+    PairwiseBarriers
+        The paths and their barriers.
 
     Raises
     ------

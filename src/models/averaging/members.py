@@ -39,7 +39,18 @@ class Member:
 
 
 def weights_digest(weights: Weights) -> str:
-    """SHA-256 over the names, types, shapes and bytes of all tensors, whatever their order and memory layout."""
+    """Compute the SHA-256 of a state dict, whatever the order and memory layout of its tensors.
+
+    Parameters
+    ----------
+    weights : mapping of str to Tensor
+        State dict.
+
+    Returns
+    -------
+    str
+        Hexadecimal digest over the names, types, shapes and bytes of all tensors.
+    """
     digest = hashlib.sha256()
     for name in sorted(weights):
         tensor = weights[name].detach().cpu().contiguous()
@@ -49,7 +60,7 @@ def weights_digest(weights: Weights) -> str:
 
 
 def require_averageable(members: Sequence[Member], *, same_start: bool = True) -> None:
-    """Raise InputError unless an average of these networks can mean something.
+    """Check that an average of these networks can mean something.
 
     Weights of networks that were trained from different starts lie in different basins, and their average is no
     network at all (Frankle et al., ICML 2020).
@@ -95,7 +106,18 @@ def _require_same_start(members: Sequence[Member]) -> None:
 
 
 def require_alike(weights: Mapping[str, Weights]) -> None:
-    """Raise InputError unless all state dicts, given by name, have the same tensors and only finite numbers."""
+    """Check that all state dicts have the same tensors and only finite numbers.
+
+    Parameters
+    ----------
+    weights : mapping of str to mapping
+        State dicts by the names of their networks.
+
+    Raises
+    ------
+    InputError
+        If names, shapes or types of tensors differ, or a number is not finite.
+    """
     reference_name, reference = next(iter(weights.items()))
     expected = {name: (tuple(tensor.shape), tensor.dtype) for name, tensor in reference.items()}
     for owner, tensors in weights.items():
@@ -116,7 +138,7 @@ def _described(shape_and_type: tuple[tuple[int, ...], torch.dtype] | None) -> st
 
 
 def combination(weights: Sequence[Weights], coefficients: Sequence[float]) -> dict[str, Tensor]:
-    """The sum of the state dicts times their coefficients, taken in 64 bits and returned in the tensors' own type.
+    """Sum state dicts times their coefficients, in 64 bits, returned in the tensors' own type.
 
     Tensors that are not floating (counts of batches) have no average: the elementwise maximum stands for them.
 
@@ -126,6 +148,11 @@ def combination(weights: Sequence[Weights], coefficients: Sequence[float]) -> di
         State dicts that ``require_alike`` accepts.
     coefficients
         One number for each; they sum up to 1 in an average.
+
+    Returns
+    -------
+    dict of str to Tensor
+        The combined state dict.
     """
     combined: dict[str, Tensor] = {}
     for name, like in weights[0].items():

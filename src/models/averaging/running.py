@@ -30,11 +30,27 @@ class RunningAverage(ABC):
 
     @abstractmethod
     def newest_share(self, update: int) -> float:
-        """The share of the newest weights in the average after ``update`` (from 1) updates."""
+        """Return the share of the newest weights in the average.
+
+        Parameters
+        ----------
+        update : int
+            Number of updates so far, from 1.
+
+        Returns
+        -------
+        float
+            Share, above 0 to 1.
+        """
 
     @torch.no_grad()
     def update(self, weights: Weights) -> None:
-        """Take in the weights as they are after an optimiser step.
+        """Add the weights as they are after an optimiser step.
+
+        Parameters
+        ----------
+        weights : mapping of str to Tensor
+            State dict of the network.
 
         Raises
         ------
@@ -65,7 +81,13 @@ class RunningAverage(ABC):
         return average
 
     def state(self) -> dict[str, Any]:
-        """All that ``restore`` needs to go on, as tensors, text and numbers."""
+        """Return all that ``restore`` needs.
+
+        Returns
+        -------
+        dict
+            Tensors, text and numbers.
+        """
         return {
             "updates": self.updates,
             "average": {name: tensor.clone() for name, tensor in self._average.items()},
@@ -73,7 +95,13 @@ class RunningAverage(ABC):
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Continue from what ``state`` returned."""
+        """Continue from what ``state`` returned.
+
+        Parameters
+        ----------
+        state : mapping
+            An earlier state.
+        """
         self.updates = int(state["updates"])
         self._average = {name: tensor.clone() for name, tensor in state["average"].items()}
         self._types = {name: getattr(torch, dtype) for name, dtype in state["types"].items()}
@@ -111,7 +139,18 @@ class ExponentialAverage(RunningAverage):
         self.decay = decay
 
     def newest_share(self, update: int) -> float:
-        """1 less the decay."""
+        """Return 1 less the decay.
+
+        Parameters
+        ----------
+        update : int
+            Number of updates so far, from 1.
+
+        Returns
+        -------
+        float
+            Share, above 0 to 1.
+        """
         before = update - 1
         return 1 - min(self.decay, (1 + before) / (10 + before))
 
@@ -124,7 +163,18 @@ class StochasticAverage(RunningAverage):
     """
 
     def newest_share(self, update: int) -> float:
-        """One of all."""
+        """Return the share in a plain mean.
+
+        Parameters
+        ----------
+        update : int
+            Number of updates so far, from 1.
+
+        Returns
+        -------
+        float
+            1 / ``update``.
+        """
         return 1 / update
 
 

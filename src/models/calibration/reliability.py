@@ -28,9 +28,9 @@ class ReliabilityTable:
         Pixels of vessel.
     """
 
-    counts: Int64[np.ndarray, "bins"]
-    probability_sums: Float64[np.ndarray, "bins"]
-    vessel_counts: Int64[np.ndarray, "bins"]
+    counts: Int64[np.ndarray, " bins"]
+    probability_sums: Float64[np.ndarray, " bins"]
+    vessel_counts: Int64[np.ndarray, " bins"]
 
     def __add__(self, other: ReliabilityTable) -> ReliabilityTable:
         if len(self.counts) != len(other.counts):
@@ -49,17 +49,17 @@ class ReliabilityTable:
         return int(self.counts.sum())
 
     @property
-    def confidence(self) -> Float64[np.ndarray, "bins"]:
+    def confidence(self) -> Float64[np.ndarray, " bins"]:
         """The mean predicted probability in each bin; NaN in an empty one."""
         return _quotient(self.probability_sums, self.counts)
 
     @property
-    def frequency(self) -> Float64[np.ndarray, "bins"]:
+    def frequency(self) -> Float64[np.ndarray, " bins"]:
         """The share of vessel in each bin; NaN in an empty one."""
         return _quotient(self.vessel_counts, self.counts)
 
     @property
-    def gaps(self) -> Float64[np.ndarray, "bins"]:
+    def gaps(self) -> Float64[np.ndarray, " bins"]:
         """Absolute difference of confidence and frequency; NaN in an empty bin."""
         return np.abs(self.confidence - self.frequency)
 
@@ -84,10 +84,24 @@ class ReliabilityTable:
 def equal_width_table(
     probability: Float[np.ndarray, "*any"], reference: Shaped[np.ndarray, "..."], n_bins: int
 ) -> ReliabilityTable:
-    """The table of ``n_bins`` bins of equal width; a bin holds its lower edge, the last one both.
+    """Count pixels in bins of equal width; a bin holds its lower edge, the last one both.
 
     Its ``expected_gap`` is the expected calibration error (Naeini et al., AAAI 2015; Guo et al., ICML 2017), for the
     probability of vessel, not of the likelier class.
+
+    Parameters
+    ----------
+    probability : ndarray
+        Probabilities of vessel, 0 to 1, of any shape.
+    reference : ndarray of bool or of 0 and 1
+        Labels of the same shape.
+    n_bins : int
+        Number of bins.
+
+    Returns
+    -------
+    ReliabilityTable
+        Table of the bins.
 
     Raises
     ------
@@ -104,18 +118,53 @@ def equal_width_table(
 def fine_table(
     probability: Float[np.ndarray, "*any"], reference: Shaped[np.ndarray, "..."]
 ) -> ReliabilityTable:
-    """The table of ``FINE_BINS`` bins as fine as 16-bit floats, towards 1 as towards 0, that others are made of."""
+    """Count pixels in ``FINE_BINS`` bins as fine as 16-bit floats, towards 1 as towards 0.
+
+    Parameters
+    ----------
+    probability : ndarray
+        Probabilities of vessel, 0 to 1, of any shape.
+    reference : ndarray of bool or of 0 and 1
+        Labels of the same shape.
+
+    Returns
+    -------
+    ReliabilityTable
+        Table that adaptive ones are made of.
+
+    Raises
+    ------
+    InputError
+        If shapes differ, or probabilities or labels are out of range.
+    """
     values, labels = checked(probability, reference)
     below = np.minimum(values, 1 - values).astype(np.float16).view(np.uint16).astype(np.int64)
     return _table(np.where(values <= 0.5, below, 2 * _HALF - below), values, labels, FINE_BINS)
 
 
 def adaptive_table(fine: ReliabilityTable, n_bins: int) -> ReliabilityTable:
-    """The table of ``n_bins`` bins with equal numbers of pixels, from a fine one.
+    """Merge a fine table into bins with equal numbers of pixels.
 
     A fine bin goes whole where its middle pixel lies, so that equal probabilities are never parted. The
-    ``expected_gap`` is the adaptive calibration error (Nixon et al., CVPR Workshops 2019), each bin weighed by its
+    ``expected_gap`` is the adaptive calibration error (Nixon et al., CVPR Workshops 2019), each bin weighted by its
     pixels since these can't always be equally many.
+
+    Parameters
+    ----------
+    fine : ReliabilityTable
+        Table of ``fine_table``.
+    n_bins : int
+        Number of bins.
+
+    Returns
+    -------
+    ReliabilityTable
+        Table of the bins.
+
+    Raises
+    ------
+    InputError
+        If there is no bin.
     """
     if n_bins < 1:
         raise InputError(f"n_bins: expected at least 1, received {n_bins}")
@@ -133,8 +182,28 @@ def adaptive_table(fine: ReliabilityTable, n_bins: int) -> ReliabilityTable:
 
 def checked(
     probability: Float[np.ndarray, "*any"], reference: Shaped[np.ndarray, "..."]
-) -> tuple[Float64[np.ndarray, "n"], Bool[np.ndarray, "n"]]:
-    """Probabilities and labels, flat; InputError if they are not such."""
+) -> tuple[Float64[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
+    """Check probabilities and labels, and flatten them.
+
+    Parameters
+    ----------
+    probability : ndarray
+        Probabilities of vessel, 0 to 1, of any shape.
+    reference : ndarray of bool or of 0 and 1
+        Labels of the same shape.
+
+    Returns
+    -------
+    probability : ndarray of float, shape (n,)
+        Probabilities.
+    reference : ndarray of bool, shape (n,)
+        Labels.
+
+    Raises
+    ------
+    InputError
+        If shapes differ, or probabilities or labels are out of range.
+    """
     if probability.shape != reference.shape:
         raise InputError(
             f"reference: expected the probabilities' shape {probability.shape}, received {reference.shape}"
@@ -151,7 +220,7 @@ def checked(
 
 
 def _table(
-    bins: np.ndarray, values: Float64[np.ndarray, "n"], labels: Bool[np.ndarray, "n"], n_bins: int
+    bins: np.ndarray, values: Float64[np.ndarray, " n"], labels: Bool[np.ndarray, " n"], n_bins: int
 ) -> ReliabilityTable:
     return ReliabilityTable(
         np.bincount(bins, minlength=n_bins).astype(np.int64),

@@ -17,7 +17,7 @@ from models.calibration.reliability import (
     equal_width_table,
     fine_table,
 )
-from models.calibration.temperature import LEAST_PROBABILITY
+from models.calibration.temperature import MIN_PROBABILITY
 from models.errors import InputError
 
 N_BINS = 15
@@ -47,10 +47,30 @@ class PixelStatistics:
         reference: Shaped[np.ndarray, "..."],
         n_bins: int = N_BINS,
     ) -> PixelStatistics:
-        """Those of probabilities and a reference of 0 and 1 of the same shape; InputError for anything else."""
+        """Compute the statistics of probabilities and labels.
+
+        Parameters
+        ----------
+        probability : ndarray
+            Probabilities of vessel, 0 to 1, of any shape.
+        reference : ndarray of bool or of 0 and 1
+            Labels of the same shape.
+        n_bins : int
+            Number of bins of equal width.
+
+        Returns
+        -------
+        PixelStatistics
+            Sums over the pixels.
+
+        Raises
+        ------
+        InputError
+            If shapes differ, or probabilities or labels are out of range.
+        """
         values, labels = checked(probability, reference)
         of_label = np.where(labels, values, 1 - values)
-        nll = -np.log(np.maximum(of_label, LEAST_PROBABILITY))
+        nll = -np.log(np.maximum(of_label, MIN_PROBABILITY))
         return cls(
             float(nll.sum()),
             float(((1 - of_label) ** 2).sum()),
@@ -75,7 +95,7 @@ class PixelStatistics:
     def nll(self) -> float:
         """Mean negative log-likelihood; NaN without pixels.
 
-        A probability of 0 for what is there counts as ``LEAST_PROBABILITY``: in 32 bits it means no less.
+        A probability of 0 for what is there counts as ``MIN_PROBABILITY``: in 32 bits it means no less.
         """
         return self.nll_sum / self.pixels if self.pixels else float("nan")
 
@@ -97,7 +117,23 @@ class PixelStatistics:
 
 @dataclass(frozen=True)
 class CalibrationScores:
-    """The scores of one set of images; NaN where they have no pixels (a band without a boundary)."""
+    """Scores of one set of images; NaN where they have no pixels (a band without a boundary).
+
+    Parameters
+    ----------
+    nll : float
+        Mean negative log-likelihood of a pixel.
+    brier : float
+        Mean squared difference of probability and label.
+    ece : float
+        Expected calibration error over bins of equal width.
+    ace : float
+        Adaptive calibration error.
+    ece_boundary : float
+        Expected calibration error of the pixels near the boundary.
+    pixels, pixels_boundary : int
+        Numbers of all pixels and of those near the boundary.
+    """
 
     nll: float
     brier: float
@@ -110,7 +146,15 @@ class CalibrationScores:
 
 @dataclass(frozen=True, eq=False)
 class CalibrationStatistics:
-    """Statistics of all pixels and of those near the reference's boundary; those of several images add up."""
+    """Statistics of all pixels and of those near the reference's boundary; those of several images add up.
+
+    Parameters
+    ----------
+    everywhere : PixelStatistics
+        Of all pixels.
+    boundary : PixelStatistics
+        Of the pixels near the boundary.
+    """
 
     everywhere: PixelStatistics
     boundary: PixelStatistics
@@ -124,7 +168,24 @@ class CalibrationStatistics:
         band_px: float,
         n_bins: int = N_BINS,
     ) -> CalibrationStatistics:
-        """Those of one image; ``band_px`` as in ``boundary_band``."""
+        """Compute the statistics of one image.
+
+        Parameters
+        ----------
+        probability : ndarray, shape (h, w)
+            Probabilities of vessel, 0 to 1.
+        reference : ndarray of bool or of 0 and 1, shape (h, w)
+            Reference mask.
+        band_px : float
+            Width of the band on either side of the boundary, as in ``boundary_band``.
+        n_bins : int
+            Number of bins of equal width.
+
+        Returns
+        -------
+        CalibrationStatistics
+            Sums over the pixels.
+        """
         everywhere = PixelStatistics.of(probability, reference, n_bins)
         band = boundary_band(reference, band_px)
         return cls(
@@ -152,7 +213,27 @@ class CalibrationStatistics:
 def calibration_statistics(
     images: Iterable[tuple[np.ndarray, np.ndarray]], *, band_px: float, n_bins: int = N_BINS
 ) -> CalibrationStatistics:
-    """The statistics of a stream of probabilities and references (h, w), of any sizes, in constant memory."""
+    """Compute the statistics of a stream of images of any sizes, in constant memory.
+
+    Parameters
+    ----------
+    images : iterable of tuple of ndarray
+        Probabilities and reference masks, shape (h, w).
+    band_px : float
+        Width of the band on either side of the boundary, as in ``boundary_band``.
+    n_bins : int
+        Number of bins of equal width.
+
+    Returns
+    -------
+    CalibrationStatistics
+        Sums over all images.
+
+    Raises
+    ------
+    InputError
+        If there are no images.
+    """
     total: CalibrationStatistics | None = None
     for probability, reference in images:
         one = CalibrationStatistics.of(probability, reference, band_px=band_px, n_bins=n_bins)
@@ -163,11 +244,30 @@ def calibration_statistics(
 
 
 def boundary_band(reference: Shaped[np.ndarray, "h w"], width_px: float) -> Bool[np.ndarray, "h w"]:
-    """Pixels on either side of the reference's boundary, no farther than ``width_px`` from a pixel of the other side.
+    """Find the pixels on either side of the reference's boundary that are near a pixel of the other side.
 
     A width of 1 takes the pixels that share an edge with one of the other class. The image's border is no boundary:
     nothing is known beyond it. A reference of one class has an empty band.
 
+    Parameters
+    ----------
+    reference : ndarray of bool or of 0 and 1, shape (h, w)
+        Reference mask.
+    width_px : float
+        Largest distance to a pixel of the other class, at least 1.
+
+    Returns
+    -------
+    ndarray of bool, shape (h, w)
+        The band.
+
+    Raises
+    ------
+    InputError
+        If the width is below 1 or not finite.
+
+    Examples
+    --------
     >>> boundary_band(np.array([[0, 0, 0, 1, 1, 1]], bool), 1.0).astype(int)
     array([[0, 0, 1, 1, 0, 0]])
     """

@@ -14,7 +14,7 @@ from models.array_types import Float, Float32, Float64, Shaped
 from models.errors import InputError
 
 # Probabilities nearer to 0 and 1 have no logit of their own in 32 bits.
-LEAST_PROBABILITY = 2.0**-24
+MIN_PROBABILITY = 2.0**-24
 # The factor of the logits, 1 / temperature, is sought between these.
 FACTORS = (1e-3, 1e3)
 _BELOW_HALF = np.nextafter(np.float32(0.5), np.float32(0.0))
@@ -53,10 +53,20 @@ class TemperatureScaling:
             raise InputError(f"bias: expected a finite number, received {self.bias}")
 
     def __call__(self, logits: Float[np.ndarray, "*any"]) -> Float32[np.ndarray, "*any"]:
-        """Calibrated probabilities, 0 to 1.
+        """Calibrate logits.
 
         Without a bias, a probability is at least 0.5 exactly where the logit is at least 0, so that no temperature
         changes the mask at 0.5, rounding included.
+
+        Parameters
+        ----------
+        logits : ndarray
+            Logits of any shape.
+
+        Returns
+        -------
+        ndarray of float32
+            Calibrated probabilities of the same shape, 0 to 1.
         """
         scaled = torch.tensor(np.asarray(logits, dtype=np.float32)) / self.temperature + self.bias
         probability = torch.sigmoid(scaled).numpy()
@@ -66,7 +76,23 @@ class TemperatureScaling:
         return np.asarray(probability)
 
     def threshold_before(self, threshold: float) -> float:
-        """The uncalibrated probability that becomes ``threshold`` (above 0, below 1)."""
+        """Compute the uncalibrated probability that becomes a threshold.
+
+        Parameters
+        ----------
+        threshold : float
+            Calibrated probability, above 0 and below 1.
+
+        Returns
+        -------
+        float
+            Uncalibrated probability.
+
+        Raises
+        ------
+        InputError
+            If the threshold is out of range.
+        """
         if not 0 < threshold < 1:
             raise InputError(f"threshold: expected above 0 and below 1, received {threshold}")
         logit = self.temperature * (math.log(threshold) - math.log1p(-threshold) - self.bias)
@@ -97,18 +123,29 @@ class FittedTemperature:
 
 
 def logits_of(probability: Float[np.ndarray, "*any"]) -> Float32[np.ndarray, "*any"]:
-    """The logits of probabilities; those of 0 and 1 are kept finite by ``LEAST_PROBABILITY``."""
-    clipped = np.clip(np.asarray(probability, np.float64), LEAST_PROBABILITY, 1 - LEAST_PROBABILITY)
+    """Compute the logits of probabilities; those of 0 and 1 are kept finite by ``MIN_PROBABILITY``.
+
+    Parameters
+    ----------
+    probability : ndarray
+        Probabilities of any shape, 0 to 1.
+
+    Returns
+    -------
+    ndarray of float32
+        Logits of the same shape.
+    """
+    clipped = np.clip(np.asarray(probability, np.float64), MIN_PROBABILITY, 1 - MIN_PROBABILITY)
     return np.asarray(np.log(clipped) - np.log1p(-clipped), dtype=np.float32)
 
 
 def fit_temperature(
     batches: Batches, *, with_bias: bool = False, max_iter: int = 100, tol: float = 1e-7
 ) -> FittedTemperature:
-    """The temperature (and bias) of least negative log-likelihood, by L-BFGS on exact sums over all pixels.
+    """Fit the temperature (and bias) of least negative log-likelihood, by L-BFGS on exact sums over all pixels.
 
-    The problem is convex in 1 / temperature and bias; every evaluation is one pass over the batches in 64 bits and the
-    memory of one batch, so that neither the size nor the order of batches changes the result but for rounding.
+    The problem is convex in 1 / temperature and bias; every evaluation is one pass over the batches in 64 bits and
+    the memory of one batch, so that neither the size nor the order of batches changes the result but for rounding.
 
     Parameters
     ----------
@@ -120,6 +157,11 @@ def fit_temperature(
         Iterations of L-BFGS at most.
     tol
         Largest component of the gradient, per pixel, at which it stops.
+
+    Returns
+    -------
+    FittedTemperature
+        The calibration and its likelihoods.
 
     Raises
     ------
@@ -165,9 +207,9 @@ class _Likelihood:
         self.batches, self.with_bias = batches, with_bias
         self.pixels = self.passes = self.vessel = 0
         # The range of logits on which the classes overlap, in the first pass.
-        self.least_of_vessel, self.most_of_background = math.inf, -math.inf
+        self.min_vessel_logit, self.max_background_logit = math.inf, -math.inf
 
-    def __call__(self, parameters: Float64[np.ndarray, "p"]) -> tuple[float, Float64[np.ndarray, "p"]]:
+    def __call__(self, parameters: Float64[np.ndarray, " p"]) -> tuple[float, Float64[np.ndarray, " p"]]:
         factor, bias = float(parameters[0]), float(parameters[1]) if self.with_bias else 0.0
         sums = np.zeros(3)
         pixels = vessel = 0
@@ -195,9 +237,9 @@ class _Likelihood:
     def _note_ranges(self, values: torch.Tensor, labels: torch.Tensor) -> None:
         vessel, background = values[labels == 1], values[labels == 0]
         if len(vessel):
-            self.least_of_vessel = min(self.least_of_vessel, float(vessel.min()))
+            self.min_vessel_logit = min(self.min_vessel_logit, float(vessel.min()))
         if len(background):
-            self.most_of_background = max(self.most_of_background, float(background.max()))
+            self.max_background_logit = max(self.max_background_logit, float(background.max()))
 
     def require_overlap(self) -> None:
         """Raise InputError if there is one class only, or the likelihood rises for ever as the temperature falls."""
@@ -205,13 +247,13 @@ class _Likelihood:
             raise InputError(
                 f"masks: expected pixels of vessel and of background, found {self.vessel} of {self.pixels} of vessel"
             )
-        separated = self.least_of_vessel >= self.most_of_background
+        separated = self.min_vessel_logit >= self.max_background_logit
         if not self.with_bias:
-            separated = self.least_of_vessel >= 0 >= self.most_of_background
+            separated = self.min_vessel_logit >= 0 >= self.max_background_logit
         if separated:
             raise InputError(
                 "logits: expected some on the wrong side, found vessel and background separated perfectly "
-                f"({self.least_of_vessel:g} and up, {self.most_of_background:g} and down)"
+                f"({self.min_vessel_logit:g} and up, {self.max_background_logit:g} and down)"
             )
 
 

@@ -57,15 +57,40 @@ class SelectionCase:
 
 @dataclass(frozen=True, eq=False)
 class ComponentTable:
-    """Areas in pixels, highest probabilities, and pixels in the reference, of the components above a threshold."""
+    """Components of an image above a threshold.
 
-    areas: Float64[np.ndarray, "n"]
-    peaks: Shaped[np.ndarray, "n"]
-    overlaps: Float64[np.ndarray, "n"]
+    Parameters
+    ----------
+    areas : ndarray, shape (n,)
+        Areas in px.
+    peaks : ndarray, shape (n,)
+        Highest probabilities.
+    overlaps : ndarray, shape (n,)
+        Numbers of px in the reference.
+    """
+
+    areas: Float64[np.ndarray, " n"]
+    peaks: Shaped[np.ndarray, " n"]
+    overlaps: Float64[np.ndarray, " n"]
 
 
 def component_table(case: SelectionCase, low: float, connectivity: int) -> ComponentTable:
-    """The table of the components of at least ``low``, by their first pixels, row by row."""
+    """Tabulate the components of probability at least ``low``, by their first pixels, row by row.
+
+    Parameters
+    ----------
+    case : SelectionCase
+        The image.
+    low : float
+        Threshold.
+    connectivity : int
+        1 over edges, 2 over edges and corners.
+
+    Returns
+    -------
+    ComponentTable
+        The components.
+    """
     found = components(case.probability >= low, connectivity)
     reference, probability = case.reference[found.box], case.probability[found.box]
     overlaps = np.bincount(found.labels[reference], minlength=found.count + 1)
@@ -90,7 +115,20 @@ class ComponentScorer:
         self.largest_only = np.array([option.morphology.largest_only for option in options])
 
     def __call__(self, case: SelectionCase) -> tuple[np.ndarray | None, np.ndarray]:
-        """The DSC under every option, None for a case without a vessel, and whether anything is found."""
+        """Score one case under all options.
+
+        Parameters
+        ----------
+        case : SelectionCase
+            The image.
+
+        Returns
+        -------
+        dsc : ndarray or None
+            DSC under every option; None for a case without a vessel.
+        found : ndarray of bool
+            Whether anything is found under every option.
+        """
         pixel_area = self._pixel_area(case)
         peak, dtype = peak_of(case.probability), case.probability.dtype
         predicted, both = np.zeros(len(self.highs)), np.zeros(len(self.highs))

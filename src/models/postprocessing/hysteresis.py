@@ -49,12 +49,17 @@ class Hysteresis:
         require_connectivity(self.connectivity)
 
     def __call__(self, probability: Float[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
-        """The mask of one image.
+        """Segment one image.
 
         Parameters
         ----------
-        probability
-            Of vessel, 0 to 1.
+        probability : ndarray, shape (h, w)
+            Probability of vessel, 0 to 1.
+
+        Returns
+        -------
+        ndarray of bool, shape (h, w)
+            The mask.
 
         Raises
         ------
@@ -79,12 +84,43 @@ class Hysteresis:
 
 
 def present(peak: float, min_peak: float, dtype: np.dtype) -> bool:
-    """Whether an image of this highest probability passes the gate, compared as the probabilities are: in ``dtype``."""
+    """Tell whether an image passes the presence gate.
+
+    Parameters
+    ----------
+    peak : float
+        Highest probability of the image.
+    min_peak : float
+        Lowest peak of an image with a vessel.
+    dtype : dtype
+        Type of the probabilities, in which the two are compared.
+
+    Returns
+    -------
+    bool
+        True if ``peak`` is at least ``min_peak``.
+    """
     return bool(peak > 0 and peak >= dtype.type(min_peak))
 
 
 def peak_of(probability: Float[np.ndarray, "h w"]) -> float:
-    """The highest probability; InputError if one is not a probability."""
+    """Find the highest probability of an image.
+
+    Parameters
+    ----------
+    probability : ndarray, shape (h, w)
+        Probability of vessel, 0 to 1.
+
+    Returns
+    -------
+    float
+        The highest value.
+
+    Raises
+    ------
+    InputError
+        If a value is NaN or out of range.
+    """
     lowest, highest = float(probability.min()), float(probability.max())
     if not (lowest >= 0 and highest <= 1):
         raise InputError(f"probability: expected 0 to 1, received {lowest:g} to {highest:g}")

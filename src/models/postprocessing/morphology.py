@@ -60,14 +60,19 @@ class Morphology:
     def __call__(
         self, mask: Bool[np.ndarray, "h w"], spacing_mm: tuple[float, float] | None
     ) -> Bool[np.ndarray, "h w"]:
-        """The processed mask of one image.
+        """Process the mask of one image.
 
         Parameters
         ----------
-        mask
-            Of vessel.
-        spacing_mm
-            Vertical and horizontal size of a pixel; None where unknown.
+        mask : ndarray of bool, shape (h, w)
+            Mask of vessel.
+        spacing_mm : tuple of float, or None
+            Vertical and horizontal size of a pixel in mm; None where unknown.
+
+        Returns
+        -------
+        ndarray of bool, shape (h, w)
+            The processed mask.
 
         Raises
         ------
@@ -116,10 +121,23 @@ class Morphology:
 def closed(
     mask: Bool[np.ndarray, "h w"], radius: float, spacing: tuple[float, float]
 ) -> Bool[np.ndarray, "h w"]:
-    """Closing by a disc: background stays where a disc of ``radius`` that holds it fits beside the mask.
+    """Close a mask by a disc: background stays where a disc that holds it fits beside the mask.
 
-    Beyond the image's border is background, and discs may lie there. Distances are between pixel centres, in the unit
-    of ``spacing`` (vertical, horizontal).
+    Beyond the image's border is background, and discs may lie there. Distances are between pixel centres.
+
+    Parameters
+    ----------
+    mask : ndarray of bool, shape (h, w)
+        The mask.
+    radius : float
+        Radius of the disc in the unit of ``spacing``.
+    spacing : tuple of float
+        Vertical and horizontal size of a pixel.
+
+    Returns
+    -------
+    ndarray of bool, shape (h, w)
+        The closed mask.
     """
     rows, columns = bounding_box(mask)
     if rows.stop == 0:
@@ -155,7 +173,20 @@ def _dilated(
 
 
 def filled(mask: Bool[np.ndarray, "h w"], connectivity: int) -> Bool[np.ndarray, "h w"]:
-    """The mask with its holes: background from which no path leads beyond the image."""
+    """Fill the holes of a mask: background from which no path leads beyond the image.
+
+    Parameters
+    ----------
+    mask : ndarray of bool, shape (h, w)
+        The mask.
+    connectivity : int
+        Connectivity of the vessel; the background has the other one.
+
+    Returns
+    -------
+    ndarray of bool, shape (h, w)
+        The mask without holes.
+    """
     box = bounding_box(mask)
     framed = np.pad(mask[box], 1)
     background = ndimage.generate_binary_structure(2, 3 - connectivity)
@@ -167,7 +198,7 @@ def filled(mask: Bool[np.ndarray, "h w"], connectivity: int) -> Bool[np.ndarray,
 
 
 def _selected(
-    found: Components, kept: Bool[np.ndarray, "n"], shape: tuple[int, ...]
+    found: Components, kept: Bool[np.ndarray, " n"], shape: tuple[int, ...]
 ) -> Bool[np.ndarray, "h w"]:
     result = np.zeros(shape, dtype=bool)
     result[found.box] = kept[found.labels]

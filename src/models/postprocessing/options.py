@@ -16,20 +16,41 @@ from models.postprocessing.morphology import Morphology
 
 @dataclass(frozen=True)
 class Option:
-    """One way from probability to mask."""
+    """One way from probability to mask.
+
+    Parameters
+    ----------
+    hysteresis : Hysteresis
+        Thresholds.
+    morphology : Morphology
+        What is done to the mask.
+    """
 
     hysteresis: Hysteresis
     morphology: Morphology
 
     @property
     def min_area(self) -> float:
-        """The least area in its unit."""
+        """Smallest area in its unit."""
         return self.morphology.min_area_mm2 or self.morphology.min_area_px or 0.0
 
     def __call__(
         self, probability: Float[np.ndarray, "h w"], spacing_mm: tuple[float, float] | None
     ) -> Bool[np.ndarray, "h w"]:
-        """The mask of one image."""
+        """Segment one image.
+
+        Parameters
+        ----------
+        probability : ndarray, shape (h, w)
+            Probability of vessel, 0 to 1.
+        spacing_mm : tuple of float, or None
+            Vertical and horizontal size of a pixel in mm; None where unknown.
+
+        Returns
+        -------
+        ndarray of bool, shape (h, w)
+            The mask.
+        """
         return self.morphology(self.hysteresis(probability), spacing_mm)
 
 

@@ -39,14 +39,14 @@ class PostprocessingSelection:
     false_alarm_rate: float
     within_limit: bool
     options: tuple[Option, ...]
-    dscs: Float64[np.ndarray, "n"]
-    false_alarm_rates: Float64[np.ndarray, "n"]
+    dscs: Float64[np.ndarray, " n"]
+    false_alarm_rates: Float64[np.ndarray, " n"]
 
 
 def select_postprocessing(
     cases: Iterable[SelectionCase], grid: PostprocessingGrid, *, max_false_alarm_rate: float | None = None
 ) -> PostprocessingSelection:
-    """The option of the highest mean DSC; of equal ones that with fewer false alarms, then the simplest.
+    """Select the option of the highest mean DSC; of equal ones that with fewer false alarms, then the simplest.
 
     Cases are read once, one after the other.
 
@@ -58,6 +58,11 @@ def select_postprocessing(
         What is tried.
     max_false_alarm_rate
         Only options with at most this share of false alarms (0 to 1) are compared; None for all.
+
+    Returns
+    -------
+    PostprocessingSelection
+        The best option, and the scores of all.
 
     Raises
     ------
@@ -97,5 +102,5 @@ def _allowed(rates: np.ndarray, limit: float | None) -> tuple[bool, np.ndarray]:
         raise InputError(f"max_false_alarm_rate: expected 0 to 1, received {limit}")
     if np.isnan(rates).all():
         raise InputError("cases: expected an image without a vessel to know false alarms by, found none")
-    least = float(rates.min())
-    return least <= limit, np.flatnonzero(rates <= max(limit, least))
+    min_rate = float(rates.min())
+    return min_rate <= limit, np.flatnonzero(rates <= max(limit, min_rate))

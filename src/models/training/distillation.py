@@ -15,7 +15,7 @@ from models.errors import InputError
 from models.training.losses import Loss
 
 # The ensemble's probabilities are kept from 0 and 1 by this, so that their logits are finite.
-LEAST_PROBABILITY = 2.0**-20
+MIN_PROBABILITY = 2.0**-20
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,20 @@ class Distillation:
     def __call__(
         self, logits: Float[Tensor, "b 1 h w"], masks: Float[Tensor, "b 1 h w"]
     ) -> Float[Tensor, ""]:
-        """The loss of a batch; ``masks`` are the ensemble's probabilities, 0 to 1."""
+        """Compute the loss of a batch.
+
+        Parameters
+        ----------
+        logits : Tensor, shape (b, 1, h, w)
+            Logits of "vessel".
+        masks : Tensor, shape (b, 1, h, w)
+            Probabilities of the ensemble, 0 to 1.
+
+        Returns
+        -------
+        Tensor, shape ()
+            Loss of the batch, in 32 bits.
+        """
         logits, ensemble = logits.float(), masks.float()
         loss = logits.new_zeros(())
         if self.divergence_weight:
@@ -73,7 +86,7 @@ class Distillation:
         return loss
 
     def _divergence(self, logits: Tensor, ensemble: Tensor) -> Tensor:
-        teacher = torch.logit(ensemble, eps=LEAST_PROBABILITY) / self.temperature
+        teacher = torch.logit(ensemble, eps=MIN_PROBABILITY) / self.temperature
         student, soft = logits / self.temperature, torch.sigmoid(teacher)
         # Cross-entropy less the ensemble's own entropy, both from logits: exactly 0 for equal ones.
         cross = functional.binary_cross_entropy_with_logits(student, soft)
@@ -119,7 +132,22 @@ class DistillationWithReference:
         masks: Float[Tensor, "b 1 h w"],
         ensemble: Float[Tensor, "b 1 h w"],
     ) -> Float[Tensor, ""]:
-        """The loss of a batch; ``masks`` are 0 and 1, ``ensemble`` probabilities."""
+        """Compute the loss of a batch.
+
+        Parameters
+        ----------
+        logits : Tensor, shape (b, 1, h, w)
+            Logits of "vessel".
+        masks : Tensor, shape (b, 1, h, w)
+            Reference masks of 0 and 1.
+        ensemble : Tensor, shape (b, 1, h, w)
+            Probabilities of the ensemble, 0 to 1.
+
+        Returns
+        -------
+        Tensor, shape ()
+            Loss of the batch, in 32 bits.
+        """
         soft = self.distillation(logits, ensemble)
         hard = self.reference(logits, masks)
         return self.ensemble_share * soft + (1 - self.ensemble_share) * hard

@@ -196,7 +196,9 @@ class MultiStartICP:
             isinstance(rule, NormalRejection) for rule in self.rejections
         ):
             normals = TreeTarget(moving_mm).normals_at(evidence.moving_mm, self.neighbours)
-        search = self._search(evidence.moving_mm)
+        # As many axes as are tried, as many poses go on: the right one has more rivals on few points.
+        tries = self.axes_tried(evidence) if bound is None else 1
+        search = self._search(evidence.moving_mm, self.survivors * tries)
         found = search(evidence, starts, bound, normals)
         result = answer(self, moving_mm, evidence, found, bound, begin_s)
         if centerlines is None or bound is not None or result.verdict == ACCEPTED:
@@ -289,12 +291,10 @@ class MultiStartICP:
         exact, smoothed = outward_targets(fixed_mm, self.neighbours, SMOOTHING * self.neighbours)
         return Evidence(shuffled_mm, block, exact, smoothed, self.wall_offset, core)
 
-    def _search(self, shuffled_mm: np.ndarray) -> CoarseToFine:
+    def _search(self, shuffled_mm: np.ndarray, survivors: int) -> CoarseToFine:
         return CoarseToFine(
             first=Stage("first", self.first_points, self.first_iterations, EARLY_TOLERANCE, len(shuffled_mm)),
-            coarse=Stage(
-                "coarse", self.coarse_points, self.coarse_iterations, EARLY_TOLERANCE, self.survivors
-            ),
+            coarse=Stage("coarse", self.coarse_points, self.coarse_iterations, EARLY_TOLERANCE, survivors),
             middle=Stage(
                 "middle",
                 self.middle_points,

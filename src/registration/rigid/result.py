@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
+from numpy.typing import ArrayLike
 
 from registration import transforms
 from registration.checks import require_positive
@@ -104,21 +105,19 @@ class RigidResult:
             f"    fixed_T_moving={pose})"
         )
 
-    def tre_interval_mm(
-        self, targets_mm: Float64[np.ndarray, "t 3"], level: float = 0.9
-    ) -> tuple[float, float]:
-        """Where the target registration error at ``targets_mm`` (fixed frame) lies with probability ``level``.
+    def tre_interval_mm(self, targets_mm: ArrayLike, level: float = 0.9) -> tuple[float, float]:
+        """Where the target registration error at ``targets_mm`` (t, 3; fixed frame) lies with probability ``level``.
 
         What the tissue's deformation adds is not in it. Both ends are NaN for a method that does not predict its error.
         Raises InputError for no targets, targets that are no points, or a level outside 0 to 1.
         """
-        targets_mm = require_points(targets_mm, "targets_mm", 1)
+        targets = require_points(targets_mm, "targets_mm", 1)
         require_positive("level", level, 1.0)
         if self.pose_samples is None:
             return float("nan"), float("nan")
-        moved_mm = targets_mm @ np.swapaxes(self.pose_samples[:, :3, :3], 1, 2)
+        moved_mm = targets @ np.swapaxes(self.pose_samples[:, :3, :3], 1, 2)
         moved_mm += self.pose_samples[:, None, :3, 3]
-        errors_mm = np.sqrt(((moved_mm - targets_mm) ** 2).sum(axis=2).mean(axis=1))
+        errors_mm = np.sqrt(((moved_mm - targets) ** 2).sum(axis=2).mean(axis=1))
         low_mm, high_mm = np.quantile(errors_mm, [(1 - level) / 2, (1 + level) / 2])
         return float(low_mm), float(high_mm)
 

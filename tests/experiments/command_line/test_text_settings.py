@@ -100,7 +100,7 @@ def test_a_sweep_over_names_keeps_them_apart() -> None:
         ("dataset.root=${oc.env:HOME}", "dataset.root=${oc.env:HOME}"),
         ("++split={test_groups:[1.10],folds:3}", "++split={test_groups:['1.10'],folds:3}"),
         ("split.folds=10", "split.folds=10"),
-        ("dataset.stand_in.subjects=10", "dataset.stand_in.subjects=10"),
+        ("dataset.substitute.subjects=10", "dataset.substitute.subjects=10"),
         ("~out", "~out"),
     ],
 )

@@ -51,9 +51,34 @@ def test_an_answer_is_accepted_with_what_speaks_for_it() -> None:
     verdict, reason = Judge()(**CALM)
     assert verdict == "accepted"
     assert "worse by 8.0 standard errors" in reason
-    assert "below 0.4 mm" in reason
+    assert "the predicted TRE without deformation is up to 0.4 mm (95 %)" in reason
     assert "no other pose" in Judge()(**(CALM | {"gap": float("inf")}))[1]
-    assert "not predicted" in Judge()(**(CALM | {"expected_mm": float("nan")}))[1]
+    assert "no error was predicted" in Judge()(**(CALM | {"expected_mm": float("nan")}))[1]
+
+
+@pytest.mark.parametrize("expected_mm", [0.0, 1e-15, 4e-4])
+def test_clouds_without_noise_promise_no_error_of_nothing(expected_mm: float) -> None:
+    verdict, reason = Judge()(**(CALM | {"expected_mm": expected_mm}))
+    assert verdict == "accepted"
+    assert "the clouds fit without noise, which predicts nothing" in reason
+    assert "0.0 mm" not in reason
+    assert "should" not in reason
+
+
+def test_several_axes_that_are_tried_ask_for_a_larger_gap() -> None:
+    assert Judge().needed_gap(1) == 2.0
+    # A third of the normal tail beyond 2: 0.0228 / 3.
+    assert Judge().needed_gap(3) == pytest.approx(2.428, abs=1e-3)
+    close = CALM | {"gap": 2.2}
+    assert Judge()(**close)[0] == "accepted"
+    verdict, reason = Judge()(**close, tries=3)
+    assert verdict == "ambiguous"
+    assert "worse by 2.2 standard errors, at least 2.4 are needed" in reason
+
+
+def test_a_rival_that_is_better_is_not_called_worse() -> None:
+    _, reason = Judge()(**(CALM | {"gap": -5.23}))
+    assert "another pose explains the clouds better, by 5.2 standard errors" in reason
 
 
 @pytest.mark.parametrize(
@@ -66,7 +91,11 @@ def test_an_answer_is_accepted_with_what_speaks_for_it() -> None:
             "ambiguous",
             r"another pose \(slide, roll\).* 1.2 standard errors",
         ),
-        ({"expected_mm": 3.1, "weak": ("slide",)}, "ambiguous", r"pose open \(slide\).* 3.1 mm, 2 mm"),
+        (
+            {"expected_mm": 3.1, "weak": ("slide",)},
+            "ambiguous",
+            r"pose open \(slide\).* 3.1 mm without deformation, 2 mm",
+        ),
     ],
 )
 def test_an_answer_is_not_accepted_for_a_reason(change: dict[str, object], verdict: str, said: str) -> None:

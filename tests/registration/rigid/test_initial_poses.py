@@ -16,9 +16,9 @@ from registration.rigid.initial_poses import (
     arc_windows,
     centerline_starts,
     cone_starts,
+    principal_axes,
     symmetry_starts,
 )
-from registration.rigid.search_cone import SearchCone
 
 TUBE = bent_tube()
 FIXED = draw(TUBE, 3000, Piece(), np.random.default_rng(0))
@@ -81,6 +81,45 @@ def test_an_axis_of_nearly_equal_spread_is_tried_too() -> None:
     assert np.abs(second @ principal_frame(plate).axes[:, 0]).max() > 0.99
 
 
+@pytest.mark.parametrize(
+    "spread_mm, tried",
+    [
+        ([9.0, 3.0, 2.0], (0,)),
+        ([9.0, 4.4, 2.0], (0,)),
+        ([9.0, 4.6, 2.0], (0, 1, 2)),
+        ([9.0, 8.9, 8.8], (0, 1, 2)),
+    ],
+)
+def test_a_shape_without_a_principal_axis_has_all_tried(
+    spread_mm: list[float], tried: tuple[int, ...]
+) -> None:
+    assert principal_axes(np.array(spread_mm), axis_share=0.75, compact_share=0.5) == tried
+    # Without that rule, the axes of nearly the first one's spread.
+    alike = tuple(axis for axis, one in enumerate(spread_mm) if one >= 0.75 * spread_mm[0])
+    assert principal_axes(np.array(spread_mm), axis_share=0.75, compact_share=1.0) == alike
+
+
+def test_an_elongated_shape_has_the_starts_it_had() -> None:
+    moving = transforms.apply(POSE, draw(TUBE, 900, Piece(0.6, "middle"), np.random.default_rng(1)))
+    plain = symmetry_starts(moving, FIXED, 12, 0.25, 0.75)
+    np.testing.assert_array_equal(symmetry_starts(moving, FIXED, 12, 0.25, 0.75, 0.5), plain)
+
+
+def test_a_compact_piece_starts_near_its_place_whichever_axis_is_the_vessels() -> None:
+    """A tube 16 mm wide, cut obliquely to about that length: its first axis is the slanted cut's, not the tube's."""
+    rng = np.random.default_rng(5)
+    turn = rng.uniform(0, 2 * np.pi, 4000)
+    radius = 8.0 + 1.5 * np.cos(2 * turn)
+    tube = np.stack([radius * np.cos(turn), radius * np.sin(turn), rng.uniform(0, 60, 4000)], axis=1)
+    cut = np.array([0.0, np.sin(np.deg2rad(50)), np.cos(np.deg2rad(50))])
+    piece = tube[np.abs((tube - [0, 0, 30]) @ cut) < 7]
+    spread_mm = principal_frame(piece).spread_mm
+    assert 0.5 < spread_mm[1] / spread_mm[0] < 0.75
+    moving = transforms.apply(POSE, piece)
+    assert closest_mm(symmetry_starts(moving, tube, 12, 0.25, 0.75), moving) > 5
+    assert closest_mm(symmetry_starts(moving, tube, 12, 0.25, 0.75, 0.5), moving) < 3.2
+
+
 def test_a_longer_moving_cloud_and_a_sliver_have_bounded_starts() -> None:
     piece = draw(TUBE, 900, Piece(0.4, "end"), np.random.default_rng(1))
     assert len(symmetry_starts(FIXED, piece, rolls=6, slide_share=0.25, axis_share=1.0)) == 12
@@ -107,7 +146,7 @@ def test_inversion_and_slides_can_be_left_out() -> None:
 
 def test_a_cone_holds_the_known_pose_first_turned_and_slid() -> None:
     moving = draw(TUBE, 500, Piece(), np.random.default_rng(1))
-    starts = cone_starts(moving, POSE, SearchCone(40.0, 8.0))
+    starts = cone_starts(moving, POSE, 40.0, 8.0)
     np.testing.assert_allclose(starts[0], POSE)
     assert len(starts) == 5 * 13
     turned = transforms.rotation_angle_deg(transforms.compose(transforms.invert_rigid(POSE), starts))

@@ -14,10 +14,12 @@ from vessels import bent_tube
 
 from registration import transforms
 from registration.errors import InputError
-from registration.geometry.shapes import Mesh
+from registration.geometry.shapes import Mesh, principal_frame
 from registration.io.surfaces import read_centerline, read_surface
 from registration.metrics.surface_distance import pose_error
 from registration.perturbation.perturbation import Perturbation, Piece, Trial
+from registration.phantom.random_anatomy import draw_lines
+from registration.phantom.shapes import surround
 from registration.rigid.icp.rejection import NormalRejection
 from registration.rigid.multi_start import MultiStartICP
 from registration.rigid.search_cone import SearchCone
@@ -278,6 +280,55 @@ def test_a_twisted_fork_has_two_poses_and_says_so(seed: int) -> None:
         result.candidates[1].fixed_T_moving, transforms.invert_rigid(result.candidates[0].fixed_T_moving)
     )
     np.testing.assert_allclose(half[:3, :3], np.diag([-1.0, -1, 1]), atol=0.05)
+
+
+def compact_problem(seed: int, tilt_deg: float, length_widths: float, margin: float) -> Trial:
+    """A piece about as long as wide around a branch, cut obliquely, of a model that shows little more than it."""
+    rng = np.random.default_rng(seed)
+    lines = draw_lines(seed)
+    mesh, centre_mm = surround(lines), lines[1].points_mm[0]
+    tilt, about = np.deg2rad(tilt_deg), rng.uniform(0, 2 * np.pi)
+    cut = np.array([np.sin(tilt) * np.cos(about), np.sin(tilt) * np.sin(about), np.cos(tilt)])
+    width_mm = 2 * lines[0].radius_mm[np.linalg.norm(lines[0].points_mm - centre_mm, axis=1).argmin()]
+    length_mm = length_widths * width_mm
+    moving, fixed = mesh.sample(40_000, rng), mesh.sample(40_000, rng)
+    near = np.linalg.norm(moving - centre_mm, axis=1) < 3 * length_mm
+    moving = moving[near & (np.abs((moving - centre_mm) @ cut) < length_mm / 2)][:1500]
+    near = np.linalg.norm(fixed - centre_mm, axis=1) < 3 * length_mm * (1 + margin)
+    fixed = fixed[near & (np.abs((fixed - centre_mm)[:, 2]) < length_mm * (0.5 + margin))][:4000]
+    moving = moving + rng.normal(scale=0.3, size=moving.shape)
+    pose = transforms.from_rotation(Rotation.random(random_state=seed), rng.uniform(-40, 40, 3))
+    frame = np.zeros(len(moving), dtype=np.int64)
+    outlier = np.zeros(len(moving), dtype=bool)
+    fixed = fixed + rng.normal(scale=0.3, size=fixed.shape)
+    return Trial(
+        transforms.apply(pose, moving), fixed, transforms.invert_rigid(pose), 0.0, 0.0, outlier, frame, ""
+    )
+
+
+@pytest.mark.parametrize("seed", [208, 210, 216, 220])
+def test_a_piece_about_as_long_as_wide_is_found_or_doubted(seed: int) -> None:
+    """Where the cut lies decides which axis is longest, so that none of them is the vessel's for sure."""
+    trial = compact_problem(seed, 30.0, 1.3, 0.3)
+    spread_mm = principal_frame(trial.moving_mm).spread_mm
+    assert spread_mm[1] > 0.5 * spread_mm[0]
+    found = METHOD(trial.moving_mm, trial.fixed_mm)
+    near = transforms.apply(trial.fixed_T_moving, trial.moving_mm)
+    assert found.verdict == "ambiguous" or error_mm(found.fixed_T_moving, trial, near) < 2
+
+
+def test_a_known_share_of_pairs_counts_with_the_kernel_too() -> None:
+    trial = problem(number=3, noise_mm=0.3)
+    plain = METHOD(trial.moving_mm, trial.fixed_mm)
+    half = dataclasses.replace(METHOD, keep=0.5)(trial.moving_mm, trial.fixed_mm)
+    assert half.rmse_trimmed_mm < plain.rmse_trimmed_mm
+    assert np.abs(half.fixed_T_moving - plain.fixed_T_moving).max() > 1e-4
+    assert error_mm(half.fixed_T_moving, trial) < 1
+    bare = dataclasses.replace(METHOD, kernel=None)(trial.moving_mm, trial.fixed_mm)
+    same = dataclasses.replace(METHOD, kernel=None, keep=0.9)(trial.moving_mm, trial.fixed_mm)
+    np.testing.assert_array_equal(bare.fixed_T_moving, same.fixed_T_moving)
+    with pytest.raises(InputError, match="keep: expected a number above 0 and at most 1"):
+        dataclasses.replace(METHOD, keep=1.5)
 
 
 def test_clouds_of_different_vessels_do_not_match() -> None:

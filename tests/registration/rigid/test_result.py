@@ -38,15 +38,15 @@ def test_the_predicted_error_is_a_quantile_of_what_the_samples_do() -> None:
 
 def test_a_method_that_predicts_nothing_says_nothing() -> None:
     assert np.isnan(result(None).tre_interval_mm(GRID)).all()
-    assert result(None).verdict == "accepted"
+    assert result(None).verdict == "not judged"
 
 
 def test_targets_levels_and_verdicts_that_are_none_are_refused() -> None:
-    with pytest.raises(InputError, match="targets_mm: expected finite targets, received 0"):
+    with pytest.raises(InputError, match="targets_mm: expected at least 1 points, received 0"):
         result(None).tre_interval_mm(np.empty((0, 3)))
     with pytest.raises(InputError, match="level: expected"):
         result(None).tre_interval_mm(GRID, level=1.5)
     with pytest.raises(
-        InputError, match="verdict: expected one of accepted, ambiguous, failed, received 'good'"
+        InputError, match="verdict: expected one of accepted, ambiguous, failed, not judged, received 'good'"
     ):
         result(None, verdict="good")

@@ -267,7 +267,7 @@ def test_what_contradicts_itself_in_the_recording_is_told(tmp_path: Path) -> Non
         tmp_path / "out",
         sweep,
         masks,
-        acquisition=lambda path: replace(FolderReader()(path), remarks=(remark,)),
+        acquisition=lambda path: replace(FolderReader()(path), notes=(remark,)),
     )
     assert outcome.findings[0] == remark
-    assert json.loads((tmp_path / "out" / "reconstruction.json").read_text())["remarks"] == [remark]
+    assert json.loads((tmp_path / "out" / "reconstruction.json").read_text())["notes"] == [remark]

@@ -95,11 +95,13 @@ def test_an_answer_outside_the_cone_has_failed() -> None:
     moving = displaced(0.2, 3.0, 0)
     method = SingleStartICP()
     inside = method(moving, FIXED, np.eye(4), search_cone=SearchCone(30.0, 10.0))
-    assert inside.verdict == "accepted"
+    assert inside.verdict == "not judged"
     outside = method(moving, FIXED, np.eye(4), search_cone=SearchCone(5.0, 10.0))
     assert outside.verdict == "failed"
     assert "outside the search cone of 5 degrees and 10 mm" in outside.reason
-    np.testing.assert_array_equal(inside.fixed_T_moving, outside.fixed_T_moving)
+    assert transforms.rotation_angle_deg(outside.fixed_T_moving) == pytest.approx(5.0, abs=1e-4)
+    assert transforms.rotation_angle_deg(inside.fixed_T_moving) > 5.0
+    assert outside.rmse_mm > inside.rmse_mm
 
 
 def test_centerlines_and_frames_change_nothing() -> None:
@@ -128,7 +130,9 @@ def test_centroids_meet_after_a_known_pose_is_applied() -> None:
     turn = transforms.rotate_about(Rotation.from_rotvec([0.3, 2.5, 0.4]), MOVING.mean(axis=0))
     moving = transforms.apply(turn, MOVING) + np.array([0.0, 300.0, 0])
     method = SingleStartICP(align_centroids=True, max_iterations=1)
-    assert method(moving, FIXED, transforms.invert_rigid(turn)).rmse_mm < 1.5
+    far = SearchCone(180.0, 1000.0)
+    assert method(moving, FIXED, transforms.invert_rigid(turn), search_cone=far).rmse_mm < 1.5
+    assert method(moving, FIXED, transforms.invert_rigid(turn)).verdict == "failed"
 
 
 def test_the_result_says_what_was_done() -> None:
