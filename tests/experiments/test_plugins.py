@@ -55,7 +55,7 @@ class Centroids:
     def __call__(self, moving_mm, fixed_mm, initial=None, *, search_cone=None, moving_centerline_mm=None,
                  fixed_centerline_mm=None, moving_frame=None):
         pose = transforms.translation(np.mean(fixed_mm, axis=0) - np.mean(moving_mm, axis=0))
-        return RigidResult(pose, 1.0, 1.0, 1.0, 1, (Candidate(pose, 1.0, 0, 1, "only"),))
+        return RigidResult(pose, 1.0, 1.0, 1.0, 1, True, (Candidate(pose, 1.0, 0, 1, "only"),), 0.0)
 '''
 DATASET = '''
 """Discs on a grey ground."""
@@ -66,15 +66,15 @@ from models.labelled_frames import LabelledFrames
 
 @dataclass(frozen=True)
 class Discs:
-    groups: int = 6
+    count: int = 6
     name: ClassVar[str] = "discs"
 
     def __call__(self) -> LabelledFrames:
         down, right = np.mgrid[:32, :32]
-        masks = tuple((down - 12 - i) ** 2 + (right - 16) ** 2 < 49 for i in range(self.groups))
+        masks = tuple((down - 12 - i) ** 2 + (right - 16) ** 2 < 49 for i in range(self.count))
         images = tuple((60 + 120 * mask).astype(np.uint8) for mask in masks)
-        names = tuple(str(i) for i in range(self.groups))
-        return LabelledFrames(images, masks, names, names, ((0.5, 0.5),) * self.groups, True)
+        names = tuple(str(i) for i in range(self.count))
+        return LabelledFrames(images, masks, names, names, ((0.5, 0.5),) * self.count, True)
 '''
 STUDY = '''
 """How large the vessel is in the masks of a data set."""
@@ -103,7 +103,7 @@ FILES = {
     "studies/vessel_size.py": STUDY,
     "conf/model/one_layer.yaml": "# One layer.\n_target_: toy_vessels.networks.OneLayer\nkernel_px: 3\n",
     "conf/rigid/centroids.yaml": "# Centroids.\ncentroids:\n  _target_: toy_vessels.centroids.Centroids\n  keep: 1.0\n",
-    "conf/dataset/discs.yaml": "# Discs.\n_target_: toy_vessels.discs.Discs\ngroups: 6\n",
+    "conf/dataset/discs.yaml": "# Discs.\n_target_: toy_vessels.discs.Discs\ncount: 6\n",
     "conf/study/vessel_size.yaml": (
         "# @package _global_\n# How large the vessel is in the masks.\n"
         "defaults:\n  - /dataset: discs\n  - _self_\n\nparts: [0, 1]\npart: null\n"
@@ -159,7 +159,7 @@ def test_without_its_entry_point_nothing_of_a_package_is_taken(plugin: Path) -> 
 
 
 def test_only_frozen_dataclasses_that_a_plugin_defines_may_be_named(plugin: Path) -> None:
-    assert registry.build({"_target_": "toy_vessels.discs.Discs", "groups": 3})().groups == ("0", "1", "2")
+    assert registry.build({"_target_": "toy_vessels.discs.Discs", "count": 3})().groups == ("0", "1", "2")
     for target in ("toy_vessels.Path", "toy_vessels.studies.vessel_size.run", "toy_vessels.discs.np.save"):
         with pytest.raises(InputError, match="registry"):
             registry.load(target)
@@ -170,7 +170,7 @@ def test_a_network_from_outside_composes_and_is_kept_in_a_checkpoint(plugin: Pat
     recipe = registry.build(config["model"], "model")
     assert recipes()["one_layer"] is type(recipe)
     assert recipe_of("one_layer", {"kernel_px": 5}) == recipe
-    Checkpoint(recipe, recipe().state_dict(), Preprocessing()).save(tmp_path / "model.pt")
+    Checkpoint(recipe, recipe().state_dict(), Preprocessing(8)).save(tmp_path / "model.pt")
     network = Checkpoint.load(tmp_path / "model.pt").network()
     assert network(torch.zeros(1, 1, 8, 8)).shape == (1, 1, 8, 8)
 
@@ -194,7 +194,7 @@ def test_a_study_and_a_data_set_from_outside_run_in_this_process_and_in_others(
     out = home / "out"
     call = [
         "study=vessel_size",
-        "dataset.groups=4",
+        "dataset.count=4",
         f"jobs={at_once}",
         f"out={out}",
         "tracking.enabled=false",
@@ -214,13 +214,13 @@ def test_a_folder_of_ones_own_adds_options_of_every_kind(plugin: Path, tmp_path:
             "model",
             "_target_: models.networks.unet.UNet\nwidth: 4\ndepth: 2\nnormalisation: none\ndropout: 0.0\n",
         ),
-        ("dataset", "_target_: toy_vessels.discs.Discs\ngroups: 3\n"),
+        ("dataset", "_target_: toy_vessels.discs.Discs\ncount: 3\n"),
     ):
         (own / group).mkdir(parents=True)
         (own / group / "mine.yaml").write_text(text)
     words = ["study=segmentation", "model=mine", "dataset=mine"]
     ((config, _),) = compose_sweep(words, config_dir=str(own))
-    assert (config["model"]["width"], config["dataset"]["groups"]) == (4, 3)
+    assert (config["model"]["width"], config["dataset"]["count"]) == (4, 3)
     assert "kernel_px" not in help_text([*words, "--config-dir", str(own)])
 
 
