@@ -18,7 +18,17 @@ _KEY = re.compile(r"( *)([\w?]+):(?:\s|$)")
 
 @dataclass(frozen=True)
 class Choices:
-    """What a call chooses: the study, a preset, and of each group (folder, place in the configuration) an option."""
+    """What a call chooses: the study, a preset, and of each group (folder, place in the configuration) an option.
+
+    Parameters
+    ----------
+    study : str or None
+        Name of the study; None if none is chosen.
+    preset : str or None
+        Name of the preset; None if none is chosen.
+    options : tuple[tuple[str, str, str], ...], optional
+        Group, place in the configuration and option of each choice.
+    """
 
     study: str | None
     preset: str | None
@@ -29,6 +39,18 @@ def chosen(words: Sequence[str], folders: Sequence[Path]) -> Choices:
     """The choices of these words (``model=unet``, ``rigid=[a,b]``, ``+preset=figure``) beside those of the defaults.
 
     ``folders`` hold the configurations, the user's own last. Raises InputError for an option that there is not.
+
+    Parameters
+    ----------
+    words : Sequence[str]
+        Words of the command line.
+    folders : Sequence[Path]
+        Folders of configurations, the project's own first.
+
+    Returns
+    -------
+    Choices
+        The choices.
     """
     asked = {name.lstrip("+"): value for name, _, value in (word.partition("=") for word in words)}
     preset = asked.get("preset")
@@ -49,6 +71,22 @@ def option_text(group: str, option: str, package: str, folders: Sequence[Path]) 
     """The settings of an option and of those it is built on, as lines of YAML at their place with their comments.
 
     Raises InputError for an option that there is not.
+
+    Parameters
+    ----------
+    group : str
+        Name of a group of options.
+    option : str
+        Name of the option.
+    package : str
+        Place in the configuration.
+    folders : Sequence[Path]
+        Folders of configurations, the project's own first.
+
+    Returns
+    -------
+    str
+        Lines of YAML.
     """
     lines = _lines(group, option, folders)
     whole = "@package _global_" in _read_text(group, option, folders)

@@ -111,7 +111,18 @@ def _require_one_call(points: SweepPoints) -> None:
 
 
 def jobs_at_once(config: Mapping[str, Any]) -> int:
-    """How many jobs of a call run at the same time; InputError if ``jobs`` is not a whole number from 1."""
+    """How many jobs of a call run at the same time; InputError if ``jobs`` is not a whole number from 1.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        A resolved configuration.
+
+    Returns
+    -------
+    int
+        Number of jobs.
+    """
     at_once = config.get("jobs", 1)
     if isinstance(at_once, bool) or not isinstance(at_once, int) or at_once < 1:
         raise InputError(f"jobs: expected a whole number from 1, received {at_once!r}")
