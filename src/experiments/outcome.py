@@ -37,12 +37,8 @@ class InputData:
 class Outcome:
     """The result of one job of a study, or of a whole sweep.
 
-    ``metrics`` are finite or NaN scalars under the names of the metrics section; a failure is NaN or infinity here
-    and is turned into a ``_failed`` count by the tracker. ``cases`` is the per-case table (one row a case or trial).
-    ``history`` is one mapping of metrics per step (epoch, from 0). ``tables`` are small result tables that end the
-    terminal's output. ``figures`` are matplotlib figures by file stem. ``findings`` are plain sentences.
-    ``inputs`` are the data sets used. Files that a
-    study leaves in its workspace are tracked as they are.
+    A metric that is NaN or infinite is turned into a ``_failed`` count by the tracker. Files that a study leaves in its
+    workspace are tracked as they are.
 
     Parameters
     ----------
@@ -78,8 +74,7 @@ class Outcome:
 class JobResult:
     """A finished job as the summary of a sweep sees it: its configuration, metrics and per-case table.
 
-    ``workspace`` is the folder its files lie in. It holds the same whether the job ran just now or was resumed.
-    ``choices`` are the settings by which its point of the sweep differs from others, as the command line has them.
+    It holds the same whether the job ran just now or was resumed.
 
     Parameters
     ----------

@@ -91,7 +91,7 @@ def is_text(key: str) -> bool:
     Returns
     -------
     bool
-        True if it is.
+        Whether a setting.
     """
     return key.lstrip("+~").rpartition(".")[2] in TEXT
 

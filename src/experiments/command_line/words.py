@@ -111,7 +111,7 @@ def draws_nothing(study: str) -> bool:
     Returns
     -------
     bool
-        True if it does.
+        Whether a study says of itself that none of its results is random.
     """
     path = option_file("study", study)
     content = yaml.safe_load(path.read_text(encoding="utf-8")) if path is not None else None

@@ -55,7 +55,7 @@ def is_path(annotation: object) -> bool:
     Returns
     -------
     bool
-        True if it does.
+        Whether an annotation, as an object or as text, says that a setting is a path to be read.
     """
     return bool(_PATH.search(_text(annotation)))
 

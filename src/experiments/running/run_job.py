@@ -132,7 +132,7 @@ def is_tracked(study: str, store: Store) -> bool:
     Returns
     -------
     bool
-        True if they do.
+        Whether the jobs of a study become runs.
     """
     return store.enabled and getattr(jobs.study_module(study), "TRACKED", True)
 

@@ -30,7 +30,7 @@ def is_training(folder: Path) -> bool:
     Returns
     -------
     bool
-        True if it is.
+        Whether ``folder`` looks like what a training leaves.
     """
     return (folder / "history.json").is_file()
 

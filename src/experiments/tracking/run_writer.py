@@ -303,7 +303,7 @@ def server_unreachable(error: Exception) -> bool:
     Returns
     -------
     bool
-        True if it does.
+        Whether an exception means that a tracking server did not answer, or that it is not able to just now.
     """
     from mlflow.exceptions import MlflowException
     from requests.exceptions import ConnectionError, Timeout

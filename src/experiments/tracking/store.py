@@ -185,7 +185,7 @@ class Store:
         Returns
         -------
         bool
-            True if it is.
+            Whether another process that lives is writing a run.
         """
         tags = run.data.tags
         return run.info.status == "RUNNING" and tags.get("ctus.pid") != str(os.getpid()) and not is_gone(tags)
