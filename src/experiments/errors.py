@@ -41,6 +41,20 @@ def did_you_mean(word: str, known: Iterable[str], prefix: str = "") -> str:
 
     A dotted name is compared as a whole and by its last part, so that ``batch_sise`` finds ``trainer.batch_size``.
     ``prefix`` stands before the name that is suggested.
+
+    Parameters
+    ----------
+    word : str
+        The unknown name.
+    known : Iterable[str]
+        Names there are.
+    prefix : str, optional
+        Text before the suggested name.
+
+    Returns
+    -------
+    str
+        The end of the message; empty if no name is alike.
     """
     names = list(dict.fromkeys(known))
     close = difflib.get_close_matches(word, names, n=1, cutoff=0.6)
