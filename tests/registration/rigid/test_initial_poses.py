@@ -100,7 +100,7 @@ def test_a_shape_without_a_principal_axis_has_all_tried(
 
 
 def test_an_elongated_shape_has_the_starts_it_had() -> None:
-    moving = frames.apply(POSE, draw(TUBE, 900, Piece(0.6, "middle"), np.random.default_rng(1)))
+    moving = transforms.apply(POSE, draw(TUBE, 900, Piece(0.6, "middle"), np.random.default_rng(1)))
     plain = symmetry_starts(moving, FIXED, 12, 0.25, 0.75)
     np.testing.assert_array_equal(symmetry_starts(moving, FIXED, 12, 0.25, 0.75, 0.5), plain)
 
@@ -115,7 +115,7 @@ def test_a_compact_piece_starts_near_its_place_whichever_axis_is_the_vessels() -
     piece = tube[np.abs((tube - [0, 0, 30]) @ cut) < 7]
     spread_mm = principal_frame(piece).spread_mm
     assert 0.5 < spread_mm[1] / spread_mm[0] < 0.75
-    moving = frames.apply(POSE, piece)
+    moving = transforms.apply(POSE, piece)
     assert closest_mm(symmetry_starts(moving, tube, 12, 0.25, 0.75), moving) > 5
     assert closest_mm(symmetry_starts(moving, tube, 12, 0.25, 0.75, 0.5), moving) < 3.2
 

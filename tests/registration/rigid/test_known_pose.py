@@ -30,8 +30,9 @@ TUBE = bent_tube()
 FIXED = draw(TUBE, 1500, Piece(), np.random.default_rng(0))
 MOVING = draw(TUBE, 600, Piece(0.7, "start"), np.random.default_rng(1))
 FEATURES = FpfhFeatures(2.0, 12.0)
+FAST = MultiStartICP(stages=Stages(fine_points=600), uncertainty=Uncertainty(replicates=20))
 METHODS: dict[str, Callable[..., RigidResult]] = {
-    "multistart": MultiStartICP(stages=Stages(fine_points=600), uncertainty=Uncertainty(replicates=20)),
+    "multistart": FAST,
     "single_icp": SingleStartICP(),
     "single_icp_centred": SingleStartICP(align_centroids=True),
     "single_icp_plane": SingleStartICP(refine_by="plane"),

@@ -309,11 +309,13 @@ def compact_problem(seed: int, tilt_deg: float, length_widths: float, margin: fl
     near = np.linalg.norm(fixed - centre_mm, axis=1) < 3 * length_mm * (1 + margin)
     fixed = fixed[near & (np.abs((fixed - centre_mm)[:, 2]) < length_mm * (0.5 + margin))][:4000]
     moving = moving + rng.normal(scale=0.3, size=moving.shape)
-    pose = frames.from_rotation(Rotation.random(random_state=seed), rng.uniform(-40, 40, 3))
+    pose = transforms.from_rotation(Rotation.random(random_state=seed), rng.uniform(-40, 40, 3))
     frame = np.zeros(len(moving), dtype=np.int64)
     outlier = np.zeros(len(moving), dtype=bool)
     fixed = fixed + rng.normal(scale=0.3, size=fixed.shape)
-    return Trial(frames.apply(pose, moving), fixed, frames.invert_rigid(pose), 0.0, 0.0, outlier, frame, "")
+    return Trial(
+        transforms.apply(pose, moving), fixed, frames.invert_rigid(pose), 0.0, 0.0, outlier, frame, ""
+    )
 
 
 @pytest.mark.parametrize("seed", [208, 210, 216, 220])
@@ -323,7 +325,7 @@ def test_a_piece_about_as_long_as_wide_is_found_or_doubted(seed: int) -> None:
     spread_mm = principal_frame(trial.moving_mm).spread_mm
     assert spread_mm[1] > 0.5 * spread_mm[0]
     found = METHOD(trial.moving_mm, trial.fixed_mm)
-    near = frames.apply(trial.fixed_T_moving, trial.moving_mm)
+    near = transforms.apply(trial.fixed_T_moving, trial.moving_mm)
     assert found.verdict == "ambiguous" or error_mm(found.fixed_T_moving, trial, near) < 2
 
 

@@ -64,7 +64,7 @@ def test_it_is_deterministic_and_keeps_to_the_cone() -> None:
     one, two = (METHOD(moving, FIXED, np.eye(4), search_cone=SearchCone(angle)) for angle in (45.0, 10.0))
     again = METHOD(moving, FIXED, np.eye(4), search_cone=SearchCone(45.0))
     np.testing.assert_array_equal(one.fixed_T_moving, again.fixed_T_moving)
-    assert frames.rotation_angle_deg(two.fixed_T_moving) == pytest.approx(10.0, abs=1e-4)
+    assert transforms.rotation_angle_deg(two.fixed_T_moving) == pytest.approx(10.0, abs=1e-4)
     assert (one.verdict, two.verdict) == ("not judged", "failed")
 
 

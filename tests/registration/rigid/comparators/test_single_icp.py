@@ -99,8 +99,8 @@ def test_a_result_outside_the_cone_has_failed() -> None:
     outside = method(moving, FIXED, np.eye(4), search_cone=SearchCone(5.0, 10.0))
     assert outside.verdict == "failed"
     assert "outside the search cone of 5 degrees and 10 mm" in outside.reason
-    assert frames.rotation_angle_deg(outside.fixed_T_moving) == pytest.approx(5.0, abs=1e-4)
-    assert frames.rotation_angle_deg(inside.fixed_T_moving) > 5.0
+    assert transforms.rotation_angle_deg(outside.fixed_T_moving) == pytest.approx(5.0, abs=1e-4)
+    assert transforms.rotation_angle_deg(inside.fixed_T_moving) > 5.0
     assert outside.rmse_mm > inside.rmse_mm
 
 
