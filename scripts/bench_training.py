@@ -83,7 +83,7 @@ def in_fit(problem: Problem, folder: Path | None) -> float:
         network,
         LOSS,
         settings,
-        lambda step: settings.learning_rate * settings.learning_rate_factor(step, steps),
+        lambda step: settings.learning_rate_factor(step, steps),
     )
     with reproducible(settings), quiet(), tempfile.TemporaryDirectory() as scratch:
         trainer = lightning_trainer(settings, course, settings.max_epochs, Path(scratch))

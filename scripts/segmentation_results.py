@@ -13,7 +13,7 @@ from pathlib import Path
 import yaml
 
 from experiments import files
-from experiments.outcome import CellResult, Outcome
+from experiments.outcome import JobResult, Outcome
 from experiments.running.terminal import markdown
 from experiments.studies import segmentation
 from experiments.studies.domain_transfer import study as domain_transfer
@@ -50,7 +50,7 @@ def main() -> int:
         if not runs:
             print(f"{archive}: expected finished runs of {study}, found none", file=sys.stderr)
             return 2
-        parts.append(_section(study, module.summarise([_cell(run) for run in runs]), runs))
+        parts.append(_section(study, module.summarise([_result(run) for run in runs]), runs))
     files.write_text(out, "\n".join(parts).strip() + "\n")
     print(f"{out}")
     return 0
@@ -62,10 +62,10 @@ def _jobs(archive: Path, study: str) -> Iterator[RunRecord]:
             yield run
 
 
-def _cell(run: RunRecord) -> CellResult:
+def _result(run: RunRecord) -> JobResult:
     last = run.history.sort_values("step").groupby("metric")["value"].last()
     metrics = {str(name): float(value) for name, value in last.items()}
-    return CellResult(yaml.safe_load(run.config), metrics, run.cases, Path(run.name), run.run_id)
+    return JobResult(yaml.safe_load(run.config), metrics, run.cases, Path(run.name), run.run_id)
 
 
 def _section(study: str, outcome: Outcome, runs: list[RunRecord]) -> str:

@@ -75,7 +75,7 @@ def home(tmp_path: Path, store_template: Path, monkeypatch: pytest.MonkeyPatch) 
 
 @pytest.fixture
 def counting_study(home: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    """A study ``counting`` with two or more cells that fail on demand, registered for one test.
+    """A study ``counting`` with two or more jobs that fail on demand, registered for one test.
 
     It keeps the number of its calls in ``calls``, so that a test sees what was run again.
     """

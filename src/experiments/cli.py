@@ -5,28 +5,29 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 from experiments.command_line import words as cli_words
+from experiments.command_line.call_options import CallOptions, read_options
 from experiments.command_line.text_settings import loader_with_text, quoted_override
-from experiments.errors import InputError, did_you_mean
+from experiments.errors import InputError
 from experiments.paths import conf_dir, project_root
+from experiments.plugins import plugin_config_folders
 
 if TYPE_CHECKING:
-    from argparse import Namespace
-
     from hydra.core.override_parser.types import Override
     from omegaconf import DictConfig
 
-    from experiments.running.run_sweep import Points
+    from experiments.running.run_sweep import SweepPoints
 
 HYDRA_VERSION_BASE = "1.3"
-# Options of Hydra's without a meaning here: a call of ctus is always composed from its own configuration.
-NOT_OURS = ("config_path", "config_name", "experimental_rerun", "run")
+# What a preset may set of Hydra's own: the values of a sweep. How its jobs are started is said by jobs=<number>.
+NOT_CHOSEN = ("hydra/launcher", "hydra/sweeper")
 # Threads of torch that wait by spinning steal the core that the others work on: beside any other process a training
 # step takes several times as long. This must be said before torch is imported.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
@@ -40,8 +41,8 @@ def main(argv: list[str] | None = None) -> int:
     try:
         if not words or any(word in ("--help", "-h") for word in words):
             return _print_help(words)
-        asked = _parsed(words)
-        overrides, folder = list(asked.overrides), cli_words.config_folder(asked.config_dir)
+        asked = read_options(words)
+        overrides, folder = list(asked.overrides), asked.config_dir
         if asked.hydra_help or asked.shell_completion:
             _call_hydra(words)
             return 0
@@ -73,51 +74,34 @@ def _print_version() -> int:
     return 0
 
 
-def _parsed(words: list[str]) -> Namespace:
-    """The words by Hydra's parser, options before and after the settings; InputError for an unknown option."""
-    from hydra._internal.utils import get_args_parser
-
-    parser = get_args_parser()
-    names = [
-        name for action in parser._actions for name in action.option_strings if action.dest not in NOT_OURS
-    ]
-
-    def refuse(message: str) -> NoReturn:
-        if not message.startswith("unrecognized arguments: "):
-            raise InputError(message)
-        word = message.removeprefix("unrecognized arguments: ").split()[0]
-        known = ", ".join(name for name in names if name.startswith("--"))
-        raise InputError(
-            f"{word}: expected one of {known}, received an unknown one{did_you_mean(word, names)}"
-        )
-
-    parser.error = refuse
-    asked = parser.parse_intermixed_args(words)
-    for name in NOT_OURS:
-        if getattr(asked, name):
-            refuse(f"unrecognized arguments: --{name.replace('_', '-')}")
-    return asked
-
-
-def _show(asked: Namespace, overrides: list[str], folder: str | None) -> int:
-    """Print the configuration of every point of a sweep, or what else Hydra tells of one point."""
+def _show(asked: CallOptions, overrides: list[str], folder: str | None) -> int:
+    """Print the configuration of every sweep point, or what Hydra tells of how it composes the first one."""
     from omegaconf import OmegaConf
 
     composed = _composed(overrides, folder, multirun=asked.multirun)
-    if asked.cfg != "job":
-        first, *_ = _points(overrides) if asked.multirun else [(overrides, "")]
-        kind = ["--cfg", asked.cfg] if asked.cfg else ["--info", asked.info]
-        _call_hydra([*kind, *cli_words.words_of_folder(folder), *first[0]])
+    if asked.info:
+        words, _ = _sweep_points(overrides)[0]
+        _call_hydra(["--info", asked.info, *cli_words.words_of_folder(folder), *words])
         return 0
     for config, label in composed:
-        job = _without_hydra(config)
+        shown = _part(config, str(asked.cfg))
         with _as_input_error(overrides):
             if asked.resolve:
-                OmegaConf.resolve(job)
-            shown = OmegaConf.select(job, asked.package) if asked.package not in (None, "_global_") else job
+                OmegaConf.resolve(shown)
+            if asked.package not in (None, "_global_"):
+                shown = OmegaConf.select(shown, str(asked.package))
         heading = f"---\n# {label}\n" if len(composed) > 1 else ""
         print(heading + OmegaConf.to_yaml(shown), end="")
     return 0
+
+
+def _part(config: DictConfig, kind: str) -> DictConfig:
+    """The configuration of a job, that of Hydra, or both."""
+    from omegaconf import OmegaConf
+
+    if kind == "job":
+        return _without_hydra(config)
+    return OmegaConf.masked_copy(config, ["hydra"]) if kind == "hydra" else config
 
 
 def _run(overrides: list[str], folder: str | None, *, multirun: bool) -> int:
@@ -126,17 +110,12 @@ def _run(overrides: list[str], folder: str | None, *, multirun: bool) -> int:
     from experiments.running.run_job import user_errors
 
     try:
-        points = compose_points(overrides, folder, multirun=multirun)
+        points = compose_sweep(overrides, folder, multirun=multirun)
         for config, _ in points:
             require_shared(config)
         cli_words.note_useless_seed(config for config, _ in points)
         require_writable(jobs.out_folder(points[0][0], "0" * 64))
-        beside = run_sweep.jobs_at_once(points[0][0]) > 1
-        if beside and any(word.startswith("hydra/launcher=") for word in overrides):
-            raise InputError("jobs: expected 1 where a launcher starts the jobs, received more")
-        launched = multirun and not beside
-        words = ["--multirun", *cli_words.words_of_folder(folder), *overrides]
-        return run_sweep.run(points, (lambda: _call_hydra(words)) if launched else None)
+        return run_sweep.run(points)
     except user_errors() as refusal:
         print(refusal, file=sys.stderr)
         return 2
@@ -145,7 +124,9 @@ def _run(overrides: list[str], folder: str | None, *, multirun: bool) -> int:
         return 130
 
 
-def compose_points(overrides: list[str], config_dir: str | None = None, *, multirun: bool = False) -> Points:
+def compose_sweep(
+    overrides: list[str], config_dir: str | None = None, *, multirun: bool = False
+) -> SweepPoints:
     """Compose every point of a sweep (one point without ``multirun``): its resolved configuration and a label.
 
     Raises InputError for an unknown study, group option or setting, for a sweep over no value, and for a value that
@@ -167,7 +148,9 @@ def _composed(
     overrides = [quoted_override(word) for word in cli_words.read_presets(overrides)]
     for word in overrides:
         cli_words.refuse_bare_word(word)
+        _refuse_launcher(word)
     more = [f"hydra.searchpath=[file://{config_dir}]"] if config_dir else []
+    _find_plugin_configs()
     with (
         initialize_config_dir(str(conf_dir()), version_base=HYDRA_VERSION_BASE),
         _as_input_error(overrides, more),
@@ -182,7 +165,9 @@ def _composed(
         preset = dict(base.hydra.sweeper.get("params") or {}) if multirun else {}
         return [
             (compose("config", words + more, return_hydra_config=True), label)
-            for words, label in _points([f"{key!s}={value}" for key, value in preset.items()] + overrides)
+            for words, label in _sweep_points(
+                [f"{key!s}={value}" for key, value in preset.items()] + overrides
+            )
         ]
 
 
@@ -296,42 +281,73 @@ def _without_hydra(config: DictConfig) -> DictConfig:
         return OmegaConf.masked_copy(config, [str(key) for key in config if key != "hydra"])
 
 
-def _points(overrides: list[str]) -> list[tuple[list[str], str]]:
-    """The overrides of every point of a sweep, and a label made of those that vary."""
-    from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+def _sweep_points(overrides: list[str]) -> list[tuple[list[str], str]]:
+    """The overrides of every sweep point, and a label made of those that vary: every combination of their values."""
+    settings: dict[str, list[str]] = {}
+    varying = set()
+    for override in _parsed_overrides(overrides):
+        key = override.get_key_element()
+        if not override.is_sweep_override():
+            values = [override.get_value_element_as_str()]
+        elif override.is_discrete_sweep():
+            values = list(override.sweep_string_iterator())
+        else:
+            raise InputError(
+                f"{key}: expected values to sweep over (a,b, range(...), glob(...)), received {override.input_line}"
+            )
+        settings[key] = [f"{key}={value}" for value in values]
+        varying |= {key} if override.is_sweep_override() else set()
+    names = list(settings)
+    return [
+        (list(words), ",".join(word for name, word in zip(names, words, strict=True) if name in varying))
+        for words in itertools.product(*settings.values())
+    ]
 
-    parsed = _parsed_overrides(overrides)
-    varying = {override.get_key_element() for override in parsed if override.is_sweep_override()}
-    (batch,) = BasicSweeper.split_arguments(parsed, None)
-    return [(words, ",".join(word for word in words if word.split("=")[0] in varying)) for words in batch]
+
+def _refuse_launcher(word: str) -> None:
+    name = word.lstrip("+~").partition("=")[0]
+    if name in NOT_CHOSEN or name.startswith(tuple(f"{each.replace('/', '.')}." for each in NOT_CHOSEN)):
+        raise InputError(
+            f"{name}: expected none, because a sweep is every combination and its jobs are started by ctus itself; "
+            "jobs=<number> runs as many at the same time"
+        )
+
+
+def _find_plugin_configs() -> None:
+    """Have Hydra look for options in the folders of plugins too, whenever it composes a configuration."""
+    from hydra.core.config_search_path import ConfigSearchPath
+    from hydra.core.plugins import Plugins
+    from hydra.plugins.search_path_plugin import SearchPathPlugin
+
+    known = {kind.__name__ for kind in Plugins.instance().discover(SearchPathPlugin)}
+
+    class CtusPluginConfigs(SearchPathPlugin):
+        def manipulate_search_path(self, search_path: ConfigSearchPath) -> None:
+            for folder in plugin_config_folders():
+                search_path.append("ctus.plugins", f"file://{folder}")
+
+    if CtusPluginConfigs.__name__ not in known:
+        Plugins.instance().register(CtusPluginConfigs)
 
 
 def _call_hydra(words: list[str]) -> None:
-    """Hand the words to Hydra's own entry point, which reads them from ``sys.argv``, options first."""
+    """Have Hydra print its help, its completion or its information; its entry point reads words from ``sys.argv``."""
     import hydra
 
+    _register_resolvers()
     _keep_names_as_text()
+    _find_plugin_configs()
+
+    @hydra.main(version_base=HYDRA_VERSION_BASE, config_path=str(conf_dir()), config_name="config")
+    def nothing(config: DictConfig) -> None:
+        del config
+
     before = sys.argv
     sys.argv = [before[0] if before else "ctus", *words]
     try:
-        hydra.main(version_base=HYDRA_VERSION_BASE, config_path=str(conf_dir()), config_name="config")(
-            _point
-        )()
+        nothing()
     finally:
         sys.argv = before
-
-
-def _point(config: DictConfig) -> None:
-    """One job of Hydra's: a point of the sweep."""
-    from hydra.core.hydra_config import HydraConfig
-    from omegaconf import open_dict
-
-    from experiments.running import run_sweep
-
-    _register_resolvers()  # a launcher may have started this process
-    with open_dict(config):
-        config["hydra"] = {"runtime": {"choices": HydraConfig.get().runtime.choices}}
-    run_sweep.run_point(resolve(config))
 
 
 if __name__ == "__main__":

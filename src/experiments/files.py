@@ -9,12 +9,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from registration.io.atomic import written_beside
+from registration.io.atomic import atomic_write
 
 
 def write_text(path: Path, text: str) -> None:
     """Write ``text`` to ``path`` as a whole or not at all."""
-    with written_beside(path) as beside:
+    with atomic_write(path) as beside:
         beside.write_text(text, encoding="utf-8")
 
 

@@ -25,7 +25,7 @@ class InputData:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result of one cell of a study, or of a whole sweep.
+    """The result of one job of a study, or of a whole sweep.
 
     ``metrics`` are finite or NaN scalars under the names of the metrics section; a failure is NaN or infinity here
     and is turned into a ``_failed`` count by the tracker. ``cases`` is the per-case table (one row a case or trial).
@@ -46,10 +46,10 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class CellResult:
-    """A finished cell as the summary of a sweep sees it: its configuration, metrics and per-case table.
+class JobResult:
+    """A finished job as the summary of a sweep sees it: its configuration, metrics and per-case table.
 
-    ``workspace`` is the folder its files lie in. It holds the same whether the cell ran just now or was resumed.
+    ``workspace`` is the folder its files lie in. It holds the same whether the job ran just now or was resumed.
     ``choices`` are the settings by which its point of the sweep differs from others, as the command line has them.
     """
 

@@ -1,6 +1,8 @@
 """The classes that a configuration may name in ``_target_``, and how they are built from it.
 
-A configuration is data from a file: only what stands in ``ALLOWED`` is ever imported or called.
+A configuration is data from a file, so that it may name data alone: a frozen dataclass that is defined in one of this
+project's method packages (``PACKAGES``) or in a plugin. Nothing outside these packages is ever imported for a
+configuration, and no function, no other class, and nothing that such a package has from elsewhere is ever called.
 """
 
 from __future__ import annotations
@@ -8,94 +10,38 @@ from __future__ import annotations
 import importlib
 import inspect
 from collections.abc import Mapping
+from types import ModuleType
 from typing import Any
 
 from experiments.errors import InputError, did_you_mean
 from models.errors import InputError as ModelsInputError
+from models.plugins import plugin_packages
 from models.value_types import require_settings
 
-ALLOWED: frozenset[str] = frozenset(
-    {
-        # keep sorted; one dotted name a line
-        "experiments.datasets.carotid.Carotid",
-        "experiments.datasets.folder.Folder",
-        "experiments.datasets.musv.MusV",
-        "experiments.datasets.nnunet.NnUNet",
-        "experiments.datasets.phantom.Phantom",
-        "experiments.datasets.san_raffaele.SanRaffaele",
-        "experiments.datasets.simulated.StandIn",
-        "experiments.datasets.usgra.Usgra",
-        "experiments.splits.group_splits.GroupSplits",
-        "models.networks.attention_unet.AttentionUNet",
-        "models.training.augmentation.Augmentation",
-        "models.training.losses.DiceCrossEntropy",
-        "models.training.losses.DiceFocal",
-        "models.training.losses.Focal",
-        "models.training.losses.Tversky",
-        "models.networks.monai_network.MonaiNetwork",
-        "models.preprocessing.Preprocessing",
-        "models.training.settings.TrainerSettings",
-        "models.networks.unet.UNet",
-        "models.networks.unet3plus.UNet3Plus",
-        "registration.rigid.acceptance.AcceptanceCriteria",
-        "registration.centerline.CenterlineExtractor",
-        "registration.reconstruction.outlier_filters.RadiusOutlierRemoval",
-        "registration.reconstruction.outlier_filters.StatisticalOutlierRemoval",
-        "registration.reconstruction.outlier_filters.VoxelDownsampling",
-        "registration.rigid.comparators.FpfhFastGlobal",
-        "registration.rigid.comparators.FpfhFeatures",
-        "registration.rigid.comparators.FpfhRansac",
-        "registration.rigid.comparators.GeneralisedICP",
-        "registration.rigid.comparators.KissMatcher",
-        "registration.rigid.comparators.SingleStartICP",
-        "registration.reconstruction.contours.ContourExtractor",
-        "registration.ct_model.label_surface.LabelSurface",
-        "registration.calibration.line_detection.LineDetector",
-        "registration.readers.live.LiveRecorder",
-        "registration.reconstruction.mask_outliers.MaskOutliers",
-        "registration.perturbation.Perturbation",
-        "registration.phantom.acoustics.Artefacts",
-        "registration.phantom.acoustics.Scanner",
-        "registration.phantom.acoustics.Tissue",
-        "registration.phantom.conditions.CtScan",
-        "registration.phantom.conditions.Deformation",
-        "registration.phantom.conditions.Motion",
-        "registration.phantom.session_variation.SessionVariation",
-        "registration.phantom.settings.PhantomSettings",
-        "registration.readers.auto.AutoReader",
-        "registration.readers.folder.FolderReader",
-        "registration.readers.plus.PlusReader",
-        "registration.readers.rosbag.RosbagReader",
-        "registration.rigid.icp.rejection.DistanceRejection",
-        "registration.rigid.icp.rejection.NormalRejection",
-        "registration.rigid.icp.rejection.TrimRejection",
-        "registration.rigid.MultiStartICP",
-        "registration.rigid.correspondence.Correspondence",
-        "registration.rigid.search_cone.SearchBound",
-        "registration.rigid.stages.Stages",
-        "registration.rigid.starts.Starts",
-        "registration.rigid.uncertainty.Uncertainty",
-        "registration.rigid.icp.robust_kernels.Huber",
-        "registration.rigid.icp.robust_kernels.Tukey",
-        "registration.rigid.icp.robust_kernels.Welsch",
-        "registration.reconstruction.taubin.TaubinSmoothing",
-        "registration.calibration.spatial.NWireCalibration",
-        "registration.calibration.stylus.PivotCalibration",
-        "registration.reconstruction.surface.BallPivotingSurface",
-        "registration.reconstruction.surface.PoissonSurface",
-        "registration.reconstruction.signed_distance.SignedDistanceSurface",
-        "registration.calibration.temporal.TemporalCalibration",
-        "registration.reconstruction.vessel_pieces.VesselPieces",
-    }
-)
+# The packages whose frozen dataclasses a configuration may name, beside those of plugins.
+PACKAGES = ("models", "registration", "experiments.datasets", "experiments.splits")
 
 
 def build(node: Any, where: str = "config") -> Any:
     """Replace every mapping with a ``_target_`` by the object it describes, depth first; all else stays as it is.
 
-    ``where`` is the dotted place of ``node`` in the configuration, for messages. Raises InputError for a class that
-    is not in ``ALLOWED``, for settings the class does not have, for missing ones, for values of another type than the
-    class says, and for those it refuses.
+    Parameters
+    ----------
+    node : Any
+        A configuration or a part of one, as plain data.
+    where : str, optional
+        The dotted place of ``node`` in the configuration, for messages.
+
+    Returns
+    -------
+    Any
+        The object, or ``node`` with the objects in it.
+
+    Raises
+    ------
+    InputError
+        For a ``_target_`` that may not be named, for settings the class does not have, for missing ones, for values of
+        another type than the class says, and for those it refuses.
     """
     if isinstance(node, Mapping):
         built = {key: build(value, f"{where}.{key}") for key, value in node.items() if key != "_target_"}
@@ -106,15 +52,57 @@ def build(node: Any, where: str = "config") -> Any:
 
 
 def load(target: str, where: str = "config") -> type:
-    """Import the class named ``target`` if it is allowed."""
-    if target not in ALLOWED:
-        raise InputError(
-            f"{where}._target_: expected a class of this project's registry, received {target!r}; "
-            f"registered are {', '.join(sorted(ALLOWED))}"
-        )
+    """Import the class that a ``_target_`` names if a configuration may name it.
+
+    Parameters
+    ----------
+    target : str
+        Dotted name of the class: that of a module or package it can be imported from, a dot, its own.
+    where : str, optional
+        The dotted place in the configuration, for messages.
+
+    Returns
+    -------
+    type
+        The class.
+
+    Raises
+    ------
+    InputError
+        For anything but a frozen dataclass that is defined in ``PACKAGES`` or in a plugin.
+    """
     module, _, name = target.rpartition(".")
-    loaded: type = getattr(importlib.import_module(module), name)
-    return loaded
+    plain = all(part.isidentifier() and not part.startswith("_") for part in target.split("."))
+    loaded = _imported(module) if plain and _is_ours(module) else None
+    found = getattr(loaded, name, None)
+    if not _is_method(found):
+        known = [other for other, value in vars(loaded).items() if _is_method(value)] if loaded else []
+        raise InputError(
+            f"{where}._target_: expected a class of this project's registry (a frozen dataclass of "
+            f"{', '.join((*PACKAGES, *plugin_packages()))}), received {target!r}{did_you_mean(name, known)}"
+        )
+    assert isinstance(found, type)
+    return found
+
+
+def _is_ours(module: str) -> bool:
+    return any(module == each or module.startswith(f"{each}.") for each in (*PACKAGES, *plugin_packages()))
+
+
+def _imported(module: str) -> ModuleType | None:
+    """The module; none if there is no such one. An import that fails within it is no error of the configuration's."""
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as missing:
+        if missing.name is not None and (module == missing.name or module.startswith(f"{missing.name}.")):
+            return None
+        raise
+
+
+def _is_method(found: object) -> bool:
+    """Whether a module's attribute is a frozen dataclass that is defined in one of the packages."""
+    parameters = vars(found).get("__dataclass_params__") if isinstance(found, type) else None
+    return parameters is not None and parameters.frozen and _is_ours(str(found.__module__))
 
 
 def _construct(target: str, settings: dict[str, Any], where: str) -> Any:

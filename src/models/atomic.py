@@ -12,11 +12,21 @@ from pathlib import Path
 
 
 @contextmanager
-def written_beside(path: Path) -> Iterator[Path]:
-    """Give a temporary name in the folder of ``path`` to write to; rename it to ``path`` when all went well.
+def atomic_write(path: Path) -> Iterator[Path]:
+    """Write a file atomically: give a temporary name in its folder, renamed to ``path`` when all went well.
 
-    The temporary name keeps the suffix, because many writers choose the format by it. What was at ``path`` before stays
-    when writing fails.
+    The temporary name keeps the suffix, because many writers choose the format by it. What was at ``path`` before
+    stays when writing fails.
+
+    Parameters
+    ----------
+    path : Path
+        Final name of the file; its folder is made.
+
+    Yields
+    ------
+    Path
+        Temporary name to write to.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.parent / f".{path.stem}.partial-{os.getpid()}{path.suffix}"

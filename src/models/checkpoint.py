@@ -16,7 +16,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from models.atomic import written_beside
+from models.atomic import atomic_write
 from models.errors import InputError
 from models.networks.registry import NetworkRecipe, recipe_of, settings_of
 from models.preprocessing.preprocessing import Preprocessing
@@ -37,7 +37,19 @@ UNREADABLE = (
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """What a network needs to be used again; ``notes`` are plain numbers and text on its training."""
+    """All that is needed to use a trained network again.
+
+    Parameters
+    ----------
+    recipe : NetworkRecipe
+        Architecture.
+    weights : mapping of str to Tensor
+        State dict of the network.
+    preprocessing : Preprocessing
+        Preprocessing that the network expects.
+    notes : mapping
+        Plain numbers and text on the training.
+    """
 
     recipe: NetworkRecipe
     weights: Mapping[str, Tensor]
@@ -45,7 +57,13 @@ class Checkpoint:
     notes: Mapping[str, str | int | float] = field(default_factory=dict)
 
     def save(self, path: Path) -> None:
-        """Write the file beside ``path`` and rename it, so that ``path`` is never half a file."""
+        """Write the file atomically.
+
+        Parameters
+        ----------
+        path : Path
+            Where the checkpoint is written; an existing file is replaced.
+        """
         content = {
             "format": FORMAT,
             "version": VERSION,
@@ -55,12 +73,28 @@ class Checkpoint:
             "weights": {name: tensor.detach().cpu().contiguous() for name, tensor in self.weights.items()},
             "notes": dict(self.notes),
         }
-        with written_beside(path) as beside:
+        with atomic_write(path) as beside:
             torch.save(content, beside)
 
     @staticmethod
     def load(path: str | Path) -> Checkpoint:
-        """Read a file; InputError if it is missing, damaged, of another program, or of another network."""
+        """Read a checkpoint file.
+
+        Parameters
+        ----------
+        path : str or Path
+            File that ``save`` wrote.
+
+        Returns
+        -------
+        Checkpoint
+            Weights on the CPU.
+
+        Raises
+        ------
+        InputError
+            If the file is missing, damaged, of another program or version, or its weights do not fit its recipe.
+        """
         content = _read(Path(path))
         if not _are_weights(content.get("weights")):
             raise InputError(f"{path}: expected the weights of a network by name, received something else")
@@ -77,7 +111,13 @@ class Checkpoint:
         return checkpoint
 
     def network(self) -> nn.Module:
-        """The network with these weights, ready for inference."""
+        """Build the network with these weights.
+
+        Returns
+        -------
+        nn.Module
+            Network on the CPU in evaluation mode.
+        """
         network = _without_weights(self.recipe)
         network.load_state_dict({name: tensor.clone() for name, tensor in self.weights.items()}, assign=True)
         return network.eval()

@@ -13,7 +13,22 @@ from models.predictor import Predictor
 
 
 def predict(predictor: Predictor, frames: LabelledFrames) -> Iterator[tuple[str, np.ndarray]]:
-    """Each case's id and mask as it is ready; cases of one size pass through the network together."""
+    """Segment labelled frames case by case; consecutive cases of one size share batches.
+
+    Parameters
+    ----------
+    predictor : Predictor
+        Trained network.
+    frames : LabelledFrames
+        Cases to segment.
+
+    Yields
+    ------
+    case_id : str
+        Id of the case.
+    mask : ndarray of bool, shape (h, w)
+        Mask of the case's own size.
+    """
     by_size: dict[tuple[int, ...], list[int]] = {}
     for index, image in enumerate(frames.images):
         by_size.setdefault(image.shape, []).append(index)
@@ -27,7 +42,22 @@ def predict(predictor: Predictor, frames: LabelledFrames) -> Iterator[tuple[str,
 def score_cases(
     frames: LabelledFrames, predictions: Mapping[str, np.ndarray], about: Mapping[str, Any]
 ) -> list[dict[str, Any]]:
-    """One row a case: its id and group, what ``about`` says of all, whether it is simulated, and its scores."""
+    """Score the predicted mask of every case.
+
+    Parameters
+    ----------
+    frames : LabelledFrames
+        Cases with their reference masks.
+    predictions : mapping of str to ndarray
+        Masks by case id.
+    about : mapping
+        Columns that are the same in all rows.
+
+    Returns
+    -------
+    list of dict
+        One row for each case: its id and group, ``about``, whether it is simulated, and its scores.
+    """
     columns = columns_for(frames.spacing_mm)
     rows = []
     for case, group, mask, spacing_mm in zip(

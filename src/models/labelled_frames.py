@@ -12,7 +12,7 @@ from typing import SupportsIndex
 import numpy as np
 
 from models.array_types import Bool, UInt8
-from models.atomic import written_beside
+from models.atomic import atomic_write
 from models.errors import InputError
 
 
@@ -85,7 +85,7 @@ class LabelledFrames:
             "spacing_mm": np.array([spacing or unknown for spacing in self.spacing_mm]).reshape(-1, 2),
             "simulated": np.array(self.simulated),
         }
-        with written_beside(path) as beside:
+        with atomic_write(path) as beside:
             np.savez_compressed(beside, **arrays)  # type: ignore[arg-type]
 
     @staticmethod

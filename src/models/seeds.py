@@ -13,7 +13,25 @@ SHUFFLING, AUGMENTATION, DROPOUT = 0, 1, 2
 
 
 def seed_of(seed: int, *purpose: int) -> int:
-    """A seed for one purpose, unlike those of other purposes or of other seeds, 0 included."""
+    """Derive a seed for one purpose, unlike those of other purposes or of other seeds, 0 included.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the whole, at least 0.
+    *purpose : int
+        Numbers that name the purpose.
+
+    Returns
+    -------
+    int
+        Seed for torch.
+
+    Raises
+    ------
+    InputError
+        If the seed is negative.
+    """
     if seed < 0:
         raise InputError(f"seed: expected a number from 0, received {seed}")
     return int(np.random.SeedSequence([seed, *purpose]).generate_state(1, np.uint32)[0])

@@ -3,10 +3,10 @@
 ``python -m models.train config.yaml --out DIR`` trains one fold. The YAML file has ``frames`` (a file that
 ``LabelledFrames.save`` wrote), ``split`` (a JSON file with ``fold`` and the case ids of ``train``, ``validation`` and
 ``test``), both relative to it, ``dataset`` (a name), ``seed``, and the settings ``model`` (with the network's
-``name``), ``preprocessing``, ``trainer``, and, where not the defaults, ``augmentation`` and ``loss`` (with a ``name``,
-if it is not Dice and cross-entropy). In DIR it leaves ``model.pt``, ``history.json``, ``cases.csv`` (the test cases'
-scores), ``metrics.json`` and a copy of the configuration. ``DIR/state`` is what ``--resume`` goes on from after an
-interruption; it may be removed.
+``name``), ``preprocessing``, ``trainer``, and, where not the defaults, ``augmentation`` (a list of transforms, each
+with its ``name``) and ``loss`` (with a ``name``, if it is not Dice and cross-entropy). In DIR it leaves ``model.pt``,
+``history.json``, ``cases.csv`` (the test cases' scores), ``metrics.json`` and a copy of the configuration.
+``DIR/state`` is what ``--resume`` continues from after an interruption; it may be removed.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import Any, TypeVar
 
 import torch
 
-from models.atomic import written_beside
+from models.atomic import atomic_write
 from models.errors import InputError
 from models.evaluation import predict, score_cases
 from models.labelled_frames import LabelledFrames
@@ -32,7 +32,7 @@ from models.networks.registry import recipe_of
 from models.predictor import Predictor
 from models.preprocessing.preprocessing import Preprocessing
 from models.settings_file import read_settings
-from models.training.augmentation import Augmentation
+from models.training.augmentation import augmentation_of
 from models.training.fold import TrainedFold, train_fold
 from models.training.losses import DiceCrossEntropy, loss_of
 from models.training.settings import TrainerSettings
@@ -65,11 +65,9 @@ class TrainingPlan:
                 model=recipe_of(str(model.pop("name")), model),
                 train=sides["train"],
                 validation=sides["validation"],
-                preprocessing=_part(Preprocessing, "preprocessing", config["preprocessing"]),
-                trainer=_part(
-                    TrainerSettings, "trainer", {**config["trainer"], **({"resume": True} if resume else {})}
-                ),
-                augmentation=_part(Augmentation, "augmentation", config.get("augmentation", {})),
+                preprocessing=Preprocessing(**config["preprocessing"]),
+                trainer=TrainerSettings(**{**config["trainer"], **({"resume": True} if resume else {})}),
+                augmentation=augmentation_of(config.get("augmentation", {})),
                 loss=loss_of(str(loss.pop("name", DiceCrossEntropy.name)), loss),
                 fold=_whole("fold", split["fold"]),
                 seed=_whole("seed", config["seed"]),
@@ -206,7 +204,7 @@ def _require_apart(split: Mapping[str, Any], group_of: Mapping[str, str]) -> Non
 
 
 def _write_table(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    with written_beside(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
+    with atomic_write(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()
         writer.writerows(rows)
@@ -218,7 +216,7 @@ def _write_json(path: Path, content: object) -> None:
 
 
 def _write_text(path: Path, text: str) -> None:
-    with written_beside(path) as beside:
+    with atomic_write(path) as beside:
         beside.write_text(text, encoding="utf-8")
 
 

@@ -7,30 +7,75 @@ import math
 from registration.errors import InputError
 
 
-def require_at_least(name: str, value: float, least: float) -> None:
-    """Raise InputError unless ``value`` is a finite number of at least ``least``."""
+def require_at_least(name: str, value: float, minimum: float) -> None:
+    """Raise InputError unless a setting is a finite number that is large enough.
+
+    Parameters
+    ----------
+    name : str
+        Name of the setting, for the message.
+    value : float
+        Its value.
+    minimum : float
+        Smallest value allowed.
+
+    Raises
+    ------
+    InputError
+        If ``value`` is no number, NaN, infinite or below ``minimum``.
+    """
     if (
         isinstance(value, bool)
         or not isinstance(value, (int, float))
-        or not value >= least
+        or not value >= minimum
         or math.isinf(value)
     ):
-        raise InputError(f"{name}: expected a number of at least {least:g}, received {value!r}")
+        raise InputError(f"{name}: expected a number of at least {minimum:g}, received {value!r}")
 
 
-def require_count(name: str, value: int, least: int) -> None:
-    """Raise InputError unless ``value`` is a whole number of at least ``least``."""
-    if isinstance(value, bool) or not isinstance(value, int) or value < least:
-        raise InputError(f"{name}: expected a whole number of at least {least}, received {value!r}")
+def require_count(name: str, value: int, minimum: int) -> None:
+    """Raise InputError unless a setting is a whole number that is large enough.
+
+    Parameters
+    ----------
+    name : str
+        Name of the setting, for the message.
+    value : int
+        Its value.
+    minimum : int
+        Smallest value allowed.
+
+    Raises
+    ------
+    InputError
+        If ``value`` is no whole number (True and False are none) or below ``minimum``.
+    """
+    if isinstance(value, bool) or not isinstance(value, int) or value < minimum:
+        raise InputError(f"{name}: expected a whole number of at least {minimum}, received {value!r}")
 
 
-def require_positive(name: str, value: float, most: float = math.inf) -> None:
-    """Raise InputError unless ``value`` is a finite number above 0 and at most ``most``."""
+def require_positive(name: str, value: float, maximum: float = math.inf) -> None:
+    """Raise InputError unless a setting is a finite number above 0.
+
+    Parameters
+    ----------
+    name : str
+        Name of the setting, for the message.
+    value : float
+        Its value.
+    maximum : float, optional
+        Largest value allowed.
+
+    Raises
+    ------
+    InputError
+        If ``value`` is no number, NaN, infinite, 0 or less, or above ``maximum``.
+    """
     if (
         isinstance(value, bool)
         or not isinstance(value, (int, float))
-        or not 0 < value <= most
+        or not 0 < value <= maximum
         or math.isinf(value)
     ):
-        limit = "" if math.isinf(most) else f" and at most {most:g}"
+        limit = "" if math.isinf(maximum) else f" and at most {maximum:g}"
         raise InputError(f"{name}: expected a number above 0{limit}, received {value!r}")

@@ -13,8 +13,20 @@ _DECIMAL = re.compile(r"([0-9]+(?:\.[0-9]+)?)")
 
 
 def natural_key(name: str) -> tuple[str | int, ...]:
-    """What to sort a name by: numbers in it compare as numbers, letters whatever their case.
+    """Make the key to sort a name by: numbers in it compare as numbers, letters whatever their case.
 
+    Parameters
+    ----------
+    name : str
+        Name of a file.
+
+    Returns
+    -------
+    tuple of str and int
+        Text and numbers in turns, text first, so that like is compared with like.
+
+    Examples
+    --------
     >>> sorted(["f10", "F2", "f1"], key=natural_key)
     ['f1', 'F2', 'f10']
     """
@@ -24,10 +36,25 @@ def natural_key(name: str) -> tuple[str | int, ...]:
 
 
 def natural_order(names: Iterable[str], where: str) -> list[str]:
-    """Names (without suffix) in their natural order; ``where`` says of what, for messages.
+    """Sort names in their natural order.
 
-    Raises InputError where the order is ambiguous: for two names with the same number (``frame_1`` and ``frame_001``),
-    and for numbers with a point that come in another order when read as decimals (``1.10`` and ``1.9``).
+    Parameters
+    ----------
+    names : iterable of str
+        Names without suffix.
+    where : str
+        What the names are of, for messages.
+
+    Returns
+    -------
+    list of str
+        The same names in order.
+
+    Raises
+    ------
+    InputError
+        If the order is ambiguous: two names have the same number (``frame_1`` and ``frame_001``), or numbers
+        with a point come in another order when read as decimals (``1.10`` and ``1.9``).
     """
     ordered = sorted(names, key=natural_key)
     for first, second in itertools.pairwise(ordered):

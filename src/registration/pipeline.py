@@ -1,4 +1,4 @@
-"""The chain from tracked masks to a vessel's surface and centerline, as the studies share it, each stage timed."""
+"""Chain from tracked masks to a vessel's surface and centerline, shared by the studies, each stage timed."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -29,20 +29,42 @@ def _silent(text: str) -> None:
     del text
 
 
+@runtime_checkable
 class CloudFilter(Protocol):
-    """What every filter is: a call from a cloud to what is left of it and what is not."""
+    """A filter of contour clouds."""
 
     def __call__(self, cloud: ContourCloud) -> Filtered[ContourCloud]:
-        """Leave points out."""
+        """Remove points.
+
+        Parameters
+        ----------
+        cloud : ContourCloud
+            Contour points.
+
+        Returns
+        -------
+        Filtered
+            The points that are left, and which were removed.
+        """
         ...
 
 
 @dataclass(frozen=True)
 class Gathered:
-    """The points of a sweep's masks, in the world, and how long each stage took.
+    """Contour points of a sweep's masks, and the time that each stage took.
 
-    ``checked`` are the masks without those that disagree with their neighbours. ``contours`` are all points found,
-    ``cloud`` those that the filters left; ``removed`` counts the others by filter. ``seconds`` has an entry a stage.
+    Parameters
+    ----------
+    checked : MaskCheck
+        The masks without the outliers.
+    contours : ContourCloud
+        All contour points in world mm.
+    cloud : ContourCloud
+        Points that the filters left.
+    removed : mapping of str to int
+        Number of points that each filter removed.
+    seconds : mapping of str to float
+        Seconds that each stage took.
     """
 
     checked: MaskCheck
@@ -55,11 +77,22 @@ class Gathered:
 
 @dataclass(frozen=True)
 class Reconstructed(Gathered):
-    """What was gathered, and the surface and centerline made of it.
+    """Contour points with the surface and centerline that were made of them.
 
-    ``pieces`` tells what of the reconstructed surface was kept, ``gap_mm`` from which distance on the method leaves a
-    gap between frames open. ``rough`` is the surface as reconstructed and ``smoothed`` the one after. ``centerline`` is
-    None where none was asked for, or where the surface has none: ``refusal`` says why.
+    Parameters
+    ----------
+    pieces : KeptPieces
+        What was kept of the reconstructed surface.
+    gap_mm : float
+        Distance between image planes in mm from which on the method leaves a gap open.
+    rough : Mesh
+        The surface as reconstructed.
+    smoothed : Smoothed
+        The surface after smoothing.
+    centerline : Centerline or None
+        The centerline; None where none was asked for or the surface has none.
+    refusal : str
+        Why there is no centerline, else empty.
     """
 
     pieces: KeptPieces
@@ -71,16 +104,35 @@ class Reconstructed(Gathered):
 
     @property
     def surface(self) -> Mesh:
-        """The surface, smoothed."""
+        """The smoothed surface."""
         return self.smoothed.mesh
 
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """Masks that agree to contours to a filtered cloud to a smoothed surface to its centerline.
+    """Chain from masks to contours, filtered cloud, smoothed surface and centerline.
 
-    ``filters`` are applied in their order. ``pieces`` keeps what belongs to the vessel of a surface that came in
-    pieces. Without ``centerline`` the chain ends with the surface.
+    Parameters
+    ----------
+    contours : ContourExtractor
+        Extraction of contours.
+    filters : mapping of str to CloudFilter
+        Filters of the cloud by name, applied in their order.
+    surface : SurfaceMethod
+        Reconstruction of the surface.
+    smoothing : TaubinSmoothing
+        Smoothing of the surface.
+    centerline : CenterlineExtractor or None, optional
+        Extraction of the centerline; None ends the chain with the surface.
+    mask_outliers : MaskOutliers, optional
+        Rejection of masks that disagree with their neighbours.
+    pieces : VesselPieces, optional
+        Selection of the vessel where the surface has several pieces.
+
+    Raises
+    ------
+    InputError
+        If ``filters`` is not a mapping of filters by name.
     """
 
     contours: ContourExtractor
@@ -98,16 +150,53 @@ class Reconstruction:
     def __call__(
         self, masks: np.ndarray, world_A_pixel: np.ndarray, note: Callable[[str], None] = _silent
     ) -> Reconstructed:
-        """Reconstruct from masks (k, height, width), bool or probabilities, and their transforms (k, 4, 4).
+        """Reconstruct a vessel from tracked masks.
 
-        ``note`` is told what begins. Raises InputError where no mask shows a vessel, and what the stages refuse.
+        Parameters
+        ----------
+        masks : ndarray of bool or float, shape (k, height, width)
+            Masks or probability maps in the order of acquisition.
+        world_A_pixel : ndarray, shape (k, 4, 4)
+            Affine matrix of each mask from pixels to world mm.
+        note : callable, optional
+            Called with a line of text when a stage begins.
+
+        Returns
+        -------
+        Reconstructed
+            Cloud, surface and centerline.
+
+        Raises
+        ------
+        InputError
+            If no mask shows a vessel, or a stage refuses its input.
         """
         return self.build(self.gather(masks, world_A_pixel, note), note)
 
     def gather(
         self, masks: np.ndarray, world_A_pixel: np.ndarray, note: Callable[[str], None] = _silent
     ) -> Gathered:
-        """The first half: the filtered cloud of all contours."""
+        """Compute the filtered cloud of all contours, the first half of the chain.
+
+        Parameters
+        ----------
+        masks : ndarray of bool or float, shape (k, height, width)
+            Masks or probability maps in the order of acquisition.
+        world_A_pixel : ndarray, shape (k, 4, 4)
+            Affine matrix of each mask from pixels to world mm.
+        note : callable, optional
+            Called with a line of text when a stage begins.
+
+        Returns
+        -------
+        Gathered
+            The masks without outliers, and the cloud.
+
+        Raises
+        ------
+        InputError
+            If no mask shows a vessel.
+        """
         seconds: dict[str, float] = {}
         note(f"contours of {len(masks)} masks")
         with timed(seconds, "contours"):
@@ -123,7 +212,21 @@ class Reconstruction:
         return Gathered(checked, contours, cloud, removed, seconds)
 
     def build(self, gathered: Gathered, note: Callable[[str], None] = _silent) -> Reconstructed:
-        """The second half: surface and centerline of a cloud."""
+        """Compute surface and centerline of a cloud, the second half of the chain.
+
+        Parameters
+        ----------
+        gathered : Gathered
+            Result of ``gather``.
+        note : callable, optional
+            Called with a line of text when a stage begins.
+
+        Returns
+        -------
+        Reconstructed
+            Cloud, surface and centerline. A surface without a centerline is no error: ``refusal`` has the
+            reason.
+        """
         seconds = dict(gathered.seconds)
         note(f"surface through {len(gathered.cloud)} points")
         with timed(seconds, "surface"):
@@ -161,7 +264,15 @@ def _centerline(extract: CenterlineExtractor, surface: Mesh) -> tuple[Centerline
 
 @contextmanager
 def timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
-    """Put the seconds that the block takes into ``seconds`` under the name of the stage."""
+    """Record the seconds that the block takes.
+
+    Parameters
+    ----------
+    seconds : dict of str to float
+        Where the time is recorded, under the name of the stage.
+    stage : str
+        Name of the stage.
+    """
     begin_s = time.perf_counter()
     yield
     seconds[stage] = time.perf_counter() - begin_s

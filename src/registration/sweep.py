@@ -19,8 +19,18 @@ POSE_DROPPED = "pose: "
 class ProbeCalibration:
     """Where the image lies on the end effector.
 
-    ``ee_T_probe`` is rigid, in mm. ``probe_A_pixel`` is affine: it maps a pixel ``(column, row, 0, 1)``
-    (pixel centres, orientation MF) to millimetres in the probe's frame.
+    Parameters
+    ----------
+    ee_T_probe : ndarray, shape (4, 4)
+        Rigid transform from the probe's coordinate frame to the end effector's, in mm.
+    probe_A_pixel : ndarray, shape (4, 4)
+        Affine transform from a pixel ``(column, row, 0, 1)`` (pixel centres, orientation MF) to mm in the
+        probe's coordinate frame.
+
+    Raises
+    ------
+    InputError
+        If the first is not rigid or the second not affine.
     """
 
     ee_T_probe: Float64[np.ndarray, "4 4"]
@@ -46,21 +56,41 @@ class ProbeCalibration:
 class TrackedSweep:
     """Frames and poses as recorded, each with its own clock readings.
 
-    ``images`` (n, height, width) uint8, ``image_times_s`` (n,), ``world_T_ee`` (m, 4, 4) rigid, in mm,
-    ``pose_times_s`` (m,) strictly increasing. A tracker-only recording has n = 0. ``dropped`` counts by
-    reason the recorded frames that the reader left out, and, under reasons that begin with ``pose:``, the poses;
-    ``remarks`` are sentences for the user about what contradicts itself in the recording. ``image_A_pixel`` (n, 4, 4),
-    where the calibration is not the same for all frames (cropped elsewhere, another depth), maps each frame's pixels to
-    those that ``calibration`` speaks of.
+    Parameters
+    ----------
+    images : ndarray, shape (n, height, width)
+        Frames in grey of 8 bits; none for a recording of the tracker alone.
+    image_times_s : ndarray, shape (n,)
+        Time of each frame.
+    world_T_ee : ndarray, shape (m, 4, 4)
+        Rigid poses of the end effector in the world, in mm.
+    pose_times_s : ndarray, shape (m,)
+        Time of each pose, strictly increasing.
+    calibration : ProbeCalibration
+        Where the image lies on the end effector.
+    dropped : mapping of str to int, optional
+        Recorded frames that the reader left out, counted by reason, and, under reasons that begin with
+        ``pose:``, the poses.
+    notes : tuple of str, optional
+        Sentences for the user about what contradicts itself in the recording.
+    image_A_pixel : ndarray, shape (n, 4, 4), optional
+        Where the calibration is not the same for all frames (cropped elsewhere, another depth), the map from
+        each frame's pixels to those that ``calibration`` speaks of; None where it is the same.
+
+    Raises
+    ------
+    InputError
+        If there are not as many times as frames or poses, a time is not finite, poses are out of order, or a
+        matrix is not rigid or affine.
     """
 
     images: UInt8[np.ndarray, "n height width"]
-    image_times_s: Float64[np.ndarray, "n"]
+    image_times_s: Float64[np.ndarray, " n"]
     world_T_ee: Float64[np.ndarray, "m 4 4"]
-    pose_times_s: Float64[np.ndarray, "m"]
+    pose_times_s: Float64[np.ndarray, " m"]
     calibration: ProbeCalibration
     dropped: Mapping[str, int] = field(default_factory=dict)
-    remarks: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     image_A_pixel: Float64[np.ndarray, "n 4 4"] | None = None
 
     def __post_init__(self) -> None:
@@ -102,7 +132,18 @@ class TrackedSweep:
         return np.asarray(self.calibration.ee_A_pixel @ self.image_A_pixel)
 
     def require_one_calibration(self, format: str) -> None:
-        """Raise InputError where frames differ in calibration, which files of ``format`` cannot say."""
+        """Raise InputError where frames differ in calibration, which most formats of files cannot hold.
+
+        Parameters
+        ----------
+        format : str
+            Name of the format to write, for the message.
+
+        Raises
+        ------
+        InputError
+            If the frames differ in calibration.
+        """
         if self.image_A_pixel is not None:
             raise InputError(
                 f"sweep: expected one calibration for all frames to write {format}, received frames whose transforms "
@@ -114,11 +155,17 @@ class TrackedSweep:
 class PosedFrames:
     """The frames of a sweep that have a pose, with the pose brought to each frame's time.
 
-    ``kept`` (k,) indexes the sweep's images; ``world_A_pixel`` (k, 4, 4) maps pixel ``(column, row, 0, 1)``
-    to mm in the world. ``dropped`` counts the others by reason.
+    Parameters
+    ----------
+    kept : ndarray, shape (k,)
+        Indices of these frames in the sweep's images.
+    world_A_pixel : ndarray, shape (k, 4, 4)
+        Map from a pixel ``(column, row, 0, 1)`` to mm in the world.
+    dropped : dict of str to int
+        The other frames, counted by reason.
     """
 
-    kept: Int64[np.ndarray, "k"]
+    kept: Int64[np.ndarray, " k"]
     world_A_pixel: Float64[np.ndarray, "k 4 4"]
     dropped: dict[str, int]
 
@@ -129,5 +176,16 @@ class PosedFrames:
 
 
 def count_frames(dropped: Mapping[str, int]) -> int:
-    """How many frames are among what was left out, counted by reason."""
+    """Count the frames among what was left out.
+
+    Parameters
+    ----------
+    dropped : mapping of str to int
+        Frames and poses left out, counted by reason.
+
+    Returns
+    -------
+    int
+        Number of frames; reasons that begin with ``pose:`` do not count.
+    """
     return sum(count for reason, count in dropped.items() if not reason.startswith(POSE_DROPPED))

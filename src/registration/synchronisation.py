@@ -17,12 +17,30 @@ IN_A_GAP = "in a gap between poses longer than max_gap_s"
 def synchronise(sweep: TrackedSweep, max_gap_s: float, offset_s: float = 0.0) -> PosedFrames:
     """Give every frame the pose at its time: SLERP for rotation, linear for translation between two poses.
 
-    ``offset_s`` is added to the poses' times to bring them to the frames' clock (a tracker that lags by 0.1 s
-    stamps its poses 0.1 s late: its offset is -0.1). A frame outside the poses, or between two that are more
-    than ``max_gap_s`` apart, is dropped and counted by reason; nothing is extrapolated. A frame at the very
-    time of a pose takes that pose, whatever the gaps beside it. The counts of ``sweep.dropped`` are carried
-    over. A recording without frames gives none.
-    Raises InputError where frames and poses do not overlap in time at all.
+    A frame outside the poses, or in a gap between them, is dropped and counted by reason; nothing is
+    extrapolated. A frame at the very time of a pose takes that pose, whatever the gaps next to it. A
+    recording without frames gives none.
+
+    Parameters
+    ----------
+    sweep : TrackedSweep
+        Frames and poses as recorded, at least two poses.
+    max_gap_s : float
+        Longest time in s between two poses in which frames still get a pose.
+    offset_s : float, optional
+        Added to the poses' times to bring them to the frames' clock, in s: a tracker that lags by 0.1 s
+        stamps its poses 0.1 s late, so its offset is -0.1.
+
+    Returns
+    -------
+    PosedFrames
+        Frames with their poses; the counts of ``sweep.dropped`` are carried over.
+
+    Raises
+    ------
+    InputError
+        If a setting is out of range, there are fewer than two poses, or frames and poses do not overlap in
+        time.
     """
     if not max_gap_s > 0:
         raise InputError(f"max_gap_s: expected a positive number of seconds, received {max_gap_s!r}")
@@ -43,7 +61,27 @@ def synchronise(sweep: TrackedSweep, max_gap_s: float, offset_s: float = 0.0) ->
 
 
 def drop_reasons(sweep: TrackedSweep, max_gap_s: float, offset_s: float = 0.0) -> np.ndarray:
-    """Why each frame of a sweep has no pose, (n,) text; the empty text for a frame that has one."""
+    """Find out why frames of a sweep have no pose.
+
+    Parameters
+    ----------
+    sweep : TrackedSweep
+        Frames and poses as recorded.
+    max_gap_s : float
+        Longest time in s between two poses in which frames still get a pose.
+    offset_s : float, optional
+        Added to the poses' times, in s.
+
+    Returns
+    -------
+    ndarray of str, shape (n,)
+        Reason for each frame, empty for a frame that has a pose.
+
+    Raises
+    ------
+    InputError
+        If frames and poses do not overlap in time.
+    """
     times_s, pose_times_s = sweep.image_times_s, sweep.pose_times_s + offset_s
     if not len(times_s):
         return np.zeros(0, dtype="U64")
@@ -61,8 +99,8 @@ def drop_reasons(sweep: TrackedSweep, max_gap_s: float, offset_s: float = 0.0) -
 
 
 def _in_gap(
-    times_s: Float64[np.ndarray, "n"], pose_times_s: Float64[np.ndarray, "m"], max_gap_s: float
-) -> Bool[np.ndarray, "n"]:
+    times_s: Float64[np.ndarray, " n"], pose_times_s: Float64[np.ndarray, " m"], max_gap_s: float
+) -> Bool[np.ndarray, " n"]:
     """Whether the poses on either side of each time are too far apart; never at the time of a pose."""
     following = np.clip(np.searchsorted(pose_times_s, times_s), 1, len(pose_times_s) - 1)
     at_a_pose = (times_s == pose_times_s[following]) | (times_s == pose_times_s[following - 1])

@@ -11,9 +11,22 @@ _UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
 def read_text(path: Path) -> str:
-    """The text of a file in UTF-8, or in UTF-16 if its byte-order mark says so; the mark itself is left out.
+    """Read text in UTF-8, or in UTF-16 if its byte-order mark says so; the mark itself is left out.
 
-    Raises InputError for a file that cannot be read or is not text in either.
+    Parameters
+    ----------
+    path : Path
+        File of text.
+
+    Returns
+    -------
+    str
+        Its text.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is not text in either encoding.
     """
     path = Path(path)
     try:
@@ -30,10 +43,28 @@ def read_text(path: Path) -> str:
 
 
 def parse_number(text: str) -> float:
-    """The value of a number written with a decimal point.
+    """Convert a number written with a decimal point.
 
-    Python alone takes ``1_000`` for a thousand and digits of every script; here they raise ValueError, as do commas.
+    Python alone takes ``1_000`` for a thousand and digits of every script; here they are refused, as commas
+    are.
 
+    Parameters
+    ----------
+    text : str
+        Number as written, blanks around it allowed.
+
+    Returns
+    -------
+    float
+        Its value.
+
+    Raises
+    ------
+    ValueError
+        If the text is no such number.
+
+    Examples
+    --------
     >>> parse_number(" -5.25e1 ")
     -52.5
     """

@@ -23,8 +23,23 @@ FLAT_SHARE = 1e-12
 def compose(*transforms: Float[np.ndarray, "... 4 4"]) -> Float64[np.ndarray, "... 4 4"]:
     """Chain transforms from left to right: ``compose(A_T_B, B_T_C)`` is ``A_T_C``.
 
-    Stacks broadcast against single matrices.
+    Parameters
+    ----------
+    *transforms : ndarray, shape (..., 4, 4)
+        At least one transform; stacks broadcast against single matrices.
 
+    Returns
+    -------
+    ndarray, shape (..., 4, 4)
+        Their product.
+
+    Raises
+    ------
+    InputError
+        If no transform is given.
+
+    Examples
+    --------
     >>> compose(translation((1, 0, 0)), translation((0, 2, 0)))[:3, 3].tolist()
     [1.0, 2.0, 0.0]
     """
@@ -37,7 +52,18 @@ def compose(*transforms: Float[np.ndarray, "... 4 4"]) -> Float64[np.ndarray, ".
 
 
 def invert_rigid(A_T_B: Float[np.ndarray, "*n 4 4"]) -> Float64[np.ndarray, "*n 4 4"]:
-    """Invert rigid transforms by transposing the rotation, exact where a general inverse would round."""
+    """Invert rigid transforms by transposing the rotation, exact where a general inverse would round.
+
+    Parameters
+    ----------
+    A_T_B : ndarray, shape (..., 4, 4)
+        Rigid transforms.
+
+    Returns
+    -------
+    ndarray, shape (..., 4, 4)
+        ``B_T_A``.
+    """
     A_T_B = np.asarray(A_T_B, dtype=np.float64)
     rotation_transposed = np.swapaxes(A_T_B[..., :3, :3], -1, -2)
     inverse = np.zeros_like(A_T_B)
@@ -48,7 +74,25 @@ def invert_rigid(A_T_B: Float[np.ndarray, "*n 4 4"]) -> Float64[np.ndarray, "*n 
 
 
 def invert_affine(A_A_B: Float[np.ndarray, "*n 4 4"], name: str = "A_A_B") -> Float64[np.ndarray, "*n 4 4"]:
-    """Invert affine transforms; one without an inverse raises InputError by its name."""
+    """Invert affine transforms.
+
+    Parameters
+    ----------
+    A_A_B : ndarray, shape (..., 4, 4)
+        Affine transforms.
+    name : str, optional
+        Their name, for messages.
+
+    Returns
+    -------
+    ndarray, shape (..., 4, 4)
+        ``B_A_A``.
+
+    Raises
+    ------
+    InputError
+        If a matrix is not affine or has no inverse.
+    """
     A_A_B = require_affine(A_A_B, name)
     return np.linalg.inv(A_A_B)
 
@@ -56,7 +100,20 @@ def invert_affine(A_A_B: Float[np.ndarray, "*n 4 4"], name: str = "A_A_B") -> Fl
 def apply(
     A_A_B: Float[np.ndarray, "4 4"], points_B: Float[np.ndarray, "*n 3"]
 ) -> Float64[np.ndarray, "*n 3"]:
-    """Map points from frame B to frame A by one rigid or affine transform."""
+    """Map points by one rigid or affine transform.
+
+    Parameters
+    ----------
+    A_A_B : ndarray, shape (4, 4)
+        Transform from coordinate frame B to A.
+    points_B : ndarray, shape (..., 3)
+        Points in B.
+
+    Returns
+    -------
+    ndarray, shape (..., 3)
+        The points in A.
+    """
     A_A_B = np.asarray(A_A_B, dtype=np.float64)
     return np.asarray(points_B, dtype=np.float64) @ A_A_B[:3, :3].T + A_A_B[:3, 3]
 
@@ -64,13 +121,37 @@ def apply(
 def apply_each(
     A_A_B: Float[np.ndarray, "n 4 4"], points_B: Float[np.ndarray, "n 3"]
 ) -> Float64[np.ndarray, "n 3"]:
-    """Map the i-th point by the i-th transform, in one vectorised step."""
+    """Map each point by a transform of its own, in one vectorised step.
+
+    Parameters
+    ----------
+    A_A_B : ndarray, shape (n, 4, 4)
+        Transforms from coordinate frame B to A.
+    points_B : ndarray, shape (n, 3)
+        Points in B, one for each transform.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        The points in A.
+    """
     A_A_B = np.asarray(A_A_B, dtype=np.float64)
     return np.einsum("nij,nj->ni", A_A_B[:, :3, :3], points_B) + A_A_B[:, :3, 3]
 
 
 def translation(offset_mm: tuple[float, float, float] | Float[np.ndarray, "3"]) -> Float64[np.ndarray, "4 4"]:
-    """The rigid transform that only moves by ``offset_mm``."""
+    """Make the rigid transform that only moves.
+
+    Parameters
+    ----------
+    offset_mm : array_like, shape (3,)
+        Translation in mm.
+
+    Returns
+    -------
+    ndarray, shape (4, 4)
+        Rigid transform.
+    """
     A_T_B = np.eye(4)
     A_T_B[:3, 3] = offset_mm
     return A_T_B
@@ -79,7 +160,20 @@ def translation(offset_mm: tuple[float, float, float] | Float[np.ndarray, "3"]) 
 def from_rotation(
     rotation: Rotation, translation_mm: Float[np.ndarray, "... 3"]
 ) -> Float64[np.ndarray, "... 4 4"]:
-    """Join a scipy rotation and translations in mm into rigid transforms; one of either goes with a stack of both."""
+    """Join rotations and translations into rigid transforms.
+
+    Parameters
+    ----------
+    rotation : Rotation
+        One rotation of SciPy's, or a stack.
+    translation_mm : ndarray, shape (..., 3)
+        Translations in mm; one of either goes with a stack of both.
+
+    Returns
+    -------
+    ndarray, shape (..., 4, 4)
+        Rigid transforms.
+    """
     matrix = rotation.as_matrix()
     translation_mm = np.asarray(translation_mm, dtype=np.float64)
     A_T_B = np.zeros((*np.broadcast_shapes(matrix.shape[:-2], translation_mm.shape[:-1]), 4, 4))
@@ -90,13 +184,44 @@ def from_rotation(
 
 
 def rotate_about(rotation: Rotation, centre_mm: Float[np.ndarray, "3"]) -> Float64[np.ndarray, "4 4"]:
-    """The rigid transform that turns by ``rotation`` and leaves ``centre_mm`` where it is."""
+    """Make the rigid transform that rotates about a point.
+
+    Parameters
+    ----------
+    rotation : Rotation
+        Rotation of SciPy's.
+    centre_mm : ndarray, shape (3,)
+        Point in mm that stays where it is.
+
+    Returns
+    -------
+    ndarray, shape (4, 4)
+        Rigid transform.
+    """
     centre_mm = np.asarray(centre_mm, dtype=np.float64)
     return from_rotation(rotation, centre_mm - rotation.apply(centre_mm))
 
 
 def require_affine(A_A_B: Float[np.ndarray, "*n 4 4"], name: str) -> Float64[np.ndarray, "*n 4 4"]:
-    """Return the matrices as float64, or raise InputError that names the first defect found in ``name``."""
+    """Return affine transforms as float64, or raise InputError that names the first defect found.
+
+    Parameters
+    ----------
+    A_A_B : ndarray, shape (..., 4, 4)
+        Matrices to check.
+    name : str
+        Their name, for messages.
+
+    Returns
+    -------
+    ndarray, shape (..., 4, 4)
+        The same matrices.
+
+    Raises
+    ------
+    InputError
+        If an entry is not finite, the last row is not 0 0 0 1, or a matrix has no inverse.
+    """
     A_A_B = np.asarray(A_A_B, dtype=np.float64)
     if A_A_B.shape[-2:] != (4, 4):
         raise InputError(f"{name}: expected shape (..., 4, 4), received {A_A_B.shape}")
@@ -115,7 +240,18 @@ def require_affine(A_A_B: Float[np.ndarray, "*n 4 4"], name: str) -> Float64[np.
 
 
 def is_affine(A_A_B: Float[np.ndarray, "4 4"]) -> bool:
-    """Whether a matrix is finite, has the last row 0 0 0 1 and an inverse."""
+    """Tell whether a matrix is finite, has the last row 0 0 0 1 and an inverse.
+
+    Parameters
+    ----------
+    A_A_B : ndarray, shape (4, 4)
+        Matrix.
+
+    Returns
+    -------
+    bool
+        Whether it is affine.
+    """
     try:
         require_affine(A_A_B, "A_A_B")
     except InputError:
@@ -126,9 +262,26 @@ def is_affine(A_A_B: Float[np.ndarray, "4 4"]) -> bool:
 def require_rigid(
     A_T_B: Float[np.ndarray, "*n 4 4"], name: str, tolerance: float = RIGID_TOLERANCE
 ) -> Float64[np.ndarray, "*n 4 4"]:
-    """Return the matrices as float64, or raise InputError unless each is a right-handed rotation plus translation.
+    """Return rigid transforms as float64, or raise InputError that names the first defect found.
 
-    ``tolerance`` bounds the largest entry of ``R.T @ R - I`` (no unit).
+    Parameters
+    ----------
+    A_T_B : ndarray, shape (..., 4, 4)
+        Matrices to check.
+    name : str
+        Their name, for messages.
+    tolerance : float, optional
+        Largest entry allowed of ``R.T @ R - I`` (no unit).
+
+    Returns
+    -------
+    ndarray, shape (..., 4, 4)
+        The same matrices.
+
+    Raises
+    ------
+    InputError
+        If a matrix is not a right-handed rotation and a translation.
     """
     A_T_B = require_affine(A_T_B, name)
     rotation = A_T_B[..., :3, :3]
@@ -147,7 +300,18 @@ def require_rigid(
 
 
 def nearest_rigid(A_A_B: Float[np.ndarray, "*n 4 4"]) -> Float64[np.ndarray, "*n 4 4"]:
-    """Replace the linear part by the nearest rotation in the Frobenius norm (polar decomposition by SVD)."""
+    """Replace the linear part by the nearest rotation in the Frobenius norm (polar decomposition by SVD).
+
+    Parameters
+    ----------
+    A_A_B : ndarray, shape (..., 4, 4)
+        Transforms that are nearly rigid.
+
+    Returns
+    -------
+    ndarray, shape (..., 4, 4)
+        Rigid transforms with the same translations.
+    """
     A_T_B = np.array(A_A_B, dtype=np.float64)
     left, _, right = np.linalg.svd(A_T_B[..., :3, :3])
     sign = np.sign(np.linalg.det(left @ right))
@@ -156,20 +320,49 @@ def nearest_rigid(A_A_B: Float[np.ndarray, "*n 4 4"]) -> Float64[np.ndarray, "*n
     return A_T_B
 
 
-def rotation_angle_deg(A_T_B: Float[np.ndarray, "*n 4 4"]) -> Float64[np.ndarray, "*n"]:
-    """The angle by which each transform turns, 0 to 180 degrees."""
+def rotation_angle_deg(A_T_B: Float[np.ndarray, "*n 4 4"]) -> Float64[np.ndarray, " *n"]:
+    """Compute the angle by which each transform rotates.
+
+    Parameters
+    ----------
+    A_T_B : ndarray, shape (..., 4, 4)
+        Rigid transforms.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        Angles, 0 to 180 deg.
+    """
     A_T_B = np.asarray(A_T_B, dtype=np.float64)
     flat = Rotation.from_matrix(A_T_B[..., :3, :3].reshape(-1, 3, 3)).magnitude()
     return np.rad2deg(flat).reshape(A_T_B.shape[:-2])
 
 
 def interpolate(
-    times_s: Float[np.ndarray, "n"], known_times_s: Float[np.ndarray, "m"], A_T_B: Float[np.ndarray, "m 4 4"]
+    times_s: Float[np.ndarray, " n"],
+    known_times_s: Float[np.ndarray, " m"],
+    A_T_B: Float[np.ndarray, "m 4 4"],
 ) -> Float64[np.ndarray, "n 4 4"]:
-    """Poses at ``times_s`` between known ones: SLERP for rotation, linear for translation.
+    """Interpolate poses: SLERP for rotation, linear for translation; nothing is extrapolated.
 
-    Times outside ``known_times_s`` (strictly increasing, at least two) raise InputError: nothing is extrapolated.
-    So do poses that are not rigid or not as many as their times.
+    Parameters
+    ----------
+    times_s : ndarray, shape (n,)
+        Times in s at which poses are wanted, within ``known_times_s``.
+    known_times_s : ndarray, shape (m,)
+        Times of the known poses in s, strictly increasing, at least two.
+    A_T_B : ndarray, shape (m, 4, 4)
+        Known rigid poses.
+
+    Returns
+    -------
+    ndarray, shape (n, 4, 4)
+        Poses at ``times_s``.
+
+    Raises
+    ------
+    InputError
+        If poses are not rigid or not as many as their times, times are out of order, or one lies outside.
     """
     known_times_s = np.asarray(known_times_s, dtype=np.float64)
     times_s = np.asarray(times_s, dtype=np.float64)
@@ -196,7 +389,23 @@ def interpolate(
 
 
 def mean_rigid(A_T_B: Float[np.ndarray, "n 4 4"]) -> Float64[np.ndarray, "4 4"]:
-    """The mean pose: chordal mean of the rotations, arithmetic mean of the translations; no poses raise InputError."""
+    """Average poses: chordal mean of the rotations, arithmetic mean of the translations.
+
+    Parameters
+    ----------
+    A_T_B : ndarray, shape (n, 4, 4)
+        Rigid poses, at least one.
+
+    Returns
+    -------
+    ndarray, shape (4, 4)
+        Mean pose.
+
+    Raises
+    ------
+    InputError
+        If there is no pose.
+    """
     A_T_B = require_rigid(A_T_B, "A_T_B")
     if not len(A_T_B):
         raise InputError("A_T_B: expected at least one pose to average, received none")

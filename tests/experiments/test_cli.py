@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from experiments.cli import compose_points, main
+from experiments.cli import compose_sweep, main
 from experiments.errors import InputError
 
 
@@ -115,7 +115,7 @@ def test_a_wrong_option_exits_with_2(capsys) -> None:
 
 
 def test_a_seed_of_zero_is_kept_and_paths_are_the_projects(home: Path) -> None:
-    ((config, label),) = compose_points(["study=export_runs", "seed=0"])
+    ((config, label),) = compose_sweep(["study=export_runs", "seed=0"])
     assert config["seed"] == 0
     assert config["study"] == "export_runs"
     assert config["archive"] == str(home / "results" / "runs")
@@ -123,7 +123,7 @@ def test_a_seed_of_zero_is_kept_and_paths_are_the_projects(home: Path) -> None:
 
 
 def test_a_sweep_is_every_combination_labelled_by_what_varies() -> None:
-    points = compose_points(["study=export_runs", "seed=0,1", "resume=true,false", "out=x"], multirun=True)
+    points = compose_sweep(["study=export_runs", "seed=0,1", "resume=true,false", "out=x"], multirun=True)
     assert [label for _, label in points] == [
         "seed=0,resume=True",
         "seed=0,resume=False",
@@ -137,13 +137,13 @@ def test_a_users_own_config_folder_adds_options(tmp_path: Path) -> None:
     (tmp_path / "study").mkdir()
     (tmp_path / "tracking").mkdir()
     (tmp_path / "tracking" / "lab.yaml").write_text("uri: http://tracker.example\n")
-    ((config, _),) = compose_points(["study=export_runs", "+tracking=lab"], config_dir=str(tmp_path))
+    ((config, _),) = compose_sweep(["study=export_runs", "+tracking=lab"], config_dir=str(tmp_path))
     assert config["tracking"]["uri"] == "http://tracker.example"
 
 
 def test_an_unknown_interpolation_is_refused() -> None:
     with pytest.raises(InputError, match="nowhere"):
-        compose_points(["study=export_runs", "archive=${nowhere}"])
+        compose_sweep(["study=export_runs", "archive=${nowhere}"])
 
 
 def test_the_version_is_that_of_the_package(capsys) -> None:
@@ -165,7 +165,7 @@ def test_every_point_of_a_sweep_is_shown(capsys) -> None:
 
 
 def test_a_sweep_over_the_options_of_a_pattern() -> None:
-    points = compose_points(["study=segmentation", "model=glob(unet*)"], multirun=True)
+    points = compose_sweep(["study=segmentation", "model=glob(unet*)"], multirun=True)
     assert [label for _, label in points] == ["model=unet", "model=unet3plus"]
 
 

@@ -10,23 +10,23 @@ import pytest
 from configurations import CONF, OPTIONS, STUDIES, mandatory
 
 from experiments import registry
-from experiments.cli import compose_points
+from experiments.cli import compose_sweep
 from experiments.errors import InputError
 from experiments.running import jobs
 
 
 @pytest.mark.parametrize("study", STUDIES)
 def test_a_study_composes_and_its_parts_build(study: str) -> None:
-    ((config, _),) = compose_points([f"study={study}", *mandatory(study)])
-    for cell, _ in jobs.cell_configs(config):
-        assert jobs.arguments(cell)
+    ((config, _),) = compose_sweep([f"study={study}", *mandatory(study)])
+    for job, _ in jobs.job_configs(config):
+        assert jobs.arguments(job)
 
 
 @pytest.mark.parametrize("group, option", OPTIONS)
 def test_an_option_composes_and_builds_in_a_study_that_takes_it(group: str, option: str) -> None:
     takers = [study for study in STUDIES if f"/{group}:" in (CONF / "study" / f"{study}.yaml").read_text()]
     assert takers, f"no study takes the group {group}"
-    ((config, _),) = compose_points([f"study={takers[0]}", f"{group}={option}", *mandatory(takers[0])])
+    ((config, _),) = compose_sweep([f"study={takers[0]}", f"{group}={option}", *mandatory(takers[0])])
     assert registry.build(config[group], group)
 
 
@@ -47,14 +47,14 @@ MEANT = {
         *("affine", "rotation_deg", "scale", "shift", "shear", "elastic", "brightness", "contrast", "gamma"),
         *("speckle", "depth_gain"),
     },
-    ("dataset", "carotid"): {"cache", "stand_in.subjects", "stand_in.strength", "stand_in.workers"},
-    ("dataset", "musv_artery"): {"cache", "stand_in.recordings", "stand_in.workers"},
-    ("dataset", "musv_vein"): {"cache", "stand_in.recordings", "stand_in.workers"},
+    ("dataset", "carotid"): {"cache", "substitute.subjects", "substitute.strength", "substitute.workers"},
+    ("dataset", "musv_artery"): {"cache", "substitute.recordings", "substitute.workers"},
+    ("dataset", "musv_vein"): {"cache", "substitute.recordings", "substitute.workers"},
     ("dataset", "nnunet"): {"cache"},
     ("dataset", "phantom"): {"workers"},
-    ("dataset", "san_raffaele"): {"cache", "stand_in.frames", "stand_in.workers"},
+    ("dataset", "san_raffaele"): {"cache", "substitute.frames", "substitute.workers"},
     ("dataset", "usgra"): {
-        *("cache", "stand_in.subjects", "stand_in.recordings", "stand_in.frames", "stand_in.workers"),
+        *("cache", "substitute.subjects", "substitute.recordings", "substitute.frames", "substitute.workers"),
     },
     ("filters", "default"): {"statistical.deviations"},
     ("loss", "focal_tversky"): {"gamma"},
@@ -104,7 +104,7 @@ def parts(node: Any, where: str = "") -> Iterator[tuple[str, type, Mapping[str, 
 def composed(group: str, option: str) -> Any:
     takers = [study for study in STUDIES if f"/{group}:" in (CONF / "study" / f"{study}.yaml").read_text()]
     # The first one for phantoms changes two of their settings for itself.
-    ((config, _),) = compose_points([f"study={takers[-1]}", f"{group}={option}", *mandatory(takers[-1])])
+    ((config, _),) = compose_sweep([f"study={takers[-1]}", f"{group}={option}", *mandatory(takers[-1])])
     return config[group]
 
 
@@ -134,7 +134,7 @@ def test_an_option_differs_from_its_class_where_it_means_to(group: str, option: 
 
 def test_a_study_shows_every_setting_of_the_parts_it_names_itself() -> None:
     for study in STUDIES:
-        ((config, _),) = compose_points([f"study={study}", *mandatory(study)])
+        ((config, _),) = compose_sweep([f"study={study}", *mandatory(study)])
         for where, kind, settings in parts(config):
             known = {one.name for one in fields(kind) if one.init}
             assert set(settings) - {"_target_"} == known, f"{study}: {where}"
@@ -160,8 +160,8 @@ def test_an_ablation_follows_what_is_set_for_multistart(ablation: str, order: st
         "rigid.multistart.stages.fine_points=4321",
     ]
     words += ["rigid.multistart.acceptance.max_tre_mm=1.5", "rigid.multistart.kernel=null"]
-    ((plain, _),) = compose_points(["study=robustness", f"rigid=[multistart,{ablation}]"])
-    ((config, _),) = compose_points(words)
+    ((plain, _),) = compose_sweep(["study=robustness", f"rigid=[multistart,{ablation}]"])
+    ((config, _),) = compose_sweep(words)
     meant = {name.split(".", 1)[1] for name in MEANT["rigid", ablation]}
     for rigid in (plain["rigid"], config["rigid"]):
         own, whole = leaves(rigid[ablation]), leaves(rigid["multistart"])
@@ -173,22 +173,22 @@ def test_an_ablation_follows_what_is_set_for_multistart(ablation: str, order: st
 
 def test_rolls_reach_the_ablations_and_an_ablation_has_settings_of_its_own() -> None:
     words = ["study=robustness", "rigid=[multistart,multistart_no_slide]", "rigid.multistart.starts.rolls=24"]
-    ((config, _),) = compose_points(words)
+    ((config, _),) = compose_sweep(words)
     assert {name: one["starts"]["rolls"] for name, one in config["rigid"].items()} == {
         "multistart": 24,
         "multistart_no_slide": 24,
     }
-    ((config, _),) = compose_points([*words, "rigid.multistart_no_slide.starts.rolls=6"])
+    ((config, _),) = compose_sweep([*words, "rigid.multistart_no_slide.starts.rolls=6"])
     assert config["rigid"]["multistart"]["starts"]["rolls"] == 24
     assert config["rigid"]["multistart_no_slide"]["starts"]["rolls"] == 6
 
 
 def test_an_ablation_alone_is_as_the_file_of_multistart() -> None:
-    ((config, _),) = compose_points(["study=robustness", "rigid=multistart_no_slide"])
-    ((whole, _),) = compose_points(["study=robustness", "rigid=multistart"])
+    ((config, _),) = compose_sweep(["study=robustness", "rigid=multistart_no_slide"])
+    ((whole, _),) = compose_sweep(["study=robustness", "rigid=multistart"])
     assert list(config["rigid"]) == ["multistart_no_slide"]
     assert leaves(config["rigid"]["multistart_no_slide"]) == leaves(whole["rigid"]["multistart"]) | {
         "starts.slide": False
     }
     with pytest.raises(InputError, match=r"rigid\.multistart\.starts"):
-        compose_points(["study=robustness", "rigid=multistart_no_slide", "rigid.multistart.starts.rolls=24"])
+        compose_sweep(["study=robustness", "rigid=multistart_no_slide", "rigid.multistart.starts.rolls=24"])

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from experiments.files import digest, staged, write_text, written_beside
+from experiments.files import atomic_write, digest, staged, write_text
 
 
 def test_a_failed_write_leaves_the_old_file_and_no_trace(tmp_path: Path) -> None:
     path = tmp_path / "result.json"
     write_text(path, "old")
-    with pytest.raises(RuntimeError), written_beside(path) as beside:
+    with pytest.raises(RuntimeError), atomic_write(path) as beside:
         beside.write_text("half")
         raise RuntimeError
     assert path.read_text() == "old"
@@ -20,7 +20,7 @@ def test_a_failed_write_leaves_the_old_file_and_no_trace(tmp_path: Path) -> None
 
 
 def test_the_name_beside_keeps_the_suffix(tmp_path: Path) -> None:
-    with written_beside(tmp_path / "cloud.ply") as beside:
+    with atomic_write(tmp_path / "cloud.ply") as beside:
         assert beside.suffix == ".ply"
         beside.write_text("x")
     assert (tmp_path / "cloud.ply").read_text() == "x"

@@ -141,7 +141,7 @@ def test_a_sweep_that_is_gone_on_with_names_the_process_that_does_it(
 
     def run(*, part, fail_on, refuse_on, seed, workspace, progress, data):
         # Another call of the study begins while this one is under way.
-        seen.extend(Store().reap("counting"))
+        seen.extend(Store().mark_orphans_failed("counting"))
         (now,) = [one for one in sweeps(Store()) if one.info.run_id == parent.info.run_id]
         seen.append(now.info.status)
         assert now.data.tags["ctus.pid"] == str(os.getpid())

@@ -12,7 +12,7 @@ import pytest
 from configurations import OPTIONS, STUDIES, mandatory, taker
 
 from experiments import registry
-from experiments.cli import compose_points, main
+from experiments.cli import compose_sweep, main
 from experiments.command_line.words import draws_nothing
 from experiments.running import jobs
 
@@ -34,7 +34,7 @@ FIXED_DRAWS = {
 
 
 def composed(words: list[str], seed: int) -> dict[str, Any]:
-    ((config, _),) = compose_points([*words, f"seed={seed}"])
+    ((config, _),) = compose_sweep([*words, f"seed={seed}"])
     return dict(config)
 
 
@@ -72,15 +72,15 @@ def test_every_seed_of_a_study_follows_the_global_one_and_changes_the_job(study:
     words = [f"study={study}", *mandatory(study)]
     assert_all_follow(words)
     first, second = (
-        [jobs.arguments(cell) for cell, _ in jobs.cell_configs(composed(words, seed))] for seed in (0, 7)
+        [jobs.arguments(job) for job, _ in jobs.job_configs(composed(words, seed))] for seed in (0, 7)
     )
     if draws_nothing(study):
         # Nothing that the study is given says "seed", so nothing in it can draw by one.
         assert not list(seeds(first[0])) and "seed" not in first[0]
-        assert compose_points(words)[0][0]["seed"] is None
+        assert compose_sweep(words)[0][0]["seed"] is None
     else:
         assert [dict(seeds(each)) for each in first] != [dict(seeds(each)) for each in second]
-        assert compose_points(words)[0][0]["seed"] == 0
+        assert compose_sweep(words)[0][0]["seed"] == 0
 
 
 @pytest.mark.parametrize("group, option", OPTIONS)

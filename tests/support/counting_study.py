@@ -1,4 +1,4 @@
-"""The study that the tests of the shell run: it counts, and fails or refuses where it is told to."""
+"""The study that the tests of the sweep runner run: it counts, and fails or refuses where it is told to."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Any
 import pandas as pd
 
 from experiments.errors import InputError
-from experiments.outcome import CellResult, InputData, Outcome, Progress
+from experiments.outcome import InputData, JobResult, Outcome, Progress
 
 calls: list[int] = []
 
 
-def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
+def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
     return [{"part": part} for part in config["parts"]]
 
 
@@ -47,11 +47,11 @@ def run(
         cases=table,
         history=({"loss": 1.0}, {"loss": 0.5}),
         inputs=(InputData("numbers", "abc", "memory"),),
-        tables={"one cell": table},
+        tables={"one job": table},
     )
 
 
-def summarise(results: list[CellResult]) -> Outcome:
+def summarise(results: list[JobResult]) -> Outcome:
     rows = pd.DataFrame(
         {"part": [r.config["part"] for r in results], "value": [r.metrics["value_mean"] for r in results]}
     )

@@ -7,7 +7,7 @@ import json
 from collections.abc import Collection, Hashable, Mapping, Sequence
 from pathlib import Path, PurePath
 
-from experiments.outcome import CellResult
+from experiments.outcome import JobResult
 from experiments.running.config_hash import NEVER_PART, NOT_PART_OF_THE_JOB, job_config
 from experiments.tracking.names import flatten
 
@@ -17,19 +17,19 @@ MOST_SETTINGS = 3
 
 
 def varying_choices(
-    cells: Sequence[CellResult], names: Sequence[Hashable], alike_but_for: Collection[str] = ()
+    results: Sequence[JobResult], names: Sequence[Hashable], alike_but_for: Collection[str] = ()
 ) -> list[dict[str, str]]:
     """For each job the choices that vary among the jobs of its name, as the command line has them.
 
     ``alike_but_for`` are settings that tell rows apart by columns of their own, such as folds. Jobs that come without
     any choices are told apart by the settings in which they differ, or by a digest of these where they are many.
     """
-    choices = [_choices(cell, alike_but_for) for cell in cells]
+    choices = [_choices(result, alike_but_for) for result in results]
     found = []
     for name, own in zip(names, choices, strict=True):
         others = [other for kind, other in zip(names, choices, strict=True) if kind == name]
         found.append({key: value for key, value in own.items() if any(o.get(key) != value for o in others)})
-    settings = [{} if cell.choices else _settings(cell, alike_but_for) for cell in cells]
+    settings = [{} if result.choices else _settings(result, alike_but_for) for result in results]
     for name, own, mine in zip(names, found, settings, strict=True):
         alike = [other for kind, other in zip(names, settings, strict=True) if kind == name]
         differing = {key: value for key, value in mine.items() if any(o.get(key) != value for o in alike)}
@@ -43,10 +43,10 @@ def with_choices(name: str, choices: Mapping[str, str]) -> str:
 
 
 def told_apart(
-    cells: Sequence[CellResult], names: Sequence[str], alike_but_for: Collection[str] = ()
+    results: Sequence[JobResult], names: Sequence[str], alike_but_for: Collection[str] = ()
 ) -> list[str]:
     """The name of each job with the choices that vary among the jobs of that name."""
-    varying = varying_choices(cells, names, alike_but_for)
+    varying = varying_choices(results, names, alike_but_for)
     return [with_choices(name, choices) for name, choices in zip(names, varying, strict=True)]
 
 
@@ -61,23 +61,23 @@ def names_of_files(paths: Sequence[str]) -> list[str]:
     return [names[path] for path in paths]
 
 
-def _choices(cell: CellResult, alike_but_for: Collection[str]) -> dict[str, str]:
+def _choices(result: JobResult, alike_but_for: Collection[str]) -> dict[str, str]:
     left_out = {*alike_but_for, *NOT_PART_OF_THE_JOB}
     return {
         name: value
-        for name, value in cell.choices.items()
+        for name, value in result.choices.items()
         if name not in left_out
         and name.split(".")[0] not in left_out
         and name.rsplit(".", 1)[-1] not in NEVER_PART
     }
 
 
-def _settings(cell: CellResult, alike_but_for: Collection[str]) -> dict[str, str]:
+def _settings(result: JobResult, alike_but_for: Collection[str]) -> dict[str, str]:
     """The settings of a job but for those that have columns of their own."""
     left_out = {*alike_but_for, *NEVER_PART}
     return {
         name: str(value)
-        for name, value in flatten(job_config(cell.config)).items()
+        for name, value in flatten(job_config(result.config)).items()
         if name.rsplit(".", 1)[-1] not in left_out and name.split(".")[0] not in alike_but_for
     }
 

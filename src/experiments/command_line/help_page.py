@@ -8,7 +8,7 @@ from pathlib import Path
 
 from experiments.command_line.options import Choices, chosen, option_text
 from experiments.errors import InputError, did_you_mean
-from experiments.paths import conf_dir
+from experiments.plugins import config_folders
 
 # The folder of the presets: see experiments.command_line.words on why it is not called sweep.
 PRESETS = "preset"
@@ -41,13 +41,13 @@ def help_text(words: Sequence[str]) -> str:
 
     Raises InputError for a study or an option that there is not.
     """
-    folders = [conf_dir(), *_own_folders(words)]
-    names = _studies(folders)
+    folders = [*config_folders(), *_own_folders(words)]
+    names = list(_options("study", folders))
     # A study's bare name is what somebody types who has not read the overview.
     words = [f"study={word}" if word in names else word for word in words]
     choices = chosen([word for word in words if not word.startswith("-")], folders)
     if choices.study is None:
-        return _overview()
+        return _overview(folders)
     if choices.study not in names:
         raise InputError(
             f"study: expected one of {', '.join(names)}, received {choices.study!r}"
@@ -66,19 +66,26 @@ def description(path: Path) -> str:
     return ""
 
 
-def _overview() -> str:
-    names = sorted((conf_dir() / "study").glob("*.yaml"))
-    width = max((len(path.stem) for path in names), default=0)
-    studies = "\n".join(f"  {path.stem:<{width}}  {description(path)}" for path in names)
+def _overview(folders: Sequence[Path]) -> str:
+    paths = _options("study", folders)
+    width = max((len(name) for name in paths), default=0)
+    studies = "\n".join(f"  {name:<{width}}  {description(path)}" for name, path in paths.items())
+    names = sorted({path.name for folder in folders for path in folder.iterdir() if path.is_dir()})
     groups = "\n".join(
-        f"  {folder.name}={'|'.join(path.stem for path in sorted(folder.glob('*.yaml')))}"
-        for folder in sorted(conf_dir().iterdir())
-        if folder.is_dir() and folder.name not in ("study", PRESETS) and any(folder.glob("*.yaml"))
+        f"  {name}={'|'.join(options)}"
+        for name in names
+        if name not in ("study", PRESETS) and (options := _options(name, folders))
     )
     presets = "\n".join(
-        f"  +sweep={path.stem}  {description(path)}" for path in sorted((conf_dir() / PRESETS).glob("*.yaml"))
+        f"  +sweep={name}  {description(path)}" for name, path in _options(PRESETS, folders).items()
     )
     return f"{_USAGE}\nStudies\n{studies}\n\nPresets\n{presets}\n\nChoices\n{groups}\n\n{_AFTER}"
+
+
+def _options(group: str, folders: Sequence[Path]) -> dict[str, Path]:
+    """The files of a group's options by their names, sorted; the first folder that has one wins, as with Hydra."""
+    found = {path.stem: path for folder in reversed(folders) for path in (folder / group).glob("*.yaml")}
+    return dict(sorted(found.items()))
 
 
 def _study_page(choices: Choices, folders: Sequence[Path]) -> str:
@@ -87,7 +94,7 @@ def _study_page(choices: Choices, folders: Sequence[Path]) -> str:
         parts.append(f"# +sweep={choices.preset}\n{option_text('preset', choices.preset, '', folders)}")
     parts.append(option_text("study", str(choices.study), "", folders))
     for group, package, option in choices.options:
-        others = sorted({path.stem for folder in folders for path in (folder / group).glob("*.yaml")})
+        others = _options(group, folders)
         key = group if package == group else f"{group}@{package}"
         parts.append(
             f"# {key}={option}   (of {'|'.join(others)})\n{option_text(group, option, package, folders)}"
@@ -100,7 +107,3 @@ def _own_folders(words: Sequence[str]) -> list[Path]:
     found = [word.partition("=")[2] for word in words if word.startswith("--config-dir=")]
     found += [after for word, after in itertools.pairwise(words) if word in ("--config-dir", "-cd")]
     return [Path(each).expanduser() for each in found]
-
-
-def _studies(folders: Sequence[Path]) -> list[str]:
-    return sorted({path.stem for folder in folders for path in (folder / "study").glob("*.yaml")})

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from experiments.errors import InputError
-from experiments.paths import conf_dir
+from experiments.plugins import option_file
 
 GROUP = "rigid"
 
@@ -33,7 +33,10 @@ def method_setting(path: str, *, _root_: Any) -> Any:
 def _by_file(method: str) -> Any:
     from omegaconf import OmegaConf
 
-    return OmegaConf.load(conf_dir() / GROUP / f"{method}.yaml")
+    path = option_file(GROUP, method)
+    if path is None:
+        raise InputError(f"{GROUP}: expected a method {method}, whose settings others follow, found none")
+    return OmegaConf.load(path)
 
 
 def _has(source: Any, path: str) -> bool:

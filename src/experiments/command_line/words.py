@@ -5,13 +5,12 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import yaml
 
 from experiments.errors import InputError, did_you_mean
-from experiments.paths import conf_dir
+from experiments.plugins import config_folders, option_file, options_of
 
 
 def read_presets(words: Sequence[str]) -> list[str]:
@@ -29,9 +28,7 @@ def refuse_bare_word(word: str) -> None:
     """Raise InputError for a word without ``=``, which Hydra's message on would not help with."""
     if "=" in word or word.startswith("~"):
         return
-    hint = did_you_mean(word, options_of("study"), "study=") or did_you_mean(
-        word, (path.name for path in _groups())
-    )
+    hint = did_you_mean(word, options_of("study"), "study=") or did_you_mean(word, _groups())
     raise InputError(f"{word}: expected setting=value, received a word without ={hint}")
 
 
@@ -41,20 +38,14 @@ def refuse_no_option(group: str, value: Any) -> None:
         return
     if isinstance(value, list) and all(isinstance(each, str) for each in value):
         return
-    known = sorted(path.stem for path in (conf_dir() / group).glob("*.yaml"))
     raise InputError(
-        f"{group}: expected one of {', '.join(known)}, received {'null' if value is None else value}"
+        f"{group}: expected one of {', '.join(options_of(group))}, received {'null' if value is None else value}"
     )
-
-
-def options_of(group: str) -> list[str]:
-    """The options there are in a group (a folder of the configuration)."""
-    return sorted(path.stem for path in (conf_dir() / group).glob("*.yaml"))
 
 
 def group_names() -> frozenset[str]:
     """The names of the folders that hold options to choose from, the studies among them."""
-    return frozenset(path.name for path in _groups())
+    return frozenset(_groups())
 
 
 def setting_names(config: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
@@ -68,8 +59,8 @@ def setting_names(config: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
 
 def draws_nothing(study: str) -> bool:
     """Whether a study says of itself that none of its results is random: its configuration sets ``seed: null``."""
-    path = conf_dir() / "study" / f"{study}.yaml"
-    content = yaml.safe_load(path.read_text(encoding="utf-8")) if path.is_file() else None
+    path = option_file("study", study)
+    content = yaml.safe_load(path.read_text(encoding="utf-8")) if path is not None else None
     return isinstance(content, Mapping) and content.get("seed", 0) is None
 
 
@@ -102,16 +93,6 @@ def sentence(refusal: Exception, study: str | None, known: Sequence[str]) -> str
     return "; ".join(lines)
 
 
-def config_folder(config_dir: str | None) -> str | None:
-    """The user's own folder of configurations as an absolute path, or None."""
-    if config_dir is None:
-        return None
-    folder = Path(config_dir).expanduser().absolute()
-    if not folder.is_dir():
-        raise InputError(f"--config-dir: expected a folder of configurations, received {config_dir!r}")
-    return str(folder)
-
-
 def note_useless_seed(configs: Iterable[Mapping[str, Any]]) -> None:
     """Say on standard error, once, that a seed was given to a study that draws nothing."""
     for config in configs:
@@ -129,5 +110,6 @@ def words_of_folder(folder: str | None) -> list[str]:
     return ["--config-dir", folder] if folder else []
 
 
-def _groups() -> list[Any]:
-    return [path for path in sorted(conf_dir().iterdir()) if path.is_dir() and any(path.glob("*.yaml"))]
+def _groups() -> list[str]:
+    paths = (path for folder in config_folders() for path in folder.iterdir())
+    return sorted({path.name for path in paths if path.is_dir() and any(path.glob("*.yaml"))})

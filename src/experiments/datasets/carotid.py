@@ -14,7 +14,7 @@ from typing import ClassVar
 from experiments.datasets.images import image_files
 from experiments.datasets.pairing import REFUSE, Pairing, pair, require_choice
 from experiments.datasets.pixel_cache import read_pairs
-from experiments.datasets.simulated import StandIn
+from experiments.datasets.simulated import SimulatedSubstitute
 from experiments.errors import InputError
 from experiments.paths import PathSetting
 from models.labelled_frames import LabelledFrames
@@ -36,14 +36,16 @@ class Carotid:
     builds them from the published "100 images a person", by adding up the recordings in order of time until each
     hundred is full, which gives 11 groups, the last of them smaller in a copy that is not whole; ``recording`` takes
     each recording for a group. ``unpaired`` says whether images without a mask and masks without an image are refused
-    or left out (skip). ``simulate`` makes ``stand_in`` instead of reading. What is read is kept in ``cache`` (None:
+    or left out (skip). ``simulate`` makes ``substitute`` instead of reading. What is read is kept in ``cache`` (None:
     nowhere).
     """
 
     root: PathSetting
     group_by: str = SUBJECT
     simulate: bool = False
-    stand_in: StandIn = field(default_factory=lambda: StandIn(subjects=11, strength=0.3))
+    substitute: SimulatedSubstitute = field(
+        default_factory=lambda: SimulatedSubstitute(subjects=11, strength=0.3)
+    )
     cache: str | None = None
     unpaired: str = REFUSE
 
@@ -55,7 +57,7 @@ class Carotid:
         require_choice(self.unpaired)
 
     def require_root(self) -> Path | None:
-        """The folder, None where the stand-in is asked for; InputError says where the data comes from."""
+        """The folder, None where the simulated substitute is asked for; InputError says where the data comes from."""
         return None if self.simulate else _folder(self)
 
     def __call__(self) -> LabelledFrames:
@@ -65,7 +67,7 @@ class Carotid:
     def notes(self) -> tuple[str, ...]:
         """What a reader of the results must know of the data."""
         if self.simulate:
-            return (self.stand_in.note(self.name),)
+            return (self.substitute.note(self.name),)
         left_out = self._left_out_notes()
         if self.group_by == RECORDING:
             return (
@@ -185,7 +187,7 @@ def _groups(group_by: str, recordings: Sequence[str], counts: Mapping[str, int])
 @lru_cache(maxsize=1)
 def _simulated(dataset: Carotid) -> LabelledFrames:
     """Subjects one day apart, each recorded as often as the settings say by one scanner in one state."""
-    maker = dataset.stand_in
+    maker = dataset.substitute
     places = [(subject, number) for subject in range(maker.subjects) for number in range(maker.recordings)]
     made = maker([maker.recipe(subject, subject, sweep=number) for subject, number in places])
     rows = [

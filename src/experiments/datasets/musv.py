@@ -12,7 +12,7 @@ from experiments.datasets.images import image_files
 from experiments.datasets.musv_subjects import ALL, DISTRICTS, Volunteer, read_volunteers
 from experiments.datasets.pairing import REFUSE, Pairing, pair, require_choice
 from experiments.datasets.pixel_cache import read_pairs
-from experiments.datasets.simulated import StandIn
+from experiments.datasets.simulated import SimulatedSubstitute
 from experiments.errors import InputError
 from experiments.paths import PathSetting
 from experiments.unicode_names import same_name
@@ -31,7 +31,7 @@ class MusV:
     No pixel spacing is known. Groups are sequences, and then a volunteer may be on both sides of a split; a table
     ``subjects`` (CSV with columns seq, volunteer, district) makes the volunteers the groups and allows ``district``
     (carotid or femoral) instead of all. ``unpaired`` says whether images without a mask and masks without an image are
-    refused or left out (skip). ``simulate`` makes ``stand_in`` instead of reading: both vessels side by side, in both
+    refused or left out (skip). ``simulate`` makes ``substitute`` instead of reading: both vessels side by side, in both
     districts of each subject. What is read is kept in ``cache`` (None: nowhere).
     """
 
@@ -40,7 +40,7 @@ class MusV:
     district: str = ALL
     subjects: PathSetting | None = None
     simulate: bool = False
-    stand_in: StandIn = field(default_factory=StandIn)
+    substitute: SimulatedSubstitute = field(default_factory=SimulatedSubstitute)
     cache: str | None = None
     unpaired: str = REFUSE
 
@@ -64,7 +64,7 @@ class MusV:
         return f"musv_{self.target}" + ("" if self.district == ALL else f"_{self.district}")
 
     def require_root(self) -> Path | None:
-        """The folder, None where the stand-in is asked for; InputError says where the data comes from."""
+        """The folder, None where the simulated substitute is asked for; InputError says where the data comes from."""
         return None if self.simulate else _folder(self)
 
     def __call__(self) -> LabelledFrames:
@@ -74,7 +74,7 @@ class MusV:
     def notes(self) -> tuple[str, ...]:
         """What a reader of the results must know of the data."""
         if self.simulate:
-            return (self.stand_in.note(self.name),)
+            return (self.substitute.note(self.name),)
         notes = (
             "Subject leakage possible: groups are sequences, and no table says whose they are."
             if self.subjects is None
@@ -195,7 +195,7 @@ def _frames(sequence: str, folder: Path) -> dict[str, Path]:
 @lru_cache(maxsize=1)
 def _simulated(dataset: MusV) -> LabelledFrames:
     """Each subject recorded as often as the settings say in each district; sequences are numbered through."""
-    maker = dataset.stand_in
+    maker = dataset.substitute
     places = [
         (subject, district, number)
         for subject in range(maker.subjects)

@@ -39,8 +39,15 @@ class Phantom:
     def __post_init__(self) -> None:
         if self.subset not in (*SUBSETS, ALL):
             raise InputError(f"subset: expected {', '.join(SUBSETS)} or {ALL}, received {self.subset!r}")
-        least = {"sweeps": 1, "frames_per_sweep": 2, "size_px": 16, "seed": 0, "first_sweep": 0, "workers": 1}
-        for name, smallest in least.items():
+        minimum = {
+            "sweeps": 1,
+            "frames_per_sweep": 2,
+            "size_px": 16,
+            "seed": 0,
+            "first_sweep": 0,
+            "workers": 1,
+        }
+        for name, smallest in minimum.items():
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int) or value < smallest:
                 raise InputError(

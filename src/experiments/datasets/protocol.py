@@ -55,6 +55,6 @@ def outside_groups(dataset: DataSet) -> dict[str, tuple[str, ...]]:
 
 def input_data(dataset: DataSet, frames: LabelledFrames) -> InputData:
     """The data set as the tracker logs it."""
-    # A stand-in has the root of the real set, which it did not read.
+    # A simulated substitute has the root of the real set, which it did not read.
     root = None if getattr(dataset, "simulate", False) else getattr(dataset, "root", None)
     return InputData(name_of(dataset), frames.digest(), "simulator" if root is None else str(root))

@@ -14,7 +14,7 @@ from experiments.datasets.images.image_quality import QualityOutliers
 from experiments.datasets.pairing import REFUSE, require_choice
 from experiments.datasets.san_raffaele_sessions import Session, left_over, read_sessions, simulated_sessions
 from experiments.datasets.san_raffaele_subsets import Chosen, Frame
-from experiments.datasets.simulated import StandIn
+from experiments.datasets.simulated import SimulatedSubstitute
 from experiments.errors import InputError
 from experiments.paths import PathSetting
 from experiments.unicode_names import text_names
@@ -38,7 +38,7 @@ class SanRaffaele:
     configuration ``subsample_to`` has. Test subjects are ``test_subjects``, else a ``test_share`` of all subjects drawn
     by ``test_seed``, with all their frames; neither depends on the subset. Groups are subjects, where none is known
     sessions. ``unpaired`` says whether images without a mask and masks without an image are refused or left out (skip).
-    ``simulate`` makes ``stand_in`` instead of reading. What is read is kept in ``cache`` (None: nowhere).
+    ``simulate`` makes ``substitute`` instead of reading. What is read is kept in ``cache`` (None: nowhere).
     """
 
     root: PathSetting
@@ -54,7 +54,7 @@ class SanRaffaele:
     test_share: float = 0.2
     test_seed: int = 0
     simulate: bool = False
-    stand_in: StandIn = field(default_factory=StandIn)
+    substitute: SimulatedSubstitute = field(default_factory=SimulatedSubstitute)
     cache: str | None = None
     unpaired: str = REFUSE
 
@@ -75,8 +75,8 @@ class SanRaffaele:
                 raise InputError(
                     f"{name}: expected one of {', '.join(known)}, received {getattr(self, name)!r}"
                 )
-        for name, least in {"blocks": 2, "gap_frames": 0, "test_seed": 0, "subsample_seed": 0}.items():
-            require_count(name, getattr(self, name), least)
+        for name, minimum in {"blocks": 2, "gap_frames": 0, "test_seed": 0, "subsample_seed": 0}.items():
+            require_count(name, getattr(self, name), minimum)
         if self.test_subjects == () or not 0 < self.test_share < 1:
             raise InputError(
                 f"test_share: expected above 0 and below 1, and test_subjects null or some, "
@@ -90,7 +90,7 @@ class SanRaffaele:
         return f"san_raffaele_{f'full_as_{self.subsample_to}' if self.subset == SUBSAMPLED else self.subset}"
 
     def require_root(self) -> Path | None:
-        """The folder, None where the stand-in is asked for; InputError says where the data comes from."""
+        """The folder, None where the simulated substitute is asked for; InputError says where the data comes from."""
         if self.simulate:
             return None
         return image_files.require_root(
@@ -115,7 +115,7 @@ class SanRaffaele:
     def notes(self) -> tuple[str, ...]:
         """What a reader of the results must know of the data."""
         tested = self.test_groups()
-        notes = [self.stand_in.note("San Raffaele")] if self.simulate else []
+        notes = [self.substitute.note("San Raffaele")] if self.simulate else []
         notes.append(f"Subjects that all configurations are tested on: {', '.join(tested)}.")
         if self.subset == SINGLE:
             notes.append(
@@ -162,7 +162,7 @@ class SanRaffaele:
 def _sessions(dataset: SanRaffaele) -> tuple[Session, ...]:
     root = dataset.require_root()
     return (
-        _simulated_once(dataset.stand_in)
+        _simulated_once(dataset.substitute)
         if root is None
         else _read_once(root, dataset.cache, dataset.unpaired)
     )

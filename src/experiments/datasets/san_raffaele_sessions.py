@@ -13,13 +13,13 @@ from experiments.datasets.group_table import SPACING, Spacing, spacing_pair
 from experiments.datasets.images import image_files
 from experiments.datasets.pairing import REFUSE, Pairing, pair
 from experiments.datasets.pixel_cache import read_pairs
-from experiments.datasets.simulated import StandIn
+from experiments.datasets.simulated import SimulatedSubstitute
 from experiments.errors import InputError
 from experiments.unicode_names import natural_key, same_name
 
 COLUMNS = ("session", "subject", "date", "scanner", "excluded")
 YES, NO = ("1", "yes", "true"), ("", "0", "no", "false")
-# Of the stand-in: the first session is longer, so that it can stand alone, and one in four is poor.
+# Of the simulated substitute: the first session is longer, so that it can stand alone, and one in four is poor.
 LONG = 4
 POOR_EVERY = 4
 
@@ -103,7 +103,7 @@ def pairing_of(sessions: Mapping[str, Pairing]) -> Pairing:
     return whole
 
 
-def simulated_sessions(maker: StandIn) -> tuple[Session, ...]:
+def simulated_sessions(maker: SimulatedSubstitute) -> tuple[Session, ...]:
     """Subjects with a vessel of their own, each session by another scanner; one in four poor and excluded."""
     places = [(subject, number) for number in range(maker.recordings) for subject in range(maker.subjects)]
     # Shifted by one from round to round, so that no subject has poor sessions alone.

@@ -1,4 +1,4 @@
-"""Simulated stand-ins for real data sets that are not there, made only when the user asks for them."""
+"""Simulated substitutes for real data sets that are not there, made only when the user asks for them."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ class Recorded:
 
 
 @dataclass(frozen=True)
-class StandIn:
-    """How large a stand-in is and how much its recordings differ.
+class SimulatedSubstitute:
+    """How large a substitute is and how much its recordings differ.
 
     Each of ``subjects`` has a vessel of their own, drawn from the anatomies for development, and is recorded
     ``recordings`` times, ``frames`` each, ``size_px`` high and wide. ``strength`` (above 0, at most 1.5) scales what
@@ -56,8 +56,8 @@ class StandIn:
     cache: str = ".cache/phantom"
 
     def __post_init__(self) -> None:
-        least = {"subjects": 2, "recordings": 1, "frames": 2, "size_px": 16, "seed": 0, "workers": 1}
-        for name, smallest in least.items():
+        minimum = {"subjects": 2, "recordings": 1, "frames": 2, "size_px": 16, "seed": 0, "workers": 1}
+        for name, smallest in minimum.items():
             require_count(name, getattr(self, name), smallest)
         require_positive("strength", self.strength, POOR_STRENGTH)
 
@@ -107,7 +107,7 @@ class StandIn:
     def note(self, dataset: str) -> str:
         """The sentence that stands beside every result of it."""
         return (
-            f"Simulated: no image of {dataset} was used, but a stand-in by the built-in simulator "
+            f"Simulated: no image of {dataset} was used, but a substitute made by the built-in simulator "
             f"(subjects: {self.subjects}, recordings: {self.recordings}, frames: {self.frames}, "
             f"strength of variation: {self.strength:g})."
         )

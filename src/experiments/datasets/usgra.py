@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import ClassVar
 
 from experiments.datasets.images import image_files
-from experiments.datasets.images.near_duplicates import twin_groups
+from experiments.datasets.images.near_duplicates import near_duplicate_groups
 from experiments.datasets.pairing import REFUSE, Pairing, pair, require_choice
 from experiments.datasets.pixel_cache import read_pairs
-from experiments.datasets.simulated import StandIn
+from experiments.datasets.simulated import SimulatedSubstitute
 from experiments.errors import InputError
 from experiments.paths import PathSetting
 from models.labelled_frames import LabelledFrames
@@ -23,18 +23,21 @@ LABELS = {"nerve": 1, "vessel": 2}
 class Usgra:
     """The 204 images of USGRA (tmkand/usgra-seg, CC BY 4.0) with the masks of one ``target``, vessel or nerve.
 
-    No subject is published, and more than a quarter of the images have a near twin, many of them the same picture saved
-    with another margin: images whose thumbnails correlate above ``twin_correlation`` (see ``likeness_blocks``) form one
-    group. No pixel spacing is known. ``unpaired`` says whether images without a mask and masks without an image are
+    No subject is published, and more than a quarter of the images have a near-duplicate, many of them the same picture
+    saved with another margin: images whose thumbnails correlate above ``duplicate_correlation`` (see
+    ``similarity_blocks``) form one group. No pixel spacing is known.
+    ``unpaired`` says whether images without a mask and masks without an image are
     refused or left out (skip). What is read is kept in ``cache`` (None: nowhere).
     """
 
     root: PathSetting
     target: str = "vessel"
-    twin_correlation: float = 0.9
+    duplicate_correlation: float = 0.9
     cache: str | None = None
     simulate: bool = False
-    stand_in: StandIn = field(default_factory=lambda: StandIn(subjects=24, recordings=1, frames=4))
+    substitute: SimulatedSubstitute = field(
+        default_factory=lambda: SimulatedSubstitute(subjects=24, recordings=1, frames=4)
+    )
     unpaired: str = REFUSE
 
     name: ClassVar[str] = "usgra"
@@ -43,13 +46,15 @@ class Usgra:
         if self.target not in LABELS:
             raise InputError(f"target: expected one of {', '.join(LABELS)}, received {self.target!r}")
         require_choice(self.unpaired)
-        if not 0 < self.twin_correlation <= 1:
-            raise InputError(f"twin_correlation: expected above 0 to 1, received {self.twin_correlation}")
+        if not 0 < self.duplicate_correlation <= 1:
+            raise InputError(
+                f"duplicate_correlation: expected above 0 to 1, received {self.duplicate_correlation}"
+            )
         if self.simulate and self.target != "vessel":
             raise InputError(f"target: expected vessel where simulate=true, received {self.target!r}")
 
     def require_root(self) -> Path | None:
-        """The folder, None where the stand-in is asked for; InputError says where the data comes from."""
+        """The folder, None where the simulated substitute is asked for; InputError says where the data comes from."""
         return None if self.simulate else _folder(self)
 
     def __call__(self) -> LabelledFrames:
@@ -59,10 +64,10 @@ class Usgra:
     def notes(self) -> tuple[str, ...]:
         """What a reader of the results must know of the data."""
         if self.simulate:
-            return (self.stand_in.note(self.name),)
+            return (self.substitute.note(self.name),)
         return (
             "Subject leakage possible: no subjects are published; groups are images whose "
-            f"thumbnails correlate above {self.twin_correlation:g}.",
+            f"thumbnails correlate above {self.duplicate_correlation:g}.",
             *(_paired(self).notes(_folder(self)) if Path(self.root).expanduser().is_dir() else ()),
         )
 
@@ -102,12 +107,12 @@ def _read(dataset: Usgra) -> LabelledFrames:
         dataset.cache,
     )
     image_files.require_vessel(root / "masks", masks)
-    groups = twin_groups(images, dataset.twin_correlation)
+    groups = near_duplicate_groups(images, dataset.duplicate_correlation)
     return LabelledFrames(
         images=images,
         masks=masks,
         case_ids=tuple(files),
-        groups=tuple(f"twins_{group:03d}" for group in groups),
+        groups=tuple(f"near_duplicates_{group:03d}" for group in groups),
         spacing_mm=(None,) * len(images),
         simulated=False,
     )
@@ -116,11 +121,11 @@ def _read(dataset: Usgra) -> LabelledFrames:
 @lru_cache(maxsize=1)
 def _simulated(dataset: Usgra) -> LabelledFrames:
     """Every subject another place of the body by another scanner; images are numbered through."""
-    maker = dataset.stand_in
+    maker = dataset.substitute
     places = [(subject, number) for subject in range(maker.subjects) for number in range(maker.recordings)]
     made = maker([maker.recipe(subject, subject, sweep=number) for subject, number in places])
     rows = [
-        (image, mask, f"twins_{subject:03d}", recorded.spacing_mm)
+        (image, mask, f"near_duplicates_{subject:03d}", recorded.spacing_mm)
         for (subject, _), recorded in zip(places, made, strict=True)
         for image, mask in zip(recorded.images, recorded.masks, strict=True)
     ]

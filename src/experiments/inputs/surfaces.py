@@ -11,6 +11,7 @@ import numpy as np
 
 from experiments.errors import InputError
 from registration import errors as registration_errors
+from registration.geometry.open3d_bridge import quiet_open3d
 from registration.geometry.shapes import LINE_SHARE, Mesh, Surface, diagonal_mm, principal_frame
 from registration.io.patient_space import lps_from, stated_space
 from registration.io.surfaces import read_surface
@@ -83,9 +84,7 @@ def read_frames(path: Path, surface: Surface) -> np.ndarray | None:
     """The number of the frame that each point of a sweep's cloud was seen in, (n,), where a PLY file has it."""
     if isinstance(surface, Mesh) or path.suffix.lower() != ".ply":
         return None
-    import open3d
-
-    with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
+    with quiet_open3d() as open3d:
         cloud = open3d.t.io.read_point_cloud(path)
     if "frame" not in cloud.point or len(cloud.point["frame"]) != len(surface):
         return None

@@ -7,6 +7,7 @@ import base64
 import numpy as np
 
 from experiments.errors import InputError
+from registration.geometry.open3d_bridge import triangle_body
 from registration.geometry.shapes import Mesh
 
 # Collapsing edges one by one takes a minute for a million triangles: of so many times more than wanted, vertices are
@@ -18,13 +19,9 @@ def thinned(mesh: Mesh, values: np.ndarray | None, most: int) -> tuple[Mesh, np.
     """Collapse edges by quadric error (Garland and Heckbert, SIGGRAPH 1997); values come from the nearest vertex."""
     if len(mesh.triangles) <= most:
         return mesh, values
-    import open3d
     from scipy.spatial import cKDTree
 
-    body = open3d.geometry.TriangleMesh(
-        open3d.utility.Vector3dVector(mesh.vertices_mm),
-        open3d.utility.Vector3iVector(mesh.triangles.astype(np.int32)),
-    )
+    body = triangle_body(mesh)
     if len(mesh.triangles) > QUADRIC_TIMES * most:
         # About as many cubes of this side as vertices that the rest of the way starts from.
         side_mm = float(np.sqrt(mesh.areas_mm2.sum() / (0.5 * QUADRIC_TIMES * max(most, 4))))

@@ -1,10 +1,12 @@
-"""From a resolved configuration to the jobs in it: one for each cell that the study names."""
+"""From a resolved configuration to the jobs in it: those that the study names."""
 
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import inspect
 import json
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -14,22 +16,23 @@ from typing import Any
 from experiments import registry
 from experiments.errors import InputError
 from experiments.files import write_text
-from experiments.paths import conf_dir, project_root
+from experiments.paths import project_root
+from experiments.plugins import options_of, study_packages
 from experiments.running.config_hash import config_hash
 from experiments.running.content_hash import content_digest
 from experiments.running.job_names import choices_of, distinct_labels, folder_names
 from experiments.running.path_settings import named_paths
 from models.value_types import mismatch, parameter_types
 
-# What the shell hands to a study beside its configuration.
+# What the sweep runner hands to a study beside its configuration.
 INJECTED = frozenset({"workspace", "progress", "store"})
 
 
 @dataclass(frozen=True)
-class Cell:
+class Job:
     """One job: its whole configuration, its hash, and a short label that tells it from its neighbours.
 
-    ``choices`` are the words of the command line by which its point of the sweep differs from others.
+    ``choices`` are the words of the command line by which its sweep point differs from others.
     """
 
     config: dict[str, Any]
@@ -40,7 +43,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Plan:
-    """All cells of one call of the command line, by hash, and the run that stands above them, if there is one.
+    """All jobs of one call of the command line, by hash, and the run that stands above them, if there is one.
 
     ``contents`` are the digests of all that the jobs read, as they were when the call began.
     """
@@ -56,32 +59,82 @@ class Plan:
         out = Path(self.out)
         return out if len(self.labels) == 1 else out / folder_names(self.labels)[key]
 
-    def write(self, path: Path) -> None:
-        """Write as JSON, for the processes that a launcher starts."""
-        write_text(path, json.dumps(asdict(self)))
+    def write(self, folder: Path) -> None:
+        """Write the plan as JSON, for the processes that a launcher starts.
+
+        Parameters
+        ----------
+        folder : Path
+            The folder of the plan.
+        """
+        write_text(folder / "plan.json", json.dumps(asdict(self)))
 
     @staticmethod
-    def read(path: Path) -> Plan:
-        """Read what ``write`` wrote."""
-        return Plan(**json.loads(path.read_text(encoding="utf-8")))
+    def read(folder: Path) -> Plan:
+        """Read what ``write`` wrote.
+
+        Parameters
+        ----------
+        folder : Path
+            The folder of the plan.
+
+        Returns
+        -------
+        Plan
+            The plan.
+        """
+        return Plan(**json.loads((folder / "plan.json").read_text(encoding="utf-8")))
 
 
 def study_names() -> list[str]:
-    """The studies there are, by their configurations."""
-    return sorted(path.stem for path in (conf_dir() / "study").glob("*.yaml"))
+    """List the studies there are, by their configurations.
+
+    Returns
+    -------
+    list of str
+        Names, sorted, those of plugins among them.
+    """
+    return options_of("study")
 
 
 def study_module(name: str) -> ModuleType:
-    """The module of a study."""
-    if name not in study_names():
-        raise InputError(f"study: expected one of {', '.join(study_names())}, received {name!r}")
-    return importlib.import_module(f"experiments.studies.{name}")
+    """Import the module of a study.
+
+    Parameters
+    ----------
+    name : str
+        Name of the study, which is that of its module in ``experiments.studies`` or in a plugin's ``studies``.
+
+    Returns
+    -------
+    ModuleType
+        The module, or the package that hands its functions on.
+
+    Raises
+    ------
+    InputError
+        If there is no such study.
+    """
+    for package in study_packages() if name.isidentifier() else ():
+        if _is_module(package, name):
+            return importlib.import_module(f"{package}.{name}")
+    raise InputError(f"study: expected one of {', '.join(study_names())}, received {name!r}")
 
 
-def cell_configs(config: Mapping[str, Any]) -> list[tuple[dict[str, Any], str]]:
-    """The configuration of every cell of one point of a sweep, and the label of what sets it apart."""
+def _is_module(package: str, name: str) -> bool:
+    full = f"{package}.{name}"
+    try:
+        return full in sys.modules or importlib.util.find_spec(full) is not None
+    except ModuleNotFoundError as missing:  # a plugin need not have studies
+        if missing.name == package:
+            return False
+        raise
+
+
+def job_configs(config: Mapping[str, Any]) -> list[tuple[dict[str, Any], str]]:
+    """The configuration of every job of one point of a sweep, and the label of what sets it apart."""
     module = study_module(config["study"])
-    changes = module.cells(config) if hasattr(module, "cells") else [{}]
+    changes = module.jobs(config) if hasattr(module, "jobs") else [{}]
     if not changes:
         raise InputError(f"study={config['study']}: expected at least one job, the configuration names none")
     return [
@@ -124,21 +177,19 @@ def _arguments(function: Callable[..., object], config: Mapping[str, Any]) -> di
     return built
 
 
-def cells_of(
-    points: list[tuple[Mapping[str, Any], str]], contents: dict[str, str] | None = None
-) -> list[Cell]:
-    """Every cell of every point (its configuration and label), each once, with labels that are all different.
+def jobs_of(points: list[tuple[Mapping[str, Any], str]], contents: dict[str, str] | None = None) -> list[Job]:
+    """Every job of every sweep point (its configuration and label), each once, with labels that are all different.
 
     ``contents`` are digests of paths that are known already; those of further paths are added to it.
     """
     known = {} if contents is None else contents
-    cells: dict[str, Cell] = {}
+    jobs: dict[str, Job] = {}
     for config, label in points:
-        for cell, change in cell_configs(config):
-            key = config_hash(cell, _contents_of(cell, known))
-            cells.setdefault(key, Cell(cell, key, ",".join(filter(None, (label, change))), choices_of(label)))
-    labels = distinct_labels({key: cell.label for key, cell in cells.items()})
-    return [replace(cell, label=labels[key]) for key, cell in cells.items()]
+        for job, change in job_configs(config):
+            key = config_hash(job, _contents_of(job, known))
+            jobs.setdefault(key, Job(job, key, ",".join(filter(None, (label, change))), choices_of(label)))
+    labels = distinct_labels({key: job.label for key, job in jobs.items()})
+    return [replace(job, label=labels[key]) for key, job in jobs.items()]
 
 
 def hash_now(config: Mapping[str, Any]) -> str:
@@ -149,19 +200,22 @@ def hash_now(config: Mapping[str, Any]) -> str:
 def read_paths(config: Mapping[str, Any]) -> list[str]:
     """Every path that a job reads: what its settings name, and what its study finds beside that.
 
-    A study that reads files which no setting names has a function ``beside`` that yields them for a configuration.
+    A study that reads files which no setting names has a function ``implicit_paths`` that yields them for a
+    configuration.
     """
     module = study_module(config["study"])
     takers = [getattr(module, name) for name in ("run", "check") if hasattr(module, name)]
     named = list(named_paths(config, takers).values())
-    return named + [str(path) for path in (module.beside(config) if hasattr(module, "beside") else ())]
+    return named + [
+        str(path) for path in (module.implicit_paths(config) if hasattr(module, "implicit_paths") else ())
+    ]
 
 
 def _contents_of(config: Mapping[str, Any], known: dict[str, str]) -> dict[str, str]:
     """The digest of what lies under each path of a job; ``known`` ones are taken, the others added to it."""
     paths = read_paths(config)
     # What this project writes is nobody's input only because it lies inside a folder that is.
-    written = [project_root() / name for name in ("outputs", "mlruns")]
+    written = [project_root() / name for name in ("outputs", "mlruns", ".cache/plans")]
     written += [Path(str(config["out"])).expanduser()] if config.get("out") else []
     for path in paths:
         if path not in known:

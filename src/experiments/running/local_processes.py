@@ -5,71 +5,80 @@ A process that is killed takes only its own job with it, which a pool of process
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-from experiments import files
-from experiments.running import run_job
-from experiments.running.jobs import Cell, Plan
+from experiments.running import run_job, worker
+from experiments.running.jobs import Job, Plan
+from experiments.running.launcher import Launched, plan_folder
 from experiments.running.run_job import Report
 
-WORKER = (sys.executable, "-m", "experiments.running.local_processes")
+WORKER = (sys.executable, "-m", "experiments.running.worker")
 # What the libraries read, when they are loaded, to learn how many threads they may start.
 THREAD_SETTINGS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 LOOK_EVERY_S = 0.1
 TIME_TO_END_S = 30.0
 
 
-def run_beside(
-    planned: Sequence[Cell], plan: Plan, folder: Path, at_once: int, worker: Sequence[str] = WORKER
-) -> None:
-    """Run all jobs, ``at_once`` at a time; leave a report of each in ``folder``, also of one that was killed.
+@dataclass(frozen=True)
+class LocalProcesses:
+    """Runs every job in a process of its own on this machine.
 
-    ``worker`` is the command of a process; it gets ``folder`` and the job's hash as its last arguments. The cores are
-    shared out evenly between the processes.
+    The cores are shared out evenly between the processes.
+
+    Parameters
+    ----------
+    at_once : int
+        Number of processes at the same time.
+    command : sequence of str, optional
+        Command of a process; it gets the folder of the plan and the job's hash as its last arguments.
     """
-    waiting, running = list(planned), list[tuple[Cell, subprocess.Popen[bytes]]]()
-    environment = {**os.environ, **_threads(at_once)}
-    try:
-        while waiting or running:
-            while waiting and len(running) < at_once:
-                cell = waiting.pop(0)
-                files.write_text(
-                    _cell_file(folder, cell.hash), json.dumps({"config": cell.config, "label": cell.label})
-                )
-                command = [*worker, str(folder), cell.hash]
-                running.append((cell, subprocess.Popen(command, env=environment)))
-            time.sleep(LOOK_EVERY_S)
-            for cell, process in [one for one in running if one[1].poll() is not None]:
-                running.remove((cell, process))
-                _report_of_the_dead(cell, plan, folder, process.returncode)
-    except BaseException:
-        _stop([process for _, process in running])
-        raise
 
+    at_once: int
+    command: Sequence[str] = WORKER
 
-def main(arguments: Sequence[str]) -> int:
-    """Run one job of a plan: the folder of the plan, the job's hash."""
-    from experiments.running import run_sweep
-    from experiments.running.terminal import TerminalProgress, plain_console
+    def run(self, planned: Sequence[Job], plan: Plan) -> Launched:
+        """Run all jobs to their end.
 
-    folder, key = Path(arguments[0]), arguments[1]
-    content = json.loads(_cell_file(folder, key).read_text(encoding="utf-8"))
-    cell = Cell(content["config"], key, content["label"])
-    # Bars of several processes would overwrite each other; lines say whose they are.
-    progress = TerminalProgress(plain_console(), prefix=f"{cell.label}: " if cell.label else "")
-    with run_sweep.stoppable():
-        run_sweep.run_one(cell, Plan.read(folder / "plan.json"), folder, progress)
-    return 0
+        Parameters
+        ----------
+        planned : sequence of Job
+            The jobs, in the order in which they are started.
+        plan : Plan
+            The plan of the call.
 
+        Returns
+        -------
+        Launched
+            The report of every job, also of one whose process was killed.
+        """
+        with plan_folder(plan) as folder:
+            self._run_all(planned, plan, folder)
+            paths = {job.hash: run_job.report_file(folder, job.hash) for job in planned}
+            return Launched({key: Report.read(path) for key, path in paths.items() if path.is_file()})
 
-def _cell_file(folder: Path, key: str) -> Path:
-    return folder / f"{key}.cell.json"
+    def _run_all(self, planned: Sequence[Job], plan: Plan, folder: Path) -> None:
+        waiting, running = list(planned), list[tuple[Job, subprocess.Popen[bytes]]]()
+        environment = {**os.environ, **_threads(self.at_once)}
+        try:
+            while waiting or running:
+                while waiting and len(running) < self.at_once:
+                    job = waiting.pop(0)
+                    worker.write_job(job, folder)
+                    command = [*self.command, str(folder), job.hash]
+                    running.append((job, subprocess.Popen(command, env=environment)))
+                time.sleep(LOOK_EVERY_S)
+                for job, process in [one for one in running if one[1].poll() is not None]:
+                    running.remove((job, process))
+                    _report_killed(job, plan, folder, process.returncode)
+        except BaseException:
+            _stop([process for _, process in running])
+            raise
 
 
 def _threads(at_once: int) -> dict[str, str]:
@@ -78,14 +87,15 @@ def _threads(at_once: int) -> dict[str, str]:
     return {name: os.environ.get(name, share) for name in THREAD_SETTINGS}
 
 
-def _report_of_the_dead(cell: Cell, plan: Plan, folder: Path, code: int) -> None:
-    path = run_job.report_file(folder, cell.hash)
+def _report_killed(job: Job, plan: Plan, folder: Path, code: int) -> None:
+    """Write the report of a job whose process ended without one."""
+    path = run_job.report_file(folder, job.hash)
     if path.is_file():
         return
     how = f"signal {-code}" if code < 0 else f"exit code {code}"
     message = f"its process ended by {how} before the job did"
-    print(f"{cell.label}: {message}", file=sys.stderr)
-    Report(cell.hash, cell.label, "failed", str(plan.folder_of(cell.hash)), message=message).write(path)
+    print(f"{job.label}: {message}", file=sys.stderr)
+    Report(job.hash, job.label, "failed", str(plan.folder_of(job.hash)), message=message).write(path)
 
 
 def _stop(processes: Sequence[subprocess.Popen[bytes]]) -> None:
@@ -99,7 +109,3 @@ def _stop(processes: Sequence[subprocess.Popen[bytes]]) -> None:
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

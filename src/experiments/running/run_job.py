@@ -1,4 +1,4 @@
-"""One job, tracked: run a cell of a study, keep its results as files, log them, and say how it ended."""
+"""One job, tracked: run a job of a study, keep its results as files, log them, and say how it ended."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ import yaml
 
 from experiments import files
 from experiments.errors import InputError
-from experiments.outcome import CellResult, Outcome
+from experiments.outcome import JobResult, Outcome
 from experiments.reporting.figure_files import save_figure
 from experiments.running import jobs, terminal
-from experiments.running.jobs import Cell, Plan
+from experiments.running.jobs import Job, Plan
 from experiments.tracking import HASH_TAG, RunWriter, Store, ending
 from experiments.tracking.names import flatten
 
@@ -30,7 +30,7 @@ CHANGED = "inputs changed while it ran"
 
 @dataclass(frozen=True)
 class Report:
-    """How a cell ended: ``finished``, ``resumed`` (a finished run of it was there), ``refused`` (the user's input is
+    """How a job ended: ``finished``, ``resumed`` (a finished run of it was there), ``refused`` (the user's input is
     at fault) or ``failed``; with the run's id and what went wrong."""
 
     hash: str
@@ -70,60 +70,60 @@ def is_tracked(study: str, store: Store) -> bool:
     return store.enabled and getattr(jobs.study_module(study), "TRACKED", True)
 
 
-def run_cell(
-    cell: Cell, plan: Plan, store: Store, progress: terminal.TerminalProgress
+def run_job(
+    job: Job, plan: Plan, store: Store, progress: terminal.TerminalProgress
 ) -> tuple[Report, Outcome | None]:
-    """Run one cell to its end, whatever that is; only a stop by signal or keyboard passes through."""
+    """Run one job to its end, whatever that is; only a stop by signal or keyboard passes through."""
     tracked = is_tracked(plan.study, store)
     run_id = None
     try:
-        if tracked and cell.config.get("resume") and (done := _resumable(cell, plan, store)) is not None:
-            return _report(cell, plan, "resumed", run_id=done), None
-        arguments = jobs.arguments(cell.config)
+        if tracked and job.config.get("resume") and (done := _resumable(job, plan, store)) is not None:
+            return _report(job, plan, "resumed", run_id=done), None
+        arguments = jobs.arguments(job.config)
         if not tracked:
-            return _report(cell, plan, "finished"), _compute(cell, plan, store, progress, arguments, None)
+            return _report(job, plan, "finished"), _compute(job, plan, store, progress, arguments, None)
         run = store.start(
-            plan.study, cell.label or plan.study, {HASH_TAG: cell.hash, "ctus.kind": "job"}, plan.parent_id
+            plan.study, job.label or plan.study, {HASH_TAG: job.hash, "ctus.kind": "job"}, plan.parent_id
         )
         run_id = run.run_id
         with ending(run):
-            outcome = _compute(cell, plan, store, progress, arguments, run)
+            outcome = _compute(job, plan, store, progress, arguments, run)
         if run.lost:
-            _keep_for_later(cell, plan, run, outcome)
-        return _report(cell, plan, "finished", run_id=run_id, findings=outcome.findings), outcome
+            _keep_for_later(job, plan, run, outcome)
+        return _report(job, plan, "finished", run_id=run_id, findings=outcome.findings), outcome
     except user_errors() as refusal:
-        return _report(cell, plan, "refused", run_id=run_id, message=str(refusal)), None
+        return _report(job, plan, "refused", run_id=run_id, message=str(refusal)), None
     except Exception as failure:
         message = f"{type(failure).__name__}: {failure}\n{traceback.format_exc()}"
-        return _report(cell, plan, "failed", run_id=run_id, message=message), None
+        return _report(job, plan, "failed", run_id=run_id, message=message), None
 
 
-def _keep_for_later(cell: Cell, plan: Plan, run: RunWriter, outcome: Outcome) -> None:
+def _keep_for_later(job: Job, plan: Plan, run: RunWriter, outcome: Outcome) -> None:
     """Write a finished run that the tracking server did not get as files that ``study=import_runs`` reads."""
     from experiments.tracking.archive import write_archive
     from experiments.tracking.run_record import finished_run
 
-    folder = plan.folder_of(cell.hash) / "untracked"
-    write_archive([finished_run(run, cell.config, outcome)], folder)
+    folder = plan.folder_of(job.hash) / "untracked"
+    write_archive([finished_run(run, job.config, outcome)], folder)
     print(
         f"The tracking server did not come back. Once it answers, ctus study=import_runs archive={folder} tracks "
-        f"{cell.label or plan.study}.",
+        f"{job.label or plan.study}.",
         file=sys.stderr,
     )
 
 
-def load_result(report: Report, cell: Cell, store: Store) -> CellResult:
-    """A finished cell as the summary sees it: from its folder where that is, else from the tracker."""
+def load_result(report: Report, job: Job, store: Store) -> JobResult:
+    """A finished job as the summary sees it: from its folder where that is, else from the tracker."""
     import pandas as pd
 
     folder = Path(report.folder)
     table = folder / "cases.parquet"
-    if _holds(folder, cell):
+    if _holds(folder, job):
         metrics = _read_metrics(folder / "metrics.json")
         cases = pd.read_parquet(table) if table.is_file() else None
     else:
         metrics, cases = store.metrics(str(report.run_id)), store.cases(str(report.run_id))
-    return CellResult(cell.config, metrics, cases, folder, report.run_id, cell.choices)
+    return JobResult(job.config, metrics, cases, folder, report.run_id, job.choices)
 
 
 def write_outcome(outcome: Outcome, folder: Path) -> None:
@@ -169,7 +169,7 @@ def log_config(run: RunWriter, config: Mapping[str, Any]) -> None:
 
 
 def _compute(
-    cell: Cell,
+    job: Job,
     plan: Plan,
     store: Store,
     progress: terminal.TerminalProgress,
@@ -179,22 +179,22 @@ def _compute(
     """Run the study in a folder beside the final one; nothing appears under the final name unless all went well."""
     module = jobs.study_module(plan.study)
     if run is not None:
-        log_config(run, cell.config)
-    folder = plan.folder_of(cell.hash)
+        log_config(run, job.config)
+    folder = plan.folder_of(job.hash)
     with files.staged(folder) as workspace:
         arguments = {**arguments, **_injected(module.run, workspace, progress, store)}
         outcome: Outcome = module.run(**arguments)
         write_outcome(outcome, workspace)
-        files.write_text(workspace / "job.json", json.dumps({"study": plan.study, "config_hash": cell.hash}))
+        files.write_text(workspace / "job.json", json.dumps({"study": plan.study, "config_hash": job.hash}))
         written = files.names_in(workspace)
     # Only now: whatever the tracker does with them, the files are where the user looks for them.
     if run is not None:
-        changed = jobs.hash_now(cell.config) != cell.hash
+        changed = jobs.hash_now(job.config) != job.hash
         tags = {**outcome.tags, **({HASH_TAG: CHANGED} if changed else {})}
         log_results(run, dataclasses.replace(outcome, tags=tags), folder, written)
         if changed:
             print(
-                f"{cell.label or plan.study}: what it reads has changed since the call began; its result may mix old "
+                f"{job.label or plan.study}: what it reads has changed since the call began; its result may mix old "
                 "and new, and resume=true will run it again.",
                 file=sys.stderr,
             )
@@ -208,14 +208,14 @@ def _injected(
     return {name: offered[name] for name in inspect.signature(function).parameters if name in offered}
 
 
-def _resumable(cell: Cell, plan: Plan, store: Store) -> str | None:
+def _resumable(job: Job, plan: Plan, store: Store) -> str | None:
     """The finished run that a job need not repeat, with its files brought back where they are missing; or none.
 
     A run whose files can't be had any more is not one: what reads them would find an empty folder.
     """
-    done = store.finished(plan.study, cell.hash)
-    folder = plan.folder_of(cell.hash)
-    if done is None or _holds(folder, cell):
+    done = store.finished(plan.study, job.hash)
+    folder = plan.folder_of(job.hash)
+    if done is None or _holds(folder, job):
         return done
     try:
         with files.staged(folder) as stage:
@@ -224,7 +224,7 @@ def _resumable(cell: Cell, plan: Plan, store: Store) -> str | None:
                 raise LookupError("the tracker has none")
     except Exception as failure:
         print(
-            f"{cell.label or plan.study}: the files of its finished run {done} can't be brought back "
+            f"{job.label or plan.study}: the files of its finished run {done} can't be brought back "
             f"({_first_line(failure)}); it is run again.",
             file=sys.stderr,
         )
@@ -232,10 +232,10 @@ def _resumable(cell: Cell, plan: Plan, store: Store) -> str | None:
     return done
 
 
-def _holds(folder: Path, cell: Cell) -> bool:
+def _holds(folder: Path, job: Job) -> bool:
     """Whether the files in ``folder`` are those of this very job, not of one that used the same folder before."""
     record = folder / "job.json"
-    return record.is_file() and json.loads(record.read_text(encoding="utf-8"))["config_hash"] == cell.hash
+    return record.is_file() and json.loads(record.read_text(encoding="utf-8"))["config_hash"] == job.hash
 
 
 def _first_line(error: Exception) -> str:
@@ -243,7 +243,7 @@ def _first_line(error: Exception) -> str:
 
 
 def _report(
-    cell: Cell,
+    job: Job,
     plan: Plan,
     status: str,
     *,
@@ -251,7 +251,7 @@ def _report(
     message: str = "",
     findings: tuple[str, ...] = (),
 ) -> Report:
-    return Report(cell.hash, cell.label, status, str(plan.folder_of(cell.hash)), run_id, message, findings)
+    return Report(job.hash, job.label, status, str(plan.folder_of(job.hash)), run_id, message, findings)
 
 
 def _json_number(value: float) -> float | str:

@@ -1,113 +1,111 @@
-"""The shell around the studies: plan all jobs, check them before the first starts, run them, sum them up."""
+"""The sweep runner: plan all jobs, check them before the first starts, run them, sum them up."""
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
-import os
-import shutil
-import signal
 import sys
-import tempfile
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from experiments import files
 from experiments.errors import InputError
-from experiments.outcome import CellResult, Outcome
-from experiments.running import jobs, local_processes, run_job, terminal
-from experiments.running.jobs import Cell, Plan
-from experiments.running.run_job import Report
+from experiments.outcome import JobResult, Outcome
+from experiments.running import jobs, run_job, terminal
+from experiments.running.jobs import Job, Plan
+from experiments.running.launcher import InProcess, Launched, Launcher
+from experiments.running.local_processes import LocalProcesses
+from experiments.running.worker import stoppable, store_of
 from experiments.tracking import HASH_TAG, RunWriter, Store
 
-# How the processes that a launcher starts find the plan of the sweep they belong to.
-PLAN_FOLDER = "CTUS_PLAN_FOLDER"
-Points = list[tuple[Mapping[str, Any], str]]
+SweepPoints = list[tuple[Mapping[str, Any], str]]
 # What one call has one of, for all of its jobs.
 OF_THE_CALL = ("study", "out", "jobs", "tracking")
 
 
-def run(points: Points, launch: Callable[[], object] | None) -> int:
-    """Run every job of ``points`` (configuration and label of each) and return the process's exit code.
+def run(points: SweepPoints) -> int:
+    """Run every job of a call and return the process's exit code.
 
-    ``launch`` starts the jobs through a launcher that calls ``run_point`` for each point; without it they run here,
-    one after the other, or with ``jobs`` above 1 in as many processes at a time. 0: all is well; 1: a job failed; 2:
-    the user's input is at fault.
+    With ``jobs`` above 1 in the configuration the jobs run in as many processes at a time, else one after the other in
+    this one.
+
+    Parameters
+    ----------
+    points : list of (mapping, str)
+        The sweep points: the resolved configuration and the label of each.
+
+    Returns
+    -------
+    int
+        0: all is well; 1: a job failed; 2: the user's input is at fault.
+
+    Raises
+    ------
+    InputError
+        If the points differ in what a call has only one of, or a job is known to be wrong before it starts.
     """
     _require_one_call(points)
     study = str(points[0][0]["study"])
-    at_once = jobs_at_once(points[0][0])
     contents: dict[str, str] = {}
-    planned = jobs.cells_of(points, contents)
-    for cell in planned:
-        jobs.check(cell.config)
-    sweep_hash = hashlib.sha256("\n".join(sorted(cell.hash for cell in planned)).encode()).hexdigest()
+    planned = jobs.jobs_of(points, contents)
+    for job in planned:
+        jobs.check(job.config)
+    launcher = launcher_of(points[0][0], len(planned))
+    sweep_hash = hashlib.sha256("\n".join(sorted(job.hash for job in planned)).encode()).hexdigest()
     out = jobs.out_folder(points[0][0], sweep_hash)
     store = store_of(points[0][0])
     tracked = run_job.is_tracked(study, store)
     if tracked:
-        for run_id in store.reap(study):
-            print(
-                f"Run {run_id} was still marked as running, but its process is gone: set to FAILED.",
-                file=sys.stderr,
-            )
-    with stoppable(), _plan_folder() as folder:
+        _mark_orphans_failed(store, study)
+    with stoppable():
         parent = _parent(store, points, planned, sweep_hash) if tracked and len(planned) > 1 else None
-        plan = Plan(
-            study,
-            {cell.hash: cell.label for cell in planned},
-            str(out),
-            parent.run_id if parent else None,
-            contents,
-        )
-        plan.write(folder / "plan.json")
+        labels = {job.hash: job.label for job in planned}
+        plan = Plan(study, labels, str(out), parent.run_id if parent else None, contents)
         try:
-            if launch is None and min(at_once, len(planned)) > 1:
-                outcome = None
-                local_processes.run_beside(planned, plan, folder, at_once)
-                if tracked:
-                    store.reap(study)  # the runs of processes that were killed
-            else:
-                outcome = _run_all(points, launch)
-            code = _close(planned, plan, store, parent, outcome, _reports(folder, planned))
+            launched = launcher.run(planned, plan)
+            if tracked and not isinstance(launcher, InProcess):
+                store.mark_orphans_failed(study)  # the runs of processes that were killed
+            return _close(planned, plan, store, parent, launched)
         except BaseException:
             if parent is not None:
                 parent.end("FAILED")
             raise
-    return code
 
 
-def run_point(config: Mapping[str, Any]) -> Outcome | None:
-    """Run the cells of one point of the sweep that is under way; write a report of each. Returns the last outcome."""
-    folder = Path(os.environ[PLAN_FOLDER])
-    plan = Plan.read(folder / "plan.json")
-    progress = terminal.TerminalProgress()
-    outcome = None
-    # By what the inputs were when the call began: the plan knows no other hashes.
-    for cell in jobs.cells_of([(config, "")], dict(plan.contents)):
-        outcome = run_one(Cell(cell.config, cell.hash, plan.labels[cell.hash]), plan, folder, progress)
-    return outcome
+def launcher_of(config: Mapping[str, Any], count: int) -> Launcher:
+    """Choose how the jobs of a call are started.
+
+    Parameters
+    ----------
+    config : mapping
+        A resolved configuration of the call.
+    count : int
+        Number of jobs.
+
+    Returns
+    -------
+    Launcher
+        ``LocalProcesses`` if more than one job may run at a time, else ``InProcess``.
+
+    Raises
+    ------
+    InputError
+        If ``jobs`` is not a whole number from 1.
+    """
+    at_once = min(jobs_at_once(config), count)
+    return LocalProcesses(at_once) if at_once > 1 else InProcess()
 
 
-def run_one(cell: Cell, plan: Plan, folder: Path, progress: terminal.TerminalProgress) -> Outcome | None:
-    """Run one cell of a plan, say what went wrong, and leave a report of it in ``folder``."""
-    alone = len(plan.labels) == 1
-    if not alone:
-        number = list(plan.labels).index(cell.hash) + 1
-        progress.note(f"{plan.study}: {cell.label} ({number} of {len(plan.labels)})")
-    report, outcome = run_job.run_cell(cell, plan, store_of(cell.config), progress)
-    report.write(run_job.report_file(folder, cell.hash))
-    if report.message:
+def _mark_orphans_failed(store: Store, study: str) -> None:
+    for run_id in store.mark_orphans_failed(study):
         print(
-            report.message if alone else f"{cell.label or plan.study}: {report.message}",
+            f"Run {run_id} was still marked as running, but its process is gone: set to FAILED.",
             file=sys.stderr,
         )
-    return outcome
 
 
-def _require_one_call(points: Points) -> None:
+def _require_one_call(points: SweepPoints) -> None:
     """Raise InputError if the points of a sweep differ in what a call has only one of."""
     first = points[0][0]
     for name in OF_THE_CALL:
@@ -127,34 +125,18 @@ def jobs_at_once(config: Mapping[str, Any]) -> int:
     return at_once
 
 
-def store_of(config: Mapping[str, Any]) -> Store:
-    """The tracker that a configuration names."""
-    return Store(**config["tracking"])
-
-
-def _run_all(points: Points, launch: Callable[[], object] | None) -> Outcome | None:
-    if launch is not None:
-        launch()
-        return None
-    outcome = None
-    for config, _ in points:
-        outcome = run_point(config)
-    return outcome
-
-
 def _close(
-    planned: list[Cell],
+    planned: list[Job],
     plan: Plan,
     store: Store,
     parent: RunWriter | None,
-    alone: Outcome | None,
-    reports: dict[str, Report],
+    launched: Launched,
 ) -> int:
-    """Sum up the finished cells, end the parent run, print the last lines and return the exit code."""
-    ended = [(cell, reports.get(cell.hash)) for cell in planned]
-    good = [(cell, report) for cell, report in ended if report and report.status in ("finished", "resumed")]
-    results = [run_job.load_result(report, cell, store) for cell, report in good]
-    outcome = alone if len(planned) == 1 and alone is not None else _summary(plan.study, results)
+    """Sum up the finished jobs, end the parent run, print the last lines and return the exit code."""
+    ended = [(job, launched.reports.get(job.hash)) for job in planned]
+    good = [(job, report) for job, report in ended if report and report.status in ("finished", "resumed")]
+    results = [run_job.load_result(report, job, store) for job, report in good]
+    outcome = launched.outcome if launched.outcome is not None else _summary(plan.study, results)
     out = Path(plan.out)
     if len(planned) > 1 and results:
         with files.staged(out) as stage:
@@ -163,9 +145,7 @@ def _close(
         if parent is not None:
             over = {**_over_jobs(results, outcome.metrics), **outcome.metrics}
             run_job.log_results(parent, dataclasses.replace(outcome, metrics=over), out, written)
-    bad = [
-        (cell, report) for cell, report in ended if report is None or report.status in ("refused", "failed")
-    ]
+    bad = [(job, report) for job, report in ended if report is None or report.status in ("refused", "failed")]
     if parent is not None:
         resumed = sum(report.status == "resumed" for _, report in good)
         counts = {"jobs": len(planned), "jobs_failed": len(bad), "jobs_resumed": resumed}
@@ -176,7 +156,7 @@ def _close(
         dashboard = store.dashboard if run_job.is_tracked(plan.study, store) else None
         terminal.print_closing(outcome.findings, out, dashboard)
     if bad and len(planned) > 1:
-        names = "; ".join(cell.label for cell, _ in bad)
+        names = "; ".join(job.label for job, _ in bad)
         print(
             f"{len(bad)} of {len(planned)} jobs did not finish: {names}. resume=true runs these again.",
             file=sys.stderr,
@@ -186,12 +166,12 @@ def _close(
     return 2 if all(report is not None and report.status == "refused" for _, report in bad) else 1
 
 
-def _summary(study: str, results: list[CellResult]) -> Outcome:
+def _summary(study: str, results: list[JobResult]) -> Outcome:
     summarise = getattr(jobs.study_module(study), "summarise", None)
     return summarise(results) if summarise is not None and results else Outcome()
 
 
-def _over_jobs(results: list[CellResult], known: Mapping[str, float]) -> dict[str, float]:
+def _over_jobs(results: list[JobResult], known: Mapping[str, float]) -> dict[str, float]:
     """Mean and standard deviation over the jobs of every metric that the summary does not give itself."""
     import numpy as np
     import pandas as pd
@@ -208,7 +188,7 @@ def _over_jobs(results: list[CellResult], known: Mapping[str, float]) -> dict[st
     return over
 
 
-def _parent(store: Store, points: Points, planned: list[Cell], sweep_hash: str) -> RunWriter:
+def _parent(store: Store, points: SweepPoints, planned: list[Job], sweep_hash: str) -> RunWriter:
     """The run above all jobs: a new one, or with ``resume=true`` the one of the same sweep."""
     config = points[0][0]
     study = str(config["study"])
@@ -222,38 +202,3 @@ def _parent(store: Store, points: Points, planned: list[Cell], sweep_hash: str) 
     }
     run_job.log_config(run_, shared)
     return run_
-
-
-def _reports(folder: Path, planned: list[Cell]) -> dict[str, Report]:
-    paths = {cell.hash: run_job.report_file(folder, cell.hash) for cell in planned}
-    return {key: Report.read(path) for key, path in paths.items() if path.is_file()}
-
-
-@contextmanager
-def _plan_folder() -> Iterator[Path]:
-    folder = Path(tempfile.mkdtemp(prefix="ctus-sweep-"))
-    os.environ[PLAN_FOLDER] = str(folder)
-    try:
-        yield folder
-    finally:
-        del os.environ[PLAN_FOLDER]
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-@contextmanager
-def stoppable() -> Iterator[None]:
-    """Turn SIGTERM into an exit that passes through every ``finally``, so that running runs end as FAILED."""
-
-    def stop(number: int, frame: object) -> None:
-        del number, frame
-        raise SystemExit(128 + signal.SIGTERM)
-
-    try:
-        before = signal.signal(signal.SIGTERM, stop)
-    except ValueError:  # only the main thread may set a handler; elsewhere the default stays
-        yield
-        return
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)

@@ -18,7 +18,7 @@ from experiments.unicode_names import text_names
 from models.labelled_frames import LabelledFrames
 
 # A fold needs a group for each of train, validation and test.
-FEWEST_GROUPS = 3
+MIN_GROUPS = 3
 
 
 @dataclass(frozen=True)
@@ -160,11 +160,11 @@ class GroupSplits:
             )
 
     def _require_groups(self, count: int, outer: int | None) -> None:
-        least = max(self.folds, FEWEST_GROUPS)
-        if count < least:
+        minimum = max(self.folds, MIN_GROUPS)
+        if count < minimum:
             where = "" if outer is None else f" within outer fold {outer}"
             raise InputError(
-                f"folds: expected at least {least} groups for {self.folds} folds with one to validate{where}, "
+                f"folds: expected at least {minimum} groups for {self.folds} folds with one to validate{where}, "
                 f"received {max(count, 0)} (groups for selection and test not counted)"
             )
 

@@ -62,7 +62,7 @@ def run(
             f"Tip at {', '.join(f'{value:.3f}' for value in result.tip_mm)} mm, {length_mm:.3f} mm from the marker; "
             f"RMSE {result.rmse_mm:.3f} mm, standard error {result.weakest_mm:.3f} mm in the weakest direction, "
             f"{int(result.outliers.sum())} of {len(cases)} poses left out.",
-            *recorded.remarks,
+            *recorded.notes,
         ),
     )
 

@@ -63,7 +63,7 @@ def run(
         findings=(
             f"The tracker lags the images by {result.tracker_lag_s * 1e3:.1f} ms (correlation "
             f"{abs(result.correlation):.3f}): synchronise with offset_s={result.offset_s:.4f}.",
-            *recorded.remarks,
+            *recorded.notes,
         ),
     )
 

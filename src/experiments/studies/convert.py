@@ -60,6 +60,6 @@ def run(
         findings=(
             f"{target.name}: {written} frames and {len(sweep.world_T_ee)} poses from {input}; "
             f"frames left out: {describe_dropped(dropped)}.",
-            *sweep.remarks,
+            *sweep.notes,
         ),
     )

@@ -14,7 +14,7 @@ from experiments.analysis.segmentation.figures import overlays, spread, training
 from experiments.analysis.segmentation.findings import describe
 from experiments.analysis.segmentation.fold_run import (
     FoldRun,
-    fold_cells,
+    fold_jobs,
     require_fitting_size,
     training_metrics,
 )
@@ -22,7 +22,7 @@ from experiments.analysis.segmentation.summary import pooled_metrics
 from experiments.analysis.segmentation.tables import table, tables
 from experiments.datasets.exclusion_report import write_report
 from experiments.datasets.protocol import DataSet, input_data, name_of, notes_of, outside_groups, require_root
-from experiments.outcome import CellResult, Outcome, Progress
+from experiments.outcome import JobResult, Outcome, Progress
 from experiments.splits.group_splits import GroupSplits
 
 if TYPE_CHECKING:
@@ -33,15 +33,15 @@ if TYPE_CHECKING:
     from models.training.settings import TrainerSettings
 
 
-def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """One cell for each fold, or for those that ``outer_fold`` and ``fold`` name.
+def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """One job for each fold, or for those that ``outer_fold`` and ``fold`` name.
 
     A data set whose folder is not there is refused here, once, before any fold starts.
     """
     split = registry.build(config["split"], "split")
-    found = fold_cells(split, config.get("outer_fold"), config.get("fold"))
+    found = fold_jobs(split, config.get("outer_fold"), config.get("fold"))
     require_root(registry.build(config["dataset"], "dataset"))
-    return [dict(cell) for cell in found]
+    return [dict(job) for job in found]
 
 
 def check(*, model: NetworkRecipe, preprocessing: Preprocessing) -> None:
@@ -103,9 +103,9 @@ def run(
     )
 
 
-def summarise(cells: list[CellResult]) -> Outcome:
+def summarise(results: list[JobResult]) -> Outcome:
     """Pool the cases of all jobs: tables with intervals, every pair of models compared, the spread, sentences."""
-    cases = pool(cells)
+    cases = pool(results)
     compared = compare_models(cases)
     return Outcome(
         metrics={**pooled_metrics(cases), **comparison_metrics(compared)},

@@ -1,6 +1,6 @@
 """The tracker: every call to MLflow that the project makes is in this package."""
 
-from experiments.tracking.run_writer import RunStart, RunWriter, ending, loggable, unanswered
+from experiments.tracking.run_writer import RunStart, RunWriter, ending, loggable, server_unreachable
 from experiments.tracking.store import HASH_TAG, ORIGIN_TAG, PARENT_TAG, Store
 
 __all__ = [
@@ -12,5 +12,5 @@ __all__ = [
     "Store",
     "ending",
     "loggable",
-    "unanswered",
+    "server_unreachable",
 ]

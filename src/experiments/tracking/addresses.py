@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from urllib.parse import urlsplit
 
 from experiments.errors import InputError
-from experiments.tracking.run_writer import unanswered
+from experiments.tracking.run_writer import server_unreachable
 
 SERVERS = ("http", "https")
 DATABASES = ("sqlite", "postgresql", "mysql", "mssql")
@@ -59,7 +59,7 @@ def opening(address: str) -> Iterator[None]:
     except InputError:
         raise
     except Exception as error:  # of MLflow, of the database's driver, of the network, of the file system
-        if unanswered(error):
+        if server_unreachable(error):
             reason = f"expected an MLflow server that answers at {address}, received no answer"
         elif address.startswith(SERVERS):
             reason = _of_server(address, str(error))

@@ -12,18 +12,18 @@ Call = Callable[[], object]
 class Deferred:
     """Makes calls in the order they come; once one is not answered, it and all that follow wait.
 
-    ``unanswered`` tells an exception that means "no answer" from any other, which passes through. ``say`` gets one
-    sentence when calls begin to wait and one when they have been made. While they wait, a new call tries the first of
-    them again, at most every ``retry_every_s``.
+    ``server_unreachable`` tells an exception that means "no answer" from any other, which passes through.
+    ``say`` gets one sentence when calls begin to wait and one when they have been made. While they wait,
+    a new call tries the first of them again, at most every ``retry_every_s``.
     """
 
     def __init__(
         self,
-        unanswered: Callable[[Exception], bool],
+        server_unreachable: Callable[[Exception], bool],
         say: Callable[[str], None],
         retry_every_s: float = 30.0,
     ) -> None:
-        self._unanswered = unanswered
+        self._server_unreachable = server_unreachable
         self._say = say
         self._retry_every_s = retry_every_s
         self._waiting: deque[Call] = deque()
@@ -47,7 +47,7 @@ class Deferred:
             try:
                 self._waiting[0]()
             except Exception as error:
-                if not self._unanswered(error):
+                if not self._server_unreachable(error):
                     self._waiting.popleft()
                     raise
                 self._tried_s = time.monotonic()

@@ -59,7 +59,7 @@ class RunWriter:
         self.start = start
         self.lost = not known
         self._client = client
-        self._deferred = Deferred(unanswered, _say)
+        self._deferred = Deferred(server_unreachable, _say)
         self._ended = threading.Event()
         if beating:
             threading.Thread(target=self._beat, daemon=True, name=f"heartbeat {run_id}").start()
@@ -189,7 +189,7 @@ def loggable(metrics: Mapping[str, float]) -> dict[str, float]:
     }
 
 
-def unanswered(error: Exception) -> bool:
+def server_unreachable(error: Exception) -> bool:
     """Whether an exception means that a tracking server did not answer, or that it is not able to just now."""
     from mlflow.exceptions import MlflowException
     from requests.exceptions import ConnectionError, Timeout

@@ -26,7 +26,7 @@ from experiments.provenance import environment_tags, is_gone, process_tags
 from experiments.tracking.addresses import opening
 from experiments.tracking.moved import follow_move
 from experiments.tracking.names import LONGEST
-from experiments.tracking.run_writer import RunStart, RunWriter, shortened, unanswered
+from experiments.tracking.run_writer import RunStart, RunWriter, server_unreachable, shortened
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -105,7 +105,7 @@ class Store:
                 self.experiment_id(experiment), tags=shortened(all_tags), run_name=name[:LONGEST]
             )
         except Exception as error:
-            if not unanswered(error):
+            if not server_unreachable(error):
                 raise
             # The server was there when the call began: what the job computes is kept for it.
             return RunWriter(self.client(), uuid.uuid4().hex, beating=False, start=about, known=False)
@@ -149,7 +149,7 @@ class Store:
         try:
             found = next(self.runs([experiment], wanted), None)
         except Exception as error:
-            if not unanswered(error):
+            if not server_unreachable(error):
                 raise
             return None
         return None if found is None else str(found.info.run_id)
@@ -192,7 +192,7 @@ class Store:
         run = self.client().create_run(self.experiment_id(experiment), start_ms, own, name[:LONGEST])
         return RunWriter(self.client(), run.info.run_id, beating=False)
 
-    def reap(self, experiment: str) -> list[str]:
+    def mark_orphans_failed(self, experiment: str) -> list[str]:
         """End as FAILED every RUNNING run of ``experiment`` whose process is gone; return their ids.
 
         On this machine a run is gone when its process is; on another one, or in another container, when its heartbeat

@@ -1,4 +1,4 @@
-"""Channels of one network put in the order of another's: weight matching (Ainsworth et al., ICLR 2023)."""
+"""Alignment of one network's channels with another's by weight matching (Ainsworth et al., ICLR 2023)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from models.errors import InputError
 # A permutation by which channels are taken: channel i of the result is channel permutation[i].
 Permutations = Mapping[int, np.ndarray]
 # Of the agreement: less than that is rounding.
-_LEAST_GAIN = 1e-6
+_MIN_GAIN = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,14 +27,14 @@ class Alignment:
 
     Parameters
     ----------
-    weights
-        The moving network with its channels permuted: the same function of an image.
-    permutations
+    weights : dict of str to Tensor
+        State dict of the moving network with its channels permuted: the same function of an image.
+    permutations : mapping of int to ndarray
         By group of ``ChannelTies``, where the channels are taken from.
-    agreement_before, agreement_after
+    agreement_before, agreement_after : float
         Inner product of both networks' parameters.
-    sweeps
-        Passes over all groups until nothing changed.
+    sweeps : int
+        Number of passes over all groups until nothing changed.
     """
 
     weights: dict[str, Tensor]
@@ -45,21 +45,26 @@ class Alignment:
 
     @property
     def moved_channels(self) -> int:
-        """The number of channels that have changed places."""
+        """Number of channels that have changed places."""
         return sum(int((taken != np.arange(len(taken))).sum()) for taken in self.permutations.values())
 
 
 def permuted(weights: Weights, ties: ChannelTies, permutations: Permutations) -> dict[str, Tensor]:
-    """The state dict with its channels permuted; the network computes the same but for rounding.
+    """Permute the channels of a state dict; the network computes the same but for rounding.
 
     Parameters
     ----------
-    weights
+    weights : Weights
         State dict of the network that ``ties`` were found for.
-    ties
-        Which axes move together.
-    permutations
-        Of any groups; the others stay.
+    ties : ChannelTies
+        Axes that are permuted together.
+    permutations : mapping of int to ndarray
+        Permutations of any groups; the others are kept.
+
+    Returns
+    -------
+    dict of str to Tensor
+        The permuted state dict.
     """
     return {
         name: _permuted(tensor, ties.axes.get(name, {}), ties, permutations)
@@ -82,17 +87,28 @@ def _permuted(
 
 @dataclass(frozen=True)
 class WeightMatching:
-    """Permutes the channels of one network so that its parameters agree best with another's.
-
-    Coordinate descent on the inner product of all parameters: in turn, for each group of channels with all others
-    kept, the best order is a linear assignment (Algorithm 1 of Ainsworth et al., ICLR 2023).
+    """Permutation of one network's channels so that its parameters agree best with another's.
 
     Parameters
     ----------
-    max_sweeps
-        Passes over all groups at most.
-    seed
-        Of the order in which the groups are taken.
+    max_sweeps : int, optional
+        Largest number of passes over all groups.
+    seed : int, optional
+        Seed of the order in which the groups are taken.
+
+    Raises
+    ------
+    InputError
+        If ``max_sweeps`` is below 1.
+
+    Notes
+    -----
+    Coordinate descent on the inner product of all parameters: in turn, for each group of channels with all
+    others fixed, the best order is a linear assignment.
+
+    References
+    ----------
+    S. Ainsworth, J. Hayase and S. Srinivasa, ICLR 2023, Algorithm 1.
     """
 
     max_sweeps: int = 50
@@ -104,7 +120,27 @@ class WeightMatching:
 
     @torch.no_grad()
     def __call__(self, reference: Weights, moving: Weights, ties: ChannelTies) -> Alignment:
-        """Align ``moving`` with ``reference``; InputError unless both are state dicts of the network of ``ties``."""
+        """Align one network with another.
+
+        Parameters
+        ----------
+        reference : Weights
+            State dict of the network that stays as it is.
+        moving : Weights
+            State dict of the network whose channels are permuted.
+        ties : ChannelTies
+            Axes that are permuted together in networks of this architecture.
+
+        Returns
+        -------
+        Alignment
+            The permuted network and how well both agree.
+
+        Raises
+        ------
+        InputError
+            If the state dicts are not both those of the network of ``ties``.
+        """
         require_alike({"the reference": reference, "the network to align": moving})
         if missing := sorted(ties.axes.keys() - reference.keys()):
             raise InputError(
@@ -169,7 +205,7 @@ class _Matcher:
         names = {name for name, _, _ in self.places[group]}
         agreement = self.agreement(names)
         self.permutations[group] = after
-        if self.agreement(names) > agreement + _LEAST_GAIN * abs(agreement):
+        if self.agreement(names) > agreement + _MIN_GAIN * abs(agreement):
             return True
         self.permutations[group] = before
         return False
@@ -192,23 +228,33 @@ class _Matcher:
 def align_all(
     weights: Sequence[Weights], ties: ChannelTies, matching: WeightMatching, *, max_rounds: int = 20
 ) -> list[dict[str, Tensor]]:
-    """Align many networks with one another: each in turn with the mean of the others, until no channel moves.
-
-    Algorithm 3 ("MergeMany") of Ainsworth et al., ICLR 2023, from the networks aligned with the first.
+    """Align several networks: each in turn with the mean of the others, until no channel moves.
 
     Parameters
     ----------
-    weights
+    weights : sequence of Weights
         State dicts of the network that ``ties`` were found for; at least two.
-    matching
-        How two are aligned.
-    max_rounds
-        Passes over all networks at most.
+    ties : ChannelTies
+        Axes that are permuted together.
+    matching : WeightMatching
+        Alignment of two networks.
+    max_rounds : int, optional
+        Largest number of passes over all networks.
 
     Returns
     -------
-    list of dict
+    list of dict of str to Tensor
         State dicts in the order given, each the same function as before.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two networks.
+
+    References
+    ----------
+    S. Ainsworth, J. Hayase and S. Srinivasa, ICLR 2023, Algorithm 3 ("MergeMany"), started from the networks
+    aligned with the first.
     """
     if len(weights) < 2:
         raise InputError(f"weights: expected at least two networks to align, received {len(weights)}")

@@ -20,7 +20,15 @@ from models.training.losses import Loss
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The mean loss and the mean DSC (0 to 1, over images with a vessel) of a network on fixed data."""
+    """Loss and DSC of a network on fixed data.
+
+    Parameters
+    ----------
+    loss : float
+        Mean loss.
+    dsc : float
+        Mean DSC over the images with a vessel, 0 to 1.
+    """
 
     loss: float
     dsc: float
@@ -28,19 +36,19 @@ class Evaluation:
 
 @dataclass(frozen=True, eq=False)
 class BatchEvaluation:
-    """Evaluates state dicts of one architecture on fixed data.
+    """Evaluation of state dicts of one architecture on fixed data.
 
     Parameters
     ----------
-    network
-        Takes in each state dict in turn; left in evaluation mode.
-    loss
-        The mean over images of what it gives for a batch.
-    batches
-        Gives images and masks (b, 1, h, w) anew at every call.
-    statistics_batches
-        Gives the images that statistics of batch normalisation are re-estimated on before every evaluation; None
-        leaves them as they are in the state dict.
+    network : Module
+        Loads each state dict in turn; left in evaluation mode.
+    loss : Loss
+        Loss of a batch; its mean over images is reported.
+    batches : callable
+        Returns images and masks (b, 1, h, w) anew at every call.
+    statistics_batches : callable or None, optional
+        Returns the images that statistics of batch normalisation are re-estimated on before every evaluation;
+        None keeps those in the state dict.
     """
 
     network: nn.Module
@@ -50,7 +58,23 @@ class BatchEvaluation:
 
     @torch.no_grad()
     def __call__(self, weights: Weights) -> Evaluation:
-        """The evaluation of ``weights``; InputError where no image shows a vessel."""
+        """Evaluate a state dict.
+
+        Parameters
+        ----------
+        weights : Weights
+            State dict of the architecture.
+
+        Returns
+        -------
+        Evaluation
+            Loss and DSC; a pixel is vessel where the logit is at least 0.
+
+        Raises
+        ------
+        InputError
+            If no image shows a vessel.
+        """
         self.network.load_state_dict(dict(weights))
         if self.statistics_batches is not None:
             reestimate_batch_statistics(self.network, self.statistics_batches())
@@ -71,22 +95,32 @@ class BatchEvaluation:
 
 @dataclass(frozen=True, eq=False)
 class InterpolationPath:
-    """Loss and DSC of ``(1 - alpha) first + alpha second`` for ``alphas`` from 0 to 1, ends included."""
+    """Loss and DSC of ``(1 - alpha) first + alpha second``.
+
+    Parameters
+    ----------
+    first, second : str
+        Names of the networks.
+    alphas : ndarray, shape (n,)
+        Positions on the line from 0 to 1, both included.
+    losses, dscs : ndarray, shape (n,)
+        Mean loss and mean DSC at each position.
+    """
 
     first: str
     second: str
-    alphas: Float64[np.ndarray, "n"]
-    losses: Float64[np.ndarray, "n"]
-    dscs: Float64[np.ndarray, "n"]
+    alphas: Float64[np.ndarray, " n"]
+    losses: Float64[np.ndarray, " n"]
+    dscs: Float64[np.ndarray, " n"]
 
     @property
     def loss_barrier(self) -> float:
-        """How far the loss rises above the line between its ends: 0 where the two are linearly connected."""
+        """Largest rise of the loss above the line between its ends; 0 for linearly connected networks."""
         return float(np.max(self.losses - self._between(self.losses)))
 
     @property
     def dsc_barrier(self) -> float:
-        """How far the DSC falls below the line between its ends."""
+        """Largest fall of the DSC below the line between its ends."""
         return float(np.max(self._between(self.dscs) - self.dscs))
 
     def _between(self, values: np.ndarray) -> np.ndarray:
@@ -95,19 +129,27 @@ class InterpolationPath:
 
 @dataclass(frozen=True, eq=False)
 class PairwiseBarriers:
-    """The paths between all pairs of networks, and their barriers as symmetric matrices in the order of ``names``."""
+    """Paths between all pairs of networks, and their barriers as symmetric matrices.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Names of the k networks, in the order of the matrices.
+    paths : tuple of InterpolationPath
+        Paths between all pairs, in the order of ``itertools.combinations``.
+    """
 
     names: tuple[str, ...]
     paths: tuple[InterpolationPath, ...]
 
     @property
     def loss(self) -> Float64[np.ndarray, "k k"]:
-        """Barriers of the loss."""
+        """Barriers of the loss, shape (k, k)."""
         return self._matrix(lambda path: path.loss_barrier)
 
     @property
     def dsc(self) -> Float64[np.ndarray, "k k"]:
-        """Barriers of the DSC."""
+        """Barriers of the DSC, shape (k, k)."""
         return self._matrix(lambda path: path.dsc_barrier)
 
     def _matrix(self, value: Callable[[InterpolationPath], float]) -> np.ndarray:
@@ -120,24 +162,40 @@ class PairwiseBarriers:
 def interpolation_barriers(
     members: Sequence[Member], evaluate: Callable[[Weights], Evaluation], *, n_points: int = 11
 ) -> PairwiseBarriers:
-    """Loss and DSC along the line between every pair of networks; every network itself is evaluated once.
+    """Evaluate the straight lines between all pairs of networks.
 
-    The barrier is that of Frankle et al., ICML 2020, against the linear interpolation of both ends (Entezari et al.,
-    ICLR 2022). The networks may come from different starts: that is one thing a barrier explains.
+    Every network is evaluated once. The networks may come from different starts: that is one thing a barrier
+    explains.
 
     Parameters
     ----------
-    members
+    members : sequence of Member
         At least two networks of one architecture.
-    evaluate
+    evaluate : callable
         Loss and DSC of a state dict, such as a ``BatchEvaluation``.
-    n_points
-        Points on each line, both ends included; at least 3.
+    n_points : int, optional
+        Number of points on each line, both ends included; at least 3.
+
+    Returns
+    -------
+    PairwiseBarriers
+        The paths and their barriers.
+
+    Returns
+    -------
+    PairwiseBarriers
+        The paths and their barriers.
 
     Raises
     ------
     InputError
-        If there are fewer than two networks or three points, if networks are unlike, or a value is NaN.
+        If there are fewer than two networks or three points, if networks differ in architecture, or a value
+        is NaN.
+
+    References
+    ----------
+    J. Frankle et al., ICML 2020; R. Entezari et al., ICLR 2022 (barrier against the linear interpolation of
+    both ends).
     """
     if len(members) < 2:
         raise InputError(f"members: expected at least two networks, received {len(members)}")

@@ -1,4 +1,4 @@
-"""What networks must have in common before their weights may be combined, and the combination itself."""
+"""Requirements on networks whose weights are combined, and the combination itself."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ class Member:
 
     Parameters
     ----------
-    name
-        What messages and tables call it, such as ``fold 2``.
-    recipe
+    name : str
+        Name in messages and tables, such as ``fold 2``.
+    recipe : NetworkRecipe
         Its architecture.
-    weights
+    weights : Weights
         Its state dict.
-    start
+    start : str or None, optional
         ``weights_digest`` of the weights that its training began from; None where that was not recorded.
     """
 
@@ -39,7 +39,20 @@ class Member:
 
 
 def weights_digest(weights: Weights) -> str:
-    """SHA-256 over the names, types, shapes and bytes of all tensors, whatever their order and memory layout."""
+    """Compute a SHA-256 digest of all tensors, independent of their order and memory layout.
+
+    Names, types, shapes and bytes are included.
+
+    Parameters
+    ----------
+    weights : Weights
+        State dict.
+
+    Returns
+    -------
+    str
+        Hexadecimal digest.
+    """
     digest = hashlib.sha256()
     for name in sorted(weights):
         tensor = weights[name].detach().cpu().contiguous()
@@ -49,23 +62,23 @@ def weights_digest(weights: Weights) -> str:
 
 
 def require_averageable(members: Sequence[Member], *, same_start: bool = True) -> None:
-    """Raise InputError unless an average of these networks can mean something.
+    """Require that an average of networks is meaningful.
 
-    Weights of networks that were trained from different starts lie in different basins, and their average is no
-    network at all (Frankle et al., ICML 2020).
+    Weights of networks that were trained from different starts lie in different basins, and their average is
+    no network at all (Frankle et al., ICML 2020).
 
     Parameters
     ----------
-    members
+    members : sequence of Member
         At least one network.
-    same_start
+    same_start : bool, optional
         Whether all trainings must have begun from the same weights. False after an alignment of the channels.
 
     Raises
     ------
     InputError
-        If there is no member, or if recipes, names, shapes or types of tensors, or starts differ, or a weight is not
-        finite.
+        If there is no member, or if recipes, names, shapes or types of tensors, or starts differ, or a weight
+        is not finite.
     """
     if not members:
         raise InputError("members: expected at least one trained network, received none")
@@ -95,7 +108,18 @@ def _require_same_start(members: Sequence[Member]) -> None:
 
 
 def require_alike(weights: Mapping[str, Weights]) -> None:
-    """Raise InputError unless all state dicts, given by name, have the same tensors and only finite numbers."""
+    """Require that all state dicts have the same tensors and only finite numbers.
+
+    Parameters
+    ----------
+    weights : mapping of str to Weights
+        State dicts by name; the first is the reference.
+
+    Raises
+    ------
+    InputError
+        If names, shapes or types of tensors differ, or a number is not finite.
+    """
     reference_name, reference = next(iter(weights.items()))
     expected = {name: (tuple(tensor.shape), tensor.dtype) for name, tensor in reference.items()}
     for owner, tensors in weights.items():
@@ -116,16 +140,21 @@ def _described(shape_and_type: tuple[tuple[int, ...], torch.dtype] | None) -> st
 
 
 def combination(weights: Sequence[Weights], coefficients: Sequence[float]) -> dict[str, Tensor]:
-    """The sum of the state dicts times their coefficients, taken in 64 bits and returned in the tensors' own type.
+    """Compute a linear combination of state dicts, in 64 bits, returned in the tensors' own type.
 
-    Tensors that are not floating (counts of batches) have no average: the elementwise maximum stands for them.
+    Tensors that are not floating (counts of batches) have no average: their elementwise maximum is taken.
 
     Parameters
     ----------
-    weights
+    weights : sequence of Weights
         State dicts that ``require_alike`` accepts.
-    coefficients
-        One number for each; they sum up to 1 in an average.
+    coefficients : sequence of float
+        One coefficient for each; they sum up to 1 in an average.
+
+    Returns
+    -------
+    dict of str to Tensor
+        The combined state dict.
     """
     combined: dict[str, Tensor] = {}
     for name, like in weights[0].items():

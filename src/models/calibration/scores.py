@@ -1,4 +1,4 @@
-"""How well probabilities are calibrated: NLL, Brier score, ECE and ACE, everywhere and near the vessel's boundary."""
+"""Measures of calibration: NLL, Brier score, ECE and ACE, of all pixels and near the vessel's boundary."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from models.calibration.reliability import (
     equal_width_table,
     fine_table,
 )
-from models.calibration.temperature import LEAST_PROBABILITY
+from models.calibration.temperature import MIN_PROBABILITY
 from models.errors import InputError
 
 N_BINS = 15
@@ -25,13 +25,13 @@ N_BINS = 15
 
 @dataclass(frozen=True, eq=False)
 class PixelStatistics:
-    """Sums over pixels from which all scores follow; those of several images add up.
+    """Sums over pixels from which all scores follow; those of several images can be added.
 
     Parameters
     ----------
-    nll_sum, brier_sum
+    nll_sum, brier_sum : float
         Sums of the pixels' negative log-likelihoods and squared differences of probability and label.
-    equal_width, fine
+    equal_width, fine : ReliabilityTable
         Tables of bins of equal width and of fine ones.
     """
 
@@ -47,10 +47,30 @@ class PixelStatistics:
         reference: Shaped[np.ndarray, "..."],
         n_bins: int = N_BINS,
     ) -> PixelStatistics:
-        """Those of probabilities and a reference of 0 and 1 of the same shape; InputError for anything else."""
+        """Compute the statistics of probabilities.
+
+        Parameters
+        ----------
+        probability : ndarray
+            Probabilities of vessel, 0 to 1.
+        reference : ndarray
+            Labels 0 and 1, of the same shape.
+        n_bins : int, optional
+            Number of bins of equal width.
+
+        Returns
+        -------
+        PixelStatistics
+            The statistics.
+
+        Raises
+        ------
+        InputError
+            If shapes differ, or probabilities or labels are out of range.
+        """
         values, labels = checked(probability, reference)
         of_label = np.where(labels, values, 1 - values)
-        nll = -np.log(np.maximum(of_label, LEAST_PROBABILITY))
+        nll = -np.log(np.maximum(of_label, MIN_PROBABILITY))
         return cls(
             float(nll.sum()),
             float(((1 - of_label) ** 2).sum()),
@@ -68,14 +88,14 @@ class PixelStatistics:
 
     @property
     def pixels(self) -> int:
-        """The number of pixels."""
+        """Number of pixels."""
         return self.equal_width.pixels
 
     @property
     def nll(self) -> float:
         """Mean negative log-likelihood; NaN without pixels.
 
-        A probability of 0 for what is there counts as ``LEAST_PROBABILITY``: in 32 bits it means no less.
+        A probability of 0 for what is there counts as ``MIN_PROBABILITY``: in 32 bits it means no less.
         """
         return self.nll_sum / self.pixels if self.pixels else float("nan")
 
@@ -97,7 +117,21 @@ class PixelStatistics:
 
 @dataclass(frozen=True)
 class CalibrationScores:
-    """The scores of one set of images; NaN where they have no pixels (a band without a boundary)."""
+    """Calibration scores of a set of images; NaN where they have no pixels (a band without a boundary).
+
+    Parameters
+    ----------
+    nll : float
+        Mean negative log-likelihood.
+    brier : float
+        Brier score.
+    ece, ace : float
+        Expected and adaptive calibration error.
+    ece_boundary : float
+        Expected calibration error of the pixels near the reference's boundary.
+    pixels, pixels_boundary : int
+        Number of all pixels and of those near the boundary.
+    """
 
     nll: float
     brier: float
@@ -110,7 +144,15 @@ class CalibrationScores:
 
 @dataclass(frozen=True, eq=False)
 class CalibrationStatistics:
-    """Statistics of all pixels and of those near the reference's boundary; those of several images add up."""
+    """Statistics of all pixels and of those near the boundary; those of several images can be added.
+
+    Parameters
+    ----------
+    everywhere : PixelStatistics
+        Statistics of all pixels.
+    boundary : PixelStatistics
+        Statistics of the pixels near the boundary.
+    """
 
     everywhere: PixelStatistics
     boundary: PixelStatistics
@@ -124,7 +166,29 @@ class CalibrationStatistics:
         band_px: float,
         n_bins: int = N_BINS,
     ) -> CalibrationStatistics:
-        """Those of one image; ``band_px`` as in ``boundary_band``."""
+        """Compute the statistics of one image.
+
+        Parameters
+        ----------
+        probability : ndarray, shape (h, w)
+            Probabilities of vessel, 0 to 1.
+        reference : ndarray, shape (h, w)
+            Labels 0 and 1.
+        band_px : float
+            Half width of the band around the boundary in px, as in ``boundary_band``.
+        n_bins : int, optional
+            Number of bins of equal width.
+
+        Returns
+        -------
+        CalibrationStatistics
+            The statistics.
+
+        Raises
+        ------
+        InputError
+            If shapes differ, probabilities or labels are out of range, or the band is narrower than 1 px.
+        """
         everywhere = PixelStatistics.of(probability, reference, n_bins)
         band = boundary_band(reference, band_px)
         return cls(
@@ -137,7 +201,7 @@ class CalibrationStatistics:
 
     @property
     def scores(self) -> CalibrationScores:
-        """The scores."""
+        """The scores of these statistics."""
         return CalibrationScores(
             self.everywhere.nll,
             self.everywhere.brier,
@@ -152,7 +216,27 @@ class CalibrationStatistics:
 def calibration_statistics(
     images: Iterable[tuple[np.ndarray, np.ndarray]], *, band_px: float, n_bins: int = N_BINS
 ) -> CalibrationStatistics:
-    """The statistics of a stream of probabilities and references (h, w), of any sizes, in constant memory."""
+    """Compute the statistics of a stream of images of any sizes, in constant memory.
+
+    Parameters
+    ----------
+    images : iterable of tuple of ndarray
+        Probabilities and references, both of shape (h, w).
+    band_px : float
+        Half width of the band around the boundary in px, as in ``boundary_band``.
+    n_bins : int, optional
+        Number of bins of equal width.
+
+    Returns
+    -------
+    CalibrationStatistics
+        The sum of the images' statistics.
+
+    Raises
+    ------
+    InputError
+        If there is no image, or one is not as ``CalibrationStatistics.of`` expects.
+    """
     total: CalibrationStatistics | None = None
     for probability, reference in images:
         one = CalibrationStatistics.of(probability, reference, band_px=band_px, n_bins=n_bins)
@@ -163,11 +247,30 @@ def calibration_statistics(
 
 
 def boundary_band(reference: Shaped[np.ndarray, "h w"], width_px: float) -> Bool[np.ndarray, "h w"]:
-    """Pixels on either side of the reference's boundary, no farther than ``width_px`` from a pixel of the other side.
+    """Find the pixels on either side of a mask's boundary, by their distance from the other side.
 
-    A width of 1 takes the pixels that share an edge with one of the other class. The image's border is no boundary:
-    nothing is known beyond it. A reference of one class has an empty band.
+    The image border is no boundary: nothing is known beyond it.
 
+    Parameters
+    ----------
+    reference : ndarray, shape (h, w)
+        Mask.
+    width_px : float
+        Largest distance in px from a pixel of the other class, at least 1; with 1 the pixels that share an
+        edge with one.
+
+    Returns
+    -------
+    ndarray of bool, shape (h, w)
+        The band; empty where the mask has one class only.
+
+    Raises
+    ------
+    InputError
+        If the width is below 1 or infinite.
+
+    Examples
+    --------
     >>> boundary_band(np.array([[0, 0, 0, 1, 1, 1]], bool), 1.0).astype(int)
     array([[0, 0, 1, 1, 0, 0]])
     """

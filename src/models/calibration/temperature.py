@@ -14,7 +14,7 @@ from models.array_types import Float, Float32, Float64, Shaped
 from models.errors import InputError
 
 # Probabilities nearer to 0 and 1 have no logit of their own in 32 bits.
-LEAST_PROBABILITY = 2.0**-24
+MIN_PROBABILITY = 2.0**-24
 # The factor of the logits, 1 / temperature, is sought between these.
 FACTORS = (1e-3, 1e3)
 _BELOW_HALF = np.nextafter(np.float32(0.5), np.float32(0.0))
@@ -27,20 +27,24 @@ Batches = Callable[[], Iterable[tuple[np.ndarray, np.ndarray]]]
 class TemperatureScaling:
     """Probabilities ``sigmoid(logit / temperature + bias)`` from a binary network's logits.
 
-    With a bias of 0 it is temperature scaling (Guo et al., ICML 2017), with another Platt's (Platt, 1999). Applied to
-    an ensemble, the logits are those of its mean probability (``logits_of``).
+    With a bias of 0 it is temperature scaling, with another Platt scaling. For an ensemble, the logits are
+    those of its mean probability (``logits_of``).
 
     Parameters
     ----------
-    temperature
+    temperature : float, optional
         Above 0; above 1 softens.
-    bias
+    bias : float, optional
         Added to the scaled logits.
 
     Raises
     ------
     InputError
         If the temperature is not positive or a value is not finite.
+
+    References
+    ----------
+    C. Guo et al., ICML 2017; J. Platt, 1999.
     """
 
     temperature: float = 1.0
@@ -53,10 +57,20 @@ class TemperatureScaling:
             raise InputError(f"bias: expected a finite number, received {self.bias}")
 
     def __call__(self, logits: Float[np.ndarray, "*any"]) -> Float32[np.ndarray, "*any"]:
-        """Calibrated probabilities, 0 to 1.
+        """Compute calibrated probabilities.
 
-        Without a bias, a probability is at least 0.5 exactly where the logit is at least 0, so that no temperature
-        changes the mask at 0.5, rounding included.
+        Without a bias, a probability is 0.5 or more exactly where the logit is 0 or more, so that no
+        temperature changes the mask at 0.5, rounding included.
+
+        Parameters
+        ----------
+        logits : ndarray
+            Logits of any shape.
+
+        Returns
+        -------
+        ndarray of float32
+            Probabilities of the same shape, 0 to 1.
         """
         scaled = torch.tensor(np.asarray(logits, dtype=np.float32)) / self.temperature + self.bias
         probability = torch.sigmoid(scaled).numpy()
@@ -66,7 +80,23 @@ class TemperatureScaling:
         return np.asarray(probability)
 
     def threshold_before(self, threshold: float) -> float:
-        """The uncalibrated probability that becomes ``threshold`` (above 0, below 1)."""
+        """Compute the uncalibrated probability that becomes a given calibrated one.
+
+        Parameters
+        ----------
+        threshold : float
+            Calibrated probability, above 0 and below 1.
+
+        Returns
+        -------
+        float
+            Uncalibrated probability.
+
+        Raises
+        ------
+        InputError
+            If the threshold is out of range.
+        """
         if not 0 < threshold < 1:
             raise InputError(f"threshold: expected above 0 and below 1, received {threshold}")
         logit = self.temperature * (math.log(threshold) - math.log1p(-threshold) - self.bias)
@@ -79,14 +109,14 @@ class FittedTemperature:
 
     Parameters
     ----------
-    scaling
+    scaling : TemperatureScaling
         The calibration.
-    nll_before, nll_after
+    nll_before, nll_after : float
         Mean negative log-likelihood of a pixel on the data of the fit.
-    pixels
-        The number of pixels.
-    passes
-        How often the data were read.
+    pixels : int
+        Number of pixels.
+    passes : int
+        Number of passes over the data.
     """
 
     scaling: TemperatureScaling
@@ -97,35 +127,53 @@ class FittedTemperature:
 
 
 def logits_of(probability: Float[np.ndarray, "*any"]) -> Float32[np.ndarray, "*any"]:
-    """The logits of probabilities; those of 0 and 1 are kept finite by ``LEAST_PROBABILITY``."""
-    clipped = np.clip(np.asarray(probability, np.float64), LEAST_PROBABILITY, 1 - LEAST_PROBABILITY)
+    """Compute the logits of probabilities.
+
+    Parameters
+    ----------
+    probability : ndarray
+        Probabilities, 0 to 1; clipped by ``MIN_PROBABILITY``, so that logits are finite.
+
+    Returns
+    -------
+    ndarray of float32
+        Logits of the same shape.
+    """
+    clipped = np.clip(np.asarray(probability, np.float64), MIN_PROBABILITY, 1 - MIN_PROBABILITY)
     return np.asarray(np.log(clipped) - np.log1p(-clipped), dtype=np.float32)
 
 
 def fit_temperature(
     batches: Batches, *, with_bias: bool = False, max_iter: int = 100, tol: float = 1e-7
 ) -> FittedTemperature:
-    """The temperature (and bias) of least negative log-likelihood, by L-BFGS on exact sums over all pixels.
+    """Fit temperature (and bias) by minimal negative log-likelihood, by L-BFGS on exact sums over all pixels.
 
-    The problem is convex in 1 / temperature and bias; every evaluation is one pass over the batches in 64 bits and the
-    memory of one batch, so that neither the size nor the order of batches changes the result but for rounding.
+    The problem is convex in 1 / temperature and bias; every evaluation is one pass over the batches in 64
+    bits and the memory of one batch, so that neither the size nor the order of batches changes the result but
+    for rounding.
 
     Parameters
     ----------
-    batches
-        Gives the logits (any shape, floating) and masks of 0 and 1 (same shape) anew at every call.
-    with_bias
+    batches : callable
+        Returns the logits (any shape, floating) and masks of 0 and 1 (same shape) anew at every call.
+    with_bias : bool, optional
         Whether a bias is fitted too.
-    max_iter
-        Iterations of L-BFGS at most.
-    tol
+    max_iter : int, optional
+        Largest number of iterations of L-BFGS.
+    tol : float, optional
         Largest component of the gradient, per pixel, at which it stops.
+
+    Returns
+    -------
+    FittedTemperature
+        The calibration and its likelihood.
 
     Raises
     ------
     InputError
-        If there are no pixels or only one class, if shapes, labels or logits are not as expected, or if the likelihood
-        has no maximum: the logits separate the classes perfectly, or point the wrong way.
+        If there are no pixels or only one class, if shapes, labels or logits are not as expected, if the
+        likelihood has no maximum (the logits separate the classes perfectly, or have the wrong sign), or if
+        ``max_iter`` is reached.
     """
     problem = _Likelihood(batches, with_bias)
     start = np.array([1.0, 0.0])[: 1 + with_bias]
@@ -165,9 +213,9 @@ class _Likelihood:
         self.batches, self.with_bias = batches, with_bias
         self.pixels = self.passes = self.vessel = 0
         # The range of logits on which the classes overlap, in the first pass.
-        self.least_of_vessel, self.most_of_background = math.inf, -math.inf
+        self.min_vessel_logit, self.max_background_logit = math.inf, -math.inf
 
-    def __call__(self, parameters: Float64[np.ndarray, "p"]) -> tuple[float, Float64[np.ndarray, "p"]]:
+    def __call__(self, parameters: Float64[np.ndarray, " p"]) -> tuple[float, Float64[np.ndarray, " p"]]:
         factor, bias = float(parameters[0]), float(parameters[1]) if self.with_bias else 0.0
         sums = np.zeros(3)
         pixels = vessel = 0
@@ -195,9 +243,9 @@ class _Likelihood:
     def _note_ranges(self, values: torch.Tensor, labels: torch.Tensor) -> None:
         vessel, background = values[labels == 1], values[labels == 0]
         if len(vessel):
-            self.least_of_vessel = min(self.least_of_vessel, float(vessel.min()))
+            self.min_vessel_logit = min(self.min_vessel_logit, float(vessel.min()))
         if len(background):
-            self.most_of_background = max(self.most_of_background, float(background.max()))
+            self.max_background_logit = max(self.max_background_logit, float(background.max()))
 
     def require_overlap(self) -> None:
         """Raise InputError if there is one class only, or the likelihood rises for ever as the temperature falls."""
@@ -205,13 +253,13 @@ class _Likelihood:
             raise InputError(
                 f"masks: expected pixels of vessel and of background, found {self.vessel} of {self.pixels} of vessel"
             )
-        separated = self.least_of_vessel >= self.most_of_background
+        separated = self.min_vessel_logit >= self.max_background_logit
         if not self.with_bias:
-            separated = self.least_of_vessel >= 0 >= self.most_of_background
+            separated = self.min_vessel_logit >= 0 >= self.max_background_logit
         if separated:
             raise InputError(
                 "logits: expected some on the wrong side, found vessel and background separated perfectly "
-                f"({self.least_of_vessel:g} and up, {self.most_of_background:g} and down)"
+                f"({self.min_vessel_logit:g} and up, {self.max_background_logit:g} and down)"
             )
 
 

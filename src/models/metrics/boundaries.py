@@ -14,10 +14,18 @@ TABLE_ENTRIES = 40_000
 
 @dataclass(frozen=True)
 class Boundary:
-    """Points of a boundary in mm (or px, for a spacing of one), with the contour length each one stands for."""
+    """Points of a boundary, with the contour length that each one stands for.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 2)
+        Positions (row, column) in mm, or in px for a spacing of one.
+    lengths : ndarray, shape (n,)
+        Contour lengths in the same unit.
+    """
 
     points: Float64[np.ndarray, "n 2"]
-    lengths: Float64[np.ndarray, "n"]
+    lengths: Float64[np.ndarray, " n"]
 
     def __len__(self) -> int:
         return len(self.points)
@@ -26,9 +34,19 @@ class Boundary:
 def crop_to_union(
     first: Bool[np.ndarray, "h w"], second: Bool[np.ndarray, "h w"]
 ) -> tuple[Bool[np.ndarray, "a b"], Bool[np.ndarray, "a b"]]:
-    """Both masks in the bounding box of their union, framed by one empty pixel on each side.
+    """Crop two masks to the bounding box of their union, framed by one empty pixel on each side.
 
-    Distances between boundaries don't change, and most of a vessel's image is background.
+    Distances between boundaries do not change, and most of a vessel's image is background.
+
+    Parameters
+    ----------
+    first, second : ndarray of bool, shape (h, w)
+        Masks of one size.
+
+    Returns
+    -------
+    tuple of two ndarrays of bool, shape (a, b)
+        Cropped and framed masks.
     """
     union = first | second
     rows, columns = np.flatnonzero(union.any(axis=1)), np.flatnonzero(union.any(axis=0))
@@ -43,7 +61,20 @@ def crop_to_union(
 
 
 def boundary_pixels(mask: Bool[np.ndarray, "a b"], spacing: tuple[float, float]) -> Boundary:
-    """Pixel centres of a framed mask that have a background pixel above, below, left or right of them."""
+    """Find the centres of mask pixels that have a background pixel above, below, left or right of them.
+
+    Parameters
+    ----------
+    mask : ndarray of bool, shape (a, b)
+        Mask framed by empty pixels.
+    spacing : tuple of float
+        Vertical and horizontal size of a pixel.
+
+    Returns
+    -------
+    Boundary
+        Points in the unit of ``spacing``, each of length 1.
+    """
     inside = mask[1:-1, 1:-1]
     surrounded = mask[:-2, 1:-1] & mask[2:, 1:-1] & mask[1:-1, :-2] & mask[1:-1, 2:]
     on_boundary = inside & ~surrounded
@@ -52,11 +83,27 @@ def boundary_pixels(mask: Bool[np.ndarray, "a b"], spacing: tuple[float, float])
 
 
 def boundary_elements(mask: Bool[np.ndarray, "a b"], spacing: tuple[float, float]) -> Boundary:
-    """Contour elements of a framed mask: one at each pixel corner whose four pixels are not all alike.
+    """Find the contour elements of a mask: one at each pixel corner whose four pixels are not all alike.
 
-    An element's length is that of marching squares through the four: a half diagonal where one pixel differs from
-    the rest, two where opposite corners do, a pixel's side where the two rows or columns differ. Elements weighed by
-    length are the idea of surface-distance (Nikolov et al., J. Med. Internet Res. 23(7), 2021).
+    An element's length is that of marching squares through the four: a half diagonal where one pixel differs from the
+    rest, two where opposite corners do, a pixel's side where the two rows or columns differ.
+
+    Parameters
+    ----------
+    mask : ndarray of bool, shape (a, b)
+        Mask framed by empty pixels.
+    spacing : tuple of float
+        Vertical and horizontal size of a pixel.
+
+    Returns
+    -------
+    Boundary
+        Points and lengths in the unit of ``spacing``.
+
+    References
+    ----------
+    Elements weighted by length are the idea of surface-distance: S. Nikolov et al., J. Med. Internet Res. 23(7),
+    2021.
     """
     bits = mask.view(np.uint8)
     code = bits[:-1, :-1] + 2 * bits[:-1, 1:] + 4 * bits[1:, :-1] + 8 * bits[1:, 1:]
@@ -82,8 +129,21 @@ def _places(chosen: Bool[np.ndarray, "a b"], spacing: tuple[float, float]) -> Fl
 
 def distances_between(
     first: Boundary, second: Boundary
-) -> tuple[Float64[np.ndarray, "n"], Float64[np.ndarray, "m"]]:
-    """The distance from each point of one boundary to the nearest of the other, both ways; infinite to an empty one."""
+) -> tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " m"]]:
+    """Compute the distance from each point of one boundary to the nearest of the other, in both directions.
+
+    Parameters
+    ----------
+    first, second : Boundary
+        Boundaries in one unit.
+
+    Returns
+    -------
+    forward : ndarray, shape (n,)
+        Distances from ``first`` to ``second``; infinite if ``second`` is empty.
+    backward : ndarray, shape (m,)
+        Distances from ``second`` to ``first``; infinite if ``first`` is empty.
+    """
     if not len(first) or not len(second):
         return np.full(len(first), np.inf), np.full(len(second), np.inf)
     if len(first) * len(second) <= TABLE_ENTRIES:

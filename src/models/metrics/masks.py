@@ -24,10 +24,29 @@ Spacing = float | Sequence[float] | np.ndarray
 
 
 def dsc(prediction: Shaped[np.ndarray, "_ _"], reference: Shaped[np.ndarray, "_ _"]) -> float:
-    """Dice similarity coefficient, 0 to 1, of two masks of bool or 0 and 1; NaN if both are empty.
+    """Compute the Dice similarity coefficient of two masks, 2 |P and R| / (|P| + |R|).
 
-    2 |P and R| / (|P| + |R|) (Dice, Ecology 26(3), 1945).
+    Parameters
+    ----------
+    prediction, reference : ndarray of bool or of 0 and 1, shape (h, w)
+        Masks of one size.
 
+    Returns
+    -------
+    float
+        0 to 1; NaN if both masks are empty.
+
+    Raises
+    ------
+    InputError
+        If sizes differ or a mask has other values.
+
+    References
+    ----------
+    L. R. Dice, Ecology 26(3), 1945.
+
+    Examples
+    --------
     >>> dsc(np.array([[True, True, False]]), np.array([[False, True, True]]))
     0.5
     """
@@ -39,11 +58,34 @@ def dsc(prediction: Shaped[np.ndarray, "_ _"], reference: Shaped[np.ndarray, "_ 
 def hd95_mm(
     prediction: Shaped[np.ndarray, "_ _"], reference: Shaped[np.ndarray, "_ _"], spacing_mm: Spacing
 ) -> float:
-    """The larger of the two directed 95th percentiles of the distance between boundary pixels, in mm.
+    """Compute the larger of the two directed 95th percentiles of the distance between boundary pixels, in mm.
 
-    Infinite if one mask is empty, NaN if both are. A boundary pixel has a background pixel, or the image's border,
-    on one of its four sides; percentiles interpolate linearly. After Huttenlocher et al., IEEE TPAMI 15(9), 1993.
+    A boundary pixel has a background pixel, or the image's border, on one of its four sides; percentiles interpolate
+    linearly.
 
+    Parameters
+    ----------
+    prediction, reference : ndarray of bool or of 0 and 1, shape (h, w)
+        Masks of one size.
+    spacing_mm : float or sequence of two floats
+        Size of a pixel in mm, vertical before horizontal.
+
+    Returns
+    -------
+    float
+        Distance in mm; infinite if one mask is empty, NaN if both are.
+
+    Raises
+    ------
+    InputError
+        If sizes differ, a mask has other values, or the spacing is not positive.
+
+    References
+    ----------
+    D. P. Huttenlocher et al., IEEE TPAMI 15(9), 1993.
+
+    Examples
+    --------
     >>> hd95_mm(np.array([[False, False, True]]), np.array([[True, False, False]]), (1.0, 0.5))
     1.0
     """
@@ -52,14 +94,38 @@ def hd95_mm(
 
 
 def hd95_px(prediction: Shaped[np.ndarray, "_ _"], reference: Shaped[np.ndarray, "_ _"]) -> float:
-    """As ``hd95_mm``, in pixels, for images whose spacing is not known."""
+    """Compute ``hd95_mm`` in pixels, for images whose spacing is not known.
+
+    Parameters
+    ----------
+    prediction, reference : ndarray of bool or of 0 and 1, shape (h, w)
+        Masks of one size.
+
+    Returns
+    -------
+    float
+        Distance in px; infinite if one mask is empty, NaN if both are.
+    """
     return hd95_mm(prediction, reference, 1.0)
 
 
 def hd95_pooled_mm(
     prediction: Shaped[np.ndarray, "_ _"], reference: Shaped[np.ndarray, "_ _"], spacing_mm: Spacing
 ) -> float:
-    """The 95th percentile over both directions' distances together, in mm; empty masks as in ``hd95_mm``."""
+    """Compute the 95th percentile over the distances of both directions together, in mm.
+
+    Parameters
+    ----------
+    prediction, reference : ndarray of bool or of 0 and 1, shape (h, w)
+        Masks of one size.
+    spacing_mm : float or sequence of two floats
+        Size of a pixel in mm, vertical before horizontal.
+
+    Returns
+    -------
+    float
+        Distance in mm; empty masks as in ``hd95_mm``.
+    """
     first, second = _directed(prediction, reference, _spacing(spacing_mm), boundary_pixels)
     if not _any(first, second):
         return float("nan")
@@ -69,10 +135,25 @@ def hd95_pooled_mm(
 def hd95_surfel_mm(
     prediction: Shaped[np.ndarray, "_ _"], reference: Shaped[np.ndarray, "_ _"], spacing_mm: Spacing
 ) -> float:
-    """The larger of the two directed 95th percentiles, each contour element weighed by its length, in mm.
+    """Compute the larger of the directed 95th percentiles, each contour element weighted by its length, in mm.
 
-    Equals the robust Hausdorff distance of surface-distance (Nikolov et al., J. Med. Internet Res. 23(7), 2021);
-    empty masks as in ``hd95_mm``.
+    Equals the robust Hausdorff distance of surface-distance.
+
+    Parameters
+    ----------
+    prediction, reference : ndarray of bool or of 0 and 1, shape (h, w)
+        Masks of one size.
+    spacing_mm : float or sequence of two floats
+        Size of a pixel in mm, vertical before horizontal.
+
+    Returns
+    -------
+    float
+        Distance in mm; empty masks as in ``hd95_mm``.
+
+    References
+    ----------
+    S. Nikolov et al., J. Med. Internet Res. 23(7), 2021.
     """
     first, second = _directed(prediction, reference, _spacing(spacing_mm), boundary_elements)
     return (
@@ -81,7 +162,20 @@ def hd95_surfel_mm(
 
 
 def diagonal(shape: tuple[int, ...], spacing: Spacing) -> float:
-    """The length of an image's diagonal, in the unit of ``spacing``: what a missed vessel's distance counts as."""
+    """Compute the length of an image's diagonal: the distance that a missed vessel is scored with.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Height and width in px.
+    spacing : float or sequence of two floats
+        Size of a pixel, vertical before horizontal.
+
+    Returns
+    -------
+    float
+        Length in the unit of ``spacing``.
+    """
     vertical, horizontal = _spacing(spacing)
     return float(np.hypot(shape[0] * vertical, shape[1] * horizontal))
 
@@ -106,12 +200,12 @@ def _any(first: Directed, second: Directed) -> bool:
     return len(first[0]) + len(second[0]) > 0
 
 
-def _percentile(distances: Float64[np.ndarray, "n"]) -> float:
+def _percentile(distances: Float64[np.ndarray, " n"]) -> float:
     # An empty mask has no distances of its own: the other direction's are infinite and decide.
     return float(np.quantile(distances, 0.95)) if len(distances) and np.isfinite(distances[0]) else np.inf
 
 
-def _percentile_of_length(distances: Float64[np.ndarray, "n"], lengths: Float64[np.ndarray, "n"]) -> float:
+def _percentile_of_length(distances: Float64[np.ndarray, " n"], lengths: Float64[np.ndarray, " n"]) -> float:
     """The least distance within which 95 % of the contour's length lies."""
     if not len(distances):
         return float("inf")

@@ -21,9 +21,26 @@ NOT_DEFINED = float("nan")
 class CaseScore:
     """Scores of one mask; NaN where a score is not defined for the case.
 
-    ``dsc``, ``hd95_mm`` (spacing known) and ``hd95_px`` are penalised: a missed vessel scores 0 and the diagonal.
-    ``hd95_surfel_mm`` and the ``_unpenalised`` ones need a vessel in both masks. ``false_alarm`` is 1 or 0 where the
-    reference is empty, ``missed`` 1 or 0 where it is not.
+    ``dsc``, ``hd95_mm`` and ``hd95_px`` are penalised: a missed vessel scores 0 and the image's diagonal.
+
+    Parameters
+    ----------
+    dsc : float
+        Dice similarity coefficient, 0 to 1.
+    hd95_mm : float
+        95th percentile of the Hausdorff distance in mm, where the spacing is known.
+    hd95_px : float
+        The same in px.
+    hd95_surfel_mm : float
+        Of contour elements weighted by length, where both masks show a vessel.
+    hd95_unpenalised_mm : float
+        As ``hd95_mm``, where both masks show a vessel.
+    hd95_unpenalised_px : float
+        As ``hd95_px``, where both masks show a vessel.
+    missed : float
+        1 if the vessel was missed and 0 if not, where the reference shows one.
+    false_alarm : float
+        1 if a vessel was found and 0 if not, where the reference shows none.
     """
 
     dsc: float = NOT_DEFINED
@@ -41,7 +58,20 @@ def score_case(
     reference: Shaped[np.ndarray, "h w"],
     spacing_mm: tuple[float, float] | None,
 ) -> CaseScore:
-    """Score a mask at its own resolution; ``spacing_mm`` is (vertical, horizontal), None where unknown."""
+    """Score a mask at its own resolution.
+
+    Parameters
+    ----------
+    prediction, reference : ndarray of bool or of 0 and 1, shape (h, w)
+        Masks of one size.
+    spacing_mm : tuple of float, or None
+        Vertical and horizontal size of a pixel in mm; None where unknown.
+
+    Returns
+    -------
+    CaseScore
+        Scores of the case.
+    """
     overlap = masks.dsc(prediction, reference)
     if not reference.any():
         return CaseScore(false_alarm=float(prediction.any()))
@@ -68,17 +98,40 @@ def score_case(
 
 
 def columns_for(spacings_mm: Iterable[tuple[float, float] | None]) -> tuple[str, ...]:
-    """The scores worth a column: those in mm where every case has a spacing, in px where none has, both if mixed."""
+    """Choose the scores that a table has columns for.
+
+    Parameters
+    ----------
+    spacings_mm : iterable of tuple of float, or None
+        Spacing of every case.
+
+    Returns
+    -------
+    tuple of str
+        Scores in mm where every case has a spacing, in px where none has, both if mixed.
+    """
     known = {spacing is not None for spacing in spacings_mm}
     left_out = {frozenset({True}): "_px", frozenset({False}): "_mm"}.get(frozenset(known), "none")
     return tuple(name for name in CaseScore.__dataclass_fields__ if not name.endswith(left_out))
 
 
 def summarise(scores: Mapping[str, Iterable[float]]) -> dict[str, float]:
-    """``<metric>_mean``, ``_std`` (n - 1), ``_median``, ``_p95`` and ``_n`` over the cases where each is defined.
+    """Summarise scores over the cases where each is defined.
 
     ``missed`` and ``false_alarm`` are counts of a case: they become ``missed_rate`` and ``false_alarm_rate``.
 
+    Parameters
+    ----------
+    scores : mapping of str to iterable of float
+        Values of all cases by metric; NaN where not defined.
+
+    Returns
+    -------
+    dict of str to float
+        ``<metric>_mean``, ``_std`` (n - 1), ``_median``, ``_p95`` and ``_n``.
+
+    Examples
+    --------
     >>> summarise({"dsc": [0.5, 1.0, float("nan")]})["dsc_mean"]
     0.75
     """

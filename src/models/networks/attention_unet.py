@@ -24,15 +24,31 @@ from models.networks.blocks import (
 
 @dataclass(frozen=True)
 class AttentionUNet:
-    """The recipe of an Attention U-Net: a U-Net whose skips pass additive gates, fed by the next coarser level.
+    """Recipe of an Attention U-Net: a U-Net whose skips pass additive gates, fed by the next coarser level.
 
-    ``width``, ``depth``, ``normalisation`` and ``dropout`` are those of ``models.networks.unet.UNet``, which
-    this network is
-    but for its gates. ``gated_levels`` are the levels whose skips are gated, counted from 0 at full size; None stands
-    for all but the full-size one, as published: three at the published depth of 5. As published are the gates (see
-    ``AttentionGate``) and what feeds them, the decoder's features of the next coarser level and the bottom's for the
-    coarsest gate. Not as published: two dimensions for three, 64 channels at full size for 16, up-convolutions for
-    trilinear resizing, no supervision of the coarser levels, and no further convolution around the gates' signals.
+    As published are the gates (see ``AttentionGate``) and what feeds them: the decoder's features of the next coarser
+    level, and the bottom's for the coarsest gate. Not as published: two dimensions for three, 64 channels at full
+    size for 16, up-convolutions for trilinear resizing, no supervision of the coarser levels, and no further
+    convolution around the gates' signals.
+
+    Parameters
+    ----------
+    width : int
+        Number of channels at full size, doubled at each coarser level.
+    depth : int
+        Number of levels, 2 to 7.
+    normalisation : str
+        Normalisation layers; one of ``models.networks.blocks.NORMALISATIONS``.
+    dropout : float
+        Fraction of channels dropped at the two coarsest levels, 0 to below 1.
+    gated_levels : sequence of int, or None
+        Levels whose skips are gated, counted from 0 at full size. None stands for all but the full-size one, as
+        published: three at the published depth of 5.
+
+    Raises
+    ------
+    InputError
+        If a setting is out of range.
     """
 
     width: int = 64
@@ -63,21 +79,36 @@ class AttentionUNet:
 
     @property
     def multiple(self) -> int:
-        """What both sides of an image must be multiples of."""
+        """Number that both sides of an image must be multiples of."""
         return int(2 ** (self.depth - 1))
 
     def __call__(self) -> nn.Module:
-        """Build the network: images (b, 1, h, w) to logits (b, 1, h, w)."""
+        """Build the network with weights drawn from torch's current seed.
+
+        Returns
+        -------
+        nn.Module
+            Images (b, 1, h, w) to logits (b, 1, h, w).
+        """
         return AttentionUNetModule(self)
 
 
 class AttentionGate(nn.Module):
-    """Weighs each pixel of a skip by how it agrees with the next coarser level: the paper's additive grid gate.
+    """Additive grid gate: weighs each pixel of a skip by how it agrees with the next coarser level.
 
-    Both are brought to the coarser grid with as many channels as the skip has, the skip by a 2x2 convolution of stride
-    2 without a bias, the gating signal by a 1x1 one. Sum, rectifier, 1x1 convolution to one channel and sigmoid give
-    the attention (0 to 1). It is resized bilinearly to the skip and multiplied with it; a normalised 1x1 convolution
-    projects the product.
+    Both are brought to the coarser grid with as many channels as the skip has, the skip by a 2x2 convolution of
+    stride 2 without a bias, the gating signal by a 1x1 one. Sum, rectifier, 1x1 convolution to one channel and
+    sigmoid give the attention (0 to 1). It is resized bilinearly to the skip and multiplied with it; a normalised 1x1
+    convolution projects the product.
+
+    Parameters
+    ----------
+    channels_skip : int
+        Number of channels of the skip.
+    channels_gating : int
+        Number of channels of the gating signal.
+    normalisation : str
+        Normalisation of the projection; one of ``models.networks.blocks.NORMALISATIONS``.
     """
 
     def __init__(self, channels_skip: int, channels_gating: int, normalisation: str) -> None:
@@ -93,14 +124,40 @@ class AttentionGate(nn.Module):
     def forward(
         self, skip: Float[Tensor, "b c h w"], gating: Float[Tensor, "b g h//2 w//2"]
     ) -> Float[Tensor, "b c h w"]:
-        """The skip as the decoder is to see it."""
+        """Gate the features of a skip.
+
+        Parameters
+        ----------
+        skip : Tensor, shape (b, c, h, w)
+            Encoder features of this level.
+        gating : Tensor, shape (b, g, h // 2, w // 2)
+            Decoder features of the next coarser level.
+
+        Returns
+        -------
+        Tensor, shape (b, c, h, w)
+            Gated and projected features.
+        """
         gated: Tensor = self.projection(skip * self.attention(skip, gating))
         return gated
 
     def attention(
         self, skip: Float[Tensor, "b c h w"], gating: Float[Tensor, "b g h//2 w//2"]
     ) -> Float[Tensor, "b 1 h w"]:
-        """How much of each pixel passes, 0 to 1."""
+        """Compute the attention coefficients.
+
+        Parameters
+        ----------
+        skip : Tensor, shape (b, c, h, w)
+            Encoder features of this level.
+        gating : Tensor, shape (b, g, h // 2, w // 2)
+            Decoder features of the next coarser level.
+
+        Returns
+        -------
+        Tensor, shape (b, 1, h, w)
+            Factor of each pixel, 0 to 1.
+        """
         agreement = torch.relu(self.skip(skip) + self.gating(gating))
         coarse = torch.sigmoid(self.psi(agreement))
         return functional.interpolate(coarse, scale_factor=2.0, mode="bilinear", align_corners=False)
@@ -126,7 +183,18 @@ class AttentionUNetModule(nn.Module):
         initialise(self)
 
     def forward(self, images: Float[Tensor, "b 1 h w"]) -> Float[Tensor, "b 1 h w"]:
-        """Logits of "vessel" for every pixel."""
+        """Compute logits.
+
+        Parameters
+        ----------
+        images : Tensor, shape (b, 1, h, w)
+            Normalised images.
+
+        Returns
+        -------
+        Tensor, shape (b, 1, h, w)
+            Logits of "vessel" for every pixel.
+        """
         require_size(images.shape[-2], images.shape[-1], self.multiple)
         *skips, features = self.encoder(images)
         for level, up in zip(reversed(range(len(skips))), self.decoder, strict=True):

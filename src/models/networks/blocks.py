@@ -15,7 +15,25 @@ GROUPS = 8
 
 
 def normalisation_layer(kind: str, channels: int) -> nn.Module:
-    """The layer that ``kind`` names (one of ``NORMALISATIONS``) for ``channels`` channels."""
+    """Build a normalisation layer.
+
+    Parameters
+    ----------
+    kind : str
+        One of ``NORMALISATIONS``.
+    channels : int
+        Number of channels.
+
+    Returns
+    -------
+    nn.Module
+        The layer; the identity for ``none``.
+
+    Raises
+    ------
+    InputError
+        If the kind is unknown.
+    """
     if kind == "batch":
         return nn.BatchNorm2d(channels)
     if kind == "instance":
@@ -30,7 +48,16 @@ def normalisation_layer(kind: str, channels: int) -> nn.Module:
 class DoubleConvolution(nn.Sequential):
     """Two 3x3 convolutions, padded to keep the size, each normalised and rectified; then channel dropout.
 
-    ``bias`` gives the convolutions biases also where they are normalised.
+    Parameters
+    ----------
+    channels_in, channels_out : int
+        Numbers of channels.
+    normalisation : str
+        One of ``NORMALISATIONS``.
+    dropout : float
+        Fraction of channels dropped, 0 to below 1.
+    bias : bool
+        Whether convolutions have biases also where they are normalised.
     """
 
     def __init__(
@@ -53,7 +80,16 @@ class DoubleConvolution(nn.Sequential):
 class Encoder(nn.ModuleList):
     """Double convolutions, one level after the other, with 2x2 max pooling between; each level is half as large.
 
-    ``widths`` are the levels' channels from fine to coarse. ``dropout`` acts at the two coarsest levels.
+    Parameters
+    ----------
+    widths : sequence of int
+        Numbers of channels of the levels, from fine to coarse.
+    normalisation : str
+        One of ``NORMALISATIONS``.
+    dropout : float
+        Fraction of channels dropped at the two coarsest levels.
+    bias : bool
+        Whether convolutions have biases also where they are normalised.
     """
 
     def __init__(self, widths: Sequence[int], normalisation: str, dropout: float, bias: bool = False) -> None:
@@ -64,7 +100,18 @@ class Encoder(nn.ModuleList):
         )
 
     def forward(self, images: Float[Tensor, "b 1 h w"]) -> list[Tensor]:
-        """The features of every level, fine to coarse."""
+        """Compute the features of every level.
+
+        Parameters
+        ----------
+        images : Tensor, shape (b, 1, h, w)
+            Normalised images.
+
+        Returns
+        -------
+        list of Tensor
+            Features from fine to coarse.
+        """
         features: list[Tensor] = []
         for convolutions in self:
             features.append(convolutions(torch.max_pool2d(features[-1], 2) if features else images))
@@ -72,7 +119,21 @@ class Encoder(nn.ModuleList):
 
 
 class UpBlock(nn.Module):
-    """Doubles the size by a 2x2 up-convolution, joins the encoder's features of that size, convolves twice."""
+    """Decoder block: a 2x2 up-convolution, concatenation with the encoder's features, a double convolution.
+
+    Parameters
+    ----------
+    channels_in : int
+        Number of channels of the coarser level.
+    channels_skip : int
+        Number of channels of the encoder's features.
+    channels_out : int
+        Number of channels of the result.
+    normalisation : str
+        One of ``NORMALISATIONS``.
+    dropout : float
+        Fraction of channels dropped, 0 to below 1.
+    """
 
     def __init__(
         self, channels_in: int, channels_skip: int, channels_out: int, normalisation: str, dropout: float
@@ -86,13 +147,39 @@ class UpBlock(nn.Module):
     def forward(
         self, coarse: Float[Tensor, "b c h w"], skip: Float[Tensor, "b s 2*h 2*w"]
     ) -> Float[Tensor, "b o 2*h 2*w"]:
-        """From features of the coarser level and of the encoder at this one."""
+        """Compute the features of one level of the decoder.
+
+        Parameters
+        ----------
+        coarse : Tensor, shape (b, c, h, w)
+            Features of the coarser level.
+        skip : Tensor, shape (b, s, 2 * h, 2 * w)
+            Encoder features of this level.
+
+        Returns
+        -------
+        Tensor, shape (b, o, 2 * h, 2 * w)
+            Features of this level.
+        """
         joined: Tensor = self.convolutions(torch.cat([skip, self.up(coarse)], dim=1))
         return joined
 
 
 def decoder(widths: Sequence[int], normalisation: str) -> nn.ModuleList:
-    """The up-blocks from the coarsest of the encoder's ``widths`` to the finest."""
+    """Build the up-blocks of a decoder.
+
+    Parameters
+    ----------
+    widths : sequence of int
+        Numbers of channels of the encoder's levels, from fine to coarse.
+    normalisation : str
+        One of ``NORMALISATIONS``.
+
+    Returns
+    -------
+    nn.ModuleList
+        Up-blocks from coarse to fine.
+    """
     return nn.ModuleList(
         UpBlock(coarse, fine, fine, normalisation, 0.0)
         for fine, coarse in zip(reversed(widths[:-1]), reversed(widths[1:]), strict=True)
@@ -100,7 +187,17 @@ def decoder(widths: Sequence[int], normalisation: str) -> nn.ModuleList:
 
 
 def initialise(network: nn.Module) -> None:
-    """Draw all convolutions' weights for rectified units (He et al., ICCV 2015) from torch's current seed."""
+    """Draw the weights of all convolutions for rectified units from torch's current seed.
+
+    Parameters
+    ----------
+    network : nn.Module
+        Changed in place.
+
+    References
+    ----------
+    K. He et al., ICCV 2015.
+    """
     for module in network.modules():
         if isinstance(module, (nn.Conv2d, nn.ConvTranspose2d)):
             nn.init.kaiming_normal_(module.weight, nonlinearity="relu")
@@ -109,7 +206,20 @@ def initialise(network: nn.Module) -> None:
 
 
 def require_size(height: int, width: int, multiple: int) -> None:
-    """Raise InputError unless both sides are multiples of ``multiple``, twice it at least."""
+    """Check an image size.
+
+    Parameters
+    ----------
+    height, width : int
+        Size in px.
+    multiple : int
+        Number that both sides must be multiples of, and at least twice.
+
+    Raises
+    ------
+    InputError
+        If a side is not such a multiple.
+    """
     # At once the multiple, the coarsest level is a single pixel, and batch statistics over it are undefined.
     if height % multiple or width % multiple or min(height, width) < 2 * multiple:
         raise InputError(
@@ -119,7 +229,24 @@ def require_size(height: int, width: int, multiple: int) -> None:
 
 
 def require_fields(*, width: int, depth: int, normalisation: str, dropout: float) -> None:
-    """Raise InputError unless these describe a network of the U-Net family."""
+    """Check the settings that networks of the U-Net family share.
+
+    Parameters
+    ----------
+    width : int
+        Number of channels at full size.
+    depth : int
+        Number of levels.
+    normalisation : str
+        Kind of normalisation layer.
+    dropout : float
+        Fraction of channels dropped.
+
+    Raises
+    ------
+    InputError
+        If a setting is out of range.
+    """
     if width < 1:
         raise InputError(f"width: expected at least 1 channel, received {width}")
     if not 2 <= depth <= 7:

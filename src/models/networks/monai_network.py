@@ -20,12 +20,26 @@ _FIXED = {"spatial_dims": 2, "in_channels": 1, "out_channels": 1}
 
 @dataclass(frozen=True)
 class MonaiNetwork:
-    """The recipe of a MONAI network: its class by name, and the settings of that class's constructor.
+    """Recipe of a MONAI network: its class by name, and the settings of that class's constructor.
 
-    ``network`` is one of ``NETWORKS``. ``width`` is the number of channels at full size, doubled at each of four
-    coarser levels as in our U-Net (three in SegResNet). ``settings`` (plain data) are passed on and go before what
-    ``width`` says. All else is MONAI's default: instance normalisation and leaky rectifiers in BasicUNet.
+    All that is not set is MONAI's default: instance normalisation and leaky rectifiers in BasicUNet.
 
+    Parameters
+    ----------
+    network : str
+        Class name; one of ``NETWORKS``.
+    width : int
+        Number of channels at full size, doubled at each of four coarser levels as in our U-Net (three in SegResNet).
+    settings : mapping
+        Plain arguments of the constructor, which override what ``width`` implies.
+
+    Raises
+    ------
+    InputError
+        If the network is unknown or the width is out of range.
+
+    Examples
+    --------
     >>> MonaiNetwork("BasicUNet", width=16).arguments["features"]
     [16, 32, 64, 128, 256, 16]
     """
@@ -55,17 +69,17 @@ class MonaiNetwork:
 
     @property
     def label(self) -> str:
-        """What tables call it: ``name`` is the same for all of MONAI's networks."""
+        """Name in tables: ``name`` is the same for all of MONAI's networks."""
         return f"monai {self.network}"
 
     @property
     def arguments(self) -> dict[str, Any]:
-        """The arguments of the constructor: what ``width`` implies, and the settings."""
+        """Arguments of the constructor: what ``width`` implies, overridden by the settings."""
         return {**_implied(self.network, self.width), **self.settings, **_FIXED}
 
     @property
     def multiple(self) -> int:
-        """What both sides of an image must be multiples of."""
+        """Number that both sides of an image must be multiples of."""
         if self.network in ("BasicUNet", "BasicUNetPlusPlus"):
             return 16
         if self.network == "SegResNet":
@@ -73,9 +87,17 @@ class MonaiNetwork:
         return _multiple_of(self.arguments["strides"])
 
     def __call__(self) -> nn.Module:
-        """Build the network: images (b, 1, h, w) to logits (b, 1, h, w).
+        """Build the network with weights drawn from torch's current seed.
 
-        Raises InputError where MONAI is not installed, and for settings that the class refuses.
+        Returns
+        -------
+        nn.Module
+            Images (b, 1, h, w) to logits (b, 1, h, w).
+
+        Raises
+        ------
+        InputError
+            If MONAI is not installed, or its class refuses the settings.
         """
         try:
             from monai.networks import nets
@@ -101,7 +123,18 @@ class MonaiModule(nn.Module):
         self.multiple = multiple
 
     def forward(self, images: Float[Tensor, "b 1 h w"]) -> Float[Tensor, "b 1 h w"]:
-        """Logits of "vessel" for every pixel."""
+        """Compute logits.
+
+        Parameters
+        ----------
+        images : Tensor, shape (b, 1, h, w)
+            Normalised images.
+
+        Returns
+        -------
+        Tensor, shape (b, 1, h, w)
+            Logits of "vessel" for every pixel.
+        """
         require_size(images.shape[-2], images.shape[-1], self.multiple)
         outputs = self.inner(images)
         # BasicUNetPlusPlus gives a list, of one tensor where only its finest level is supervised.

@@ -11,11 +11,16 @@ from models.array_types import Float
 
 @dataclass(frozen=True, eq=False)
 class SideOutputs:
-    """The logits of a network, those of its coarser levels, and whether a vessel is in the image at all.
+    """Outputs of a network in training; in use, a network returns logits alone.
 
-    ``sides`` are the coarser levels' logits, brought to the images' size, from fine to coarse. ``presence`` is the
-    logit of "the image shows a vessel", or None for a network that is not asked. In use, a network returns logits
-    alone.
+    Parameters
+    ----------
+    logits : Tensor, shape (b, 1, h, w)
+        Logits of the network.
+    sides : tuple of Tensor, shape (b, 1, h, w)
+        Logits of the coarser levels, brought to the images' size, from fine to coarse.
+    presence : Tensor, shape (b,), or None
+        Logit of "the image shows a vessel"; None for a network without that branch.
     """
 
     logits: Float[Tensor, "b 1 h w"]

@@ -13,12 +13,28 @@ from models.networks.blocks import Encoder, decoder, initialise, require_fields,
 
 @dataclass(frozen=True)
 class UNet:
-    """The recipe of a U-Net: ``recipe()`` builds the network with weights drawn from torch's current seed.
+    """Recipe of a U-Net: calling it builds the network with weights drawn from torch's current seed.
 
-    ``width`` is the number of channels at full size (64 as published), doubled at each of the other ``depth - 1``
-    levels. ``dropout`` (0 to below 1) is the share of channels dropped at the two coarsest levels, where the paper
-    has it. Against the paper, convolutions are padded, so that the mask has the image's size, and normalised.
+    Other than in the paper, convolutions are padded, so that the mask has the image's size, and normalised.
 
+    Parameters
+    ----------
+    width : int
+        Number of channels at full size (64 as published), doubled at each coarser level.
+    depth : int
+        Number of levels, 2 to 7.
+    normalisation : str
+        Normalisation layers; one of ``models.networks.blocks.NORMALISATIONS``.
+    dropout : float
+        Fraction of channels dropped at the two coarsest levels, where the paper has it; 0 to below 1.
+
+    Raises
+    ------
+    InputError
+        If a setting is out of range.
+
+    Examples
+    --------
     >>> sum(p.numel() for p in UNet(width=64, normalisation="none")().parameters())
     31030593
     """
@@ -37,11 +53,17 @@ class UNet:
 
     @property
     def multiple(self) -> int:
-        """What both sides of an image must be multiples of."""
+        """Number that both sides of an image must be multiples of."""
         return int(2 ** (self.depth - 1))
 
     def __call__(self) -> nn.Module:
-        """Build the network: images (b, 1, h, w) to logits (b, 1, h, w)."""
+        """Build the network.
+
+        Returns
+        -------
+        nn.Module
+            Images (b, 1, h, w) to logits (b, 1, h, w).
+        """
         return UNetModule(self)
 
 
@@ -58,7 +80,18 @@ class UNetModule(nn.Module):
         initialise(self)
 
     def forward(self, images: Float[Tensor, "b 1 h w"]) -> Float[Tensor, "b 1 h w"]:
-        """Logits of "vessel" for every pixel."""
+        """Compute logits.
+
+        Parameters
+        ----------
+        images : Tensor, shape (b, 1, h, w)
+            Normalised images.
+
+        Returns
+        -------
+        Tensor, shape (b, 1, h, w)
+            Logits of "vessel" for every pixel.
+        """
         require_size(images.shape[-2], images.shape[-1], self.multiple)
         *skips, features = self.encoder(images)
         for up in self.decoder:

@@ -28,19 +28,37 @@ PRESENCE_DROPOUT = 0.5
 
 @dataclass(frozen=True)
 class UNet3Plus:
-    """The recipe of a U-Net 3+: every level of the decoder sees every level, finer ones from the encoder.
+    """Recipe of a U-Net 3+: every level of the decoder sees every level, finer ones from the encoder.
 
-    ``width``, ``depth``, ``normalisation`` and ``dropout`` are those of ``models.networks.unet.UNet``, with
-    the same encoder.
-    Each branch of a decoder level has ``branch_width`` channels, each decoder level ``depth`` times as many.
+    The encoder is that of ``UNet``. Each branch of a decoder level has ``branch_width`` channels, each
+    decoder level ``depth`` times as many. As published are all sizes and layers, convolutions' biases included. Not
+    as published: the gate of the class branch is a product of probabilities, where the paper multiplies with the
+    class decided on, which teaches nothing to either; the class branch learns from its own loss alone, so that it
+    stays a probability; and ``dropout``, which the paper does not have.
 
-    With ``deep_supervision`` the coarser levels give logits too, in training, by a 3x3 convolution each. With
-    ``classification_guided`` a class branch (dropout, 1x1 convolution, largest value over the coarsest level) says
-    whether a vessel is in the image; all logits then are those of p(pixel | vessel in the image) * p(vessel in the
-    image). As published are all sizes and layers, convolutions' biases included. Not as published: the gate is that
-    product, where the paper multiplies with the class decided on, which teaches nothing to either; the class branch
-    learns from its own loss alone, so that it stays a probability; and ``dropout``, which the paper has not.
+    Parameters
+    ----------
+    width : int
+        Number of channels at full size, doubled at each coarser level.
+    depth : int
+        Number of levels, 2 to 7.
+    normalisation : str
+        Normalisation layers; one of ``models.networks.blocks.NORMALISATIONS``.
+    dropout : float
+        Fraction of channels dropped at the two coarsest levels, 0 to below 1.
+    deep_supervision : bool
+        Whether the coarser levels give logits too, in training, by a 3x3 convolution each.
+    classification_guided : bool
+        Whether a class branch (dropout, 1x1 convolution, largest value over the coarsest level) predicts that a
+        vessel is in the image; all logits then are those of p(pixel | vessel in the image) * p(vessel in the image).
 
+    Raises
+    ------
+    InputError
+        If a setting is out of range.
+
+    Examples
+    --------
     >>> sum(p.numel() for p in UNet3Plus(width=64)().parameters())
     26970625
     """
@@ -65,24 +83,41 @@ class UNet3Plus:
 
     @property
     def branch_width(self) -> int:
-        """Channels of one full-scale skip: 64 as published."""
+        """Number of channels of one full-scale skip: 64 as published."""
         return self.width
 
     @property
     def multiple(self) -> int:
-        """What both sides of an image must be multiples of."""
+        """Number that both sides of an image must be multiples of."""
         return int(2 ** (self.depth - 1))
 
     def __call__(self) -> nn.Module:
-        """Build the network: images (b, 1, h, w) to logits (b, 1, h, w), in training with an option to SideOutputs."""
+        """Build the network with weights drawn from torch's current seed.
+
+        Returns
+        -------
+        nn.Module
+            Images (b, 1, h, w) to logits (b, 1, h, w); in training with an option, to ``SideOutputs``.
+        """
         return UNet3PlusModule(self)
 
 
 class FullScaleBlock(nn.Module):
     """One level of the decoder: a branch from every level, brought to its size, joined and convolved.
 
-    ``channels`` are those of the features that come from each level, fine to coarse: the encoder's for this level and
-    the finer ones, which are max-pooled, and the decoder's for the coarser ones, which are enlarged bilinearly.
+    The encoder's features of this level and the finer ones are max-pooled, the decoder's of the coarser ones are
+    enlarged bilinearly.
+
+    Parameters
+    ----------
+    level : int
+        This level, counted from 0 at full size.
+    channels : sequence of int
+        Numbers of channels of the features that come from each level, from fine to coarse.
+    branch_width : int
+        Number of channels of each branch.
+    normalisation : str
+        One of ``models.networks.blocks.NORMALISATIONS``.
     """
 
     def __init__(self, level: int, channels: list[int], branch_width: int, normalisation: str) -> None:
@@ -104,7 +139,18 @@ class FullScaleBlock(nn.Module):
         )
 
     def forward(self, features: list[Tensor]) -> Float[Tensor, "b c h w"]:
-        """From the features of every level, fine to coarse."""
+        """Compute the features of this level.
+
+        Parameters
+        ----------
+        features : list of Tensor
+            Features of every level, from fine to coarse.
+
+        Returns
+        -------
+        Tensor, shape (b, c, h, w)
+            Features at this level's size.
+        """
         parts = []
         for source, (branch, feature) in enumerate(zip(self.branches, features, strict=True)):
             if source < self.level:
@@ -143,7 +189,18 @@ class UNet3PlusModule(nn.Module):
         initialise(self)
 
     def forward(self, images: Float[Tensor, "b 1 h w"]) -> Float[Tensor, "b 1 h w"] | SideOutputs:
-        """Logits of "vessel" for every pixel; in training with an option, those of the coarser levels as well."""
+        """Compute logits.
+
+        Parameters
+        ----------
+        images : Tensor, shape (b, 1, h, w)
+            Normalised images.
+
+        Returns
+        -------
+        Tensor, shape (b, 1, h, w), or SideOutputs
+            Logits of "vessel" for every pixel; in training with an option, those of the coarser levels as well.
+        """
         require_size(images.shape[-2], images.shape[-1], self.multiple)
         features = self.encoder(images)
         presence = None if self.presence is None else self.presence(features[-1]).amax(dim=(1, 2, 3))
@@ -168,10 +225,24 @@ class UNet3PlusModule(nn.Module):
 
 
 def gated(logits: Float[Tensor, "b 1 h w"], presence: Float[Tensor, " b"]) -> Float[Tensor, "b 1 h w"]:
-    """The logit of p(pixel) * p(presence), in 32 bits, with no gradient to ``presence``.
+    """Compute the logit of p(pixel) * p(presence), in 32 bits, with no gradient to ``presence``.
 
-    The odds against a product of probabilities are (1 + e^-x)(1 + e^-c) - 1 = e^-x + e^-c + e^-(x + c), whose logarithm
-    is stable for logits x and c of any size.
+    Parameters
+    ----------
+    logits : Tensor, shape (b, 1, h, w)
+        Logits of the pixels.
+    presence : Tensor, shape (b,)
+        Logits of a vessel in the image.
+
+    Returns
+    -------
+    Tensor, shape (b, 1, h, w)
+        Logits of the product.
+
+    Notes
+    -----
+    The odds against a product of probabilities are (1 + e^-x)(1 + e^-c) - 1 = e^-x + e^-c + e^-(x + c), whose
+    logarithm is stable for logits x and c of any size.
     """
     pixel, image = -logits.float(), -presence.detach().float()[:, None, None, None]
     return -torch.logaddexp(torch.logaddexp(pixel, image), pixel + image)

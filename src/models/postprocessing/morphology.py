@@ -1,4 +1,4 @@
-"""What is done to a mask: gaps closed, holes filled, small components removed."""
+"""Morphology of masks: closing, hole filling and removal of small components."""
 
 from __future__ import annotations
 
@@ -20,26 +20,31 @@ ROUNDING = 1e-9
 class Morphology:
     """Closing, hole filling, removal of small components and of all but the largest, in this order.
 
-    Sizes in mm hold where an image's spacing is known, those in px where it isn't, or where none in mm is given.
+    Sizes in mm apply where an image's spacing is known, those in px where it is not, or where none in mm is
+    given.
 
     Parameters
     ----------
-    closing_radius_px, closing_radius_mm
-        Radius of the disc of a morphological closing (Serra, 1982); None or 0 for no closing.
-    fill_holes
-        Whether background that no path leads out of becomes vessel.
-    min_area_px, min_area_mm2
-        Components of less area are removed; None or 0 for none.
-    largest_only
+    closing_radius_px, closing_radius_mm : float or None, optional
+        Radius of the disc of a morphological closing; None or 0 for no closing.
+    fill_holes : bool, optional
+        Whether background that is enclosed by vessel becomes vessel.
+    min_area_px, min_area_mm2 : float or None, optional
+        Components of smaller area are removed; None or 0 keeps all.
+    largest_only : bool, optional
         Whether only the largest component is kept, the first in the image of several.
-    connectivity
-        Of the vessel, as in ``Hysteresis``; the background has the other one, so that a closed curve always parts its
-        inside from its outside (Rosenfeld, 1970).
+    connectivity : int, optional
+        Connectivity of the vessel, as in ``Hysteresis``; the background has the other one, so that a closed
+        curve always separates its inside from its outside.
 
     Raises
     ------
     InputError
         If a parameter is out of range.
+
+    References
+    ----------
+    J. Serra, 1982 (closing); A. Rosenfeld, 1970 (connectivity).
     """
 
     closing_radius_px: float | None = None
@@ -60,14 +65,19 @@ class Morphology:
     def __call__(
         self, mask: Bool[np.ndarray, "h w"], spacing_mm: tuple[float, float] | None
     ) -> Bool[np.ndarray, "h w"]:
-        """The processed mask of one image.
+        """Process the mask of one image.
 
         Parameters
         ----------
-        mask
-            Of vessel.
-        spacing_mm
-            Vertical and horizontal size of a pixel; None where unknown.
+        mask : ndarray of bool, shape (h, w)
+            Mask of the vessel.
+        spacing_mm : tuple of float or None
+            Vertical and horizontal size of a pixel in mm; None where unknown.
+
+        Returns
+        -------
+        ndarray of bool, shape (h, w)
+            The processed mask.
 
         Raises
         ------
@@ -116,10 +126,23 @@ class Morphology:
 def closed(
     mask: Bool[np.ndarray, "h w"], radius: float, spacing: tuple[float, float]
 ) -> Bool[np.ndarray, "h w"]:
-    """Closing by a disc: background stays where a disc of ``radius`` that holds it fits beside the mask.
+    """Close a mask by a disc: background stays where a disc that holds it fits outside the mask.
 
-    Beyond the image's border is background, and discs may lie there. Distances are between pixel centres, in the unit
-    of ``spacing`` (vertical, horizontal).
+    Beyond the image border is background, and discs may lie there.
+
+    Parameters
+    ----------
+    mask : ndarray of bool, shape (h, w)
+        Mask.
+    radius : float
+        Radius of the disc, in the unit of ``spacing``.
+    spacing : tuple of float
+        Vertical and horizontal distance of pixel centres.
+
+    Returns
+    -------
+    ndarray of bool, shape (h, w)
+        The closed mask.
     """
     rows, columns = bounding_box(mask)
     if rows.stop == 0:
@@ -138,7 +161,7 @@ def _dilated(
 ) -> Bool[np.ndarray, "h w"]:
     """Pixels no farther than ``reach`` from the mask: a disc is a stack of rows, and a row a difference of sums.
 
-    For the few rows of a usual disc that is several times faster than a distance transform.
+    For a disc of a few rows this is several times faster than a distance transform.
     """
     height, width = mask.shape
     side = min(math.floor(reach / spacing[1]), width)
@@ -155,7 +178,20 @@ def _dilated(
 
 
 def filled(mask: Bool[np.ndarray, "h w"], connectivity: int) -> Bool[np.ndarray, "h w"]:
-    """The mask with its holes: background from which no path leads beyond the image."""
+    """Fill the holes of a mask: background from which no path leads beyond the image.
+
+    Parameters
+    ----------
+    mask : ndarray of bool, shape (h, w)
+        Mask.
+    connectivity : int
+        Connectivity of the mask; the background has the other one.
+
+    Returns
+    -------
+    ndarray of bool, shape (h, w)
+        The mask without holes.
+    """
     box = bounding_box(mask)
     framed = np.pad(mask[box], 1)
     background = ndimage.generate_binary_structure(2, 3 - connectivity)
@@ -167,7 +203,7 @@ def filled(mask: Bool[np.ndarray, "h w"], connectivity: int) -> Bool[np.ndarray,
 
 
 def _selected(
-    found: Components, kept: Bool[np.ndarray, "n"], shape: tuple[int, ...]
+    found: Components, kept: Bool[np.ndarray, " n"], shape: tuple[int, ...]
 ) -> Bool[np.ndarray, "h w"]:
     result = np.zeros(shape, dtype=bool)
     result[found.box] = kept[found.labels]

@@ -33,7 +33,18 @@ EDGE_PX = 2
 
 
 def without_colour_marks(image: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
-    """An RGB frame without small coloured graphics; as it is where there are none, or where the screen is tinted."""
+    """Remove small coloured graphics from an RGB frame.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (h, w, 3)
+        Colour frame.
+
+    Returns
+    -------
+    ndarray of uint8, shape (h, w, 3)
+        The frame without graphics; the same frame where there are none, or where the whole screen is tinted.
+    """
     # Channel by channel: numpy takes ten times as long over an axis of three.
     red, green, blue = (image[..., channel] for channel in range(3))
     brightest = np.maximum(np.maximum(red, green), blue)
@@ -48,7 +59,18 @@ def without_colour_marks(image: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray,
 
 
 def without_white_strokes(frame: UInt8[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:
-    """A grey frame without thin white graphics; as it is where there are none."""
+    """Remove thin white graphics from a grey frame.
+
+    Parameters
+    ----------
+    frame : ndarray of uint8, shape (h, w)
+        Grey frame.
+
+    Returns
+    -------
+    ndarray of uint8, shape (h, w)
+        The frame without graphics; the same frame where there are none.
+    """
     white = frame >= WHITE
     if not white.any():
         return frame

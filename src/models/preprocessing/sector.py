@@ -32,11 +32,24 @@ BOX_LEAN_DEG, BOX_SIDE = 1.0, 0.3
 
 
 def find_sector(frame: UInt8[np.ndarray, "h w"], tolerance: int) -> Bool[np.ndarray, "h w"]:
-    """The convex region of echoes on a dark ground; for a fan, without what lies above the probe's curved face.
+    """Find the convex region of echoes on a dark ground; for a fan, without what lies above the probe's face.
 
     Whatever is more than ``tolerance`` grey levels brighter than the ground, dense and not thin belongs to it; dark
-    areas within (vessels, shadows) and the dark corners of a rectangle do as well, and text and marks apart from it do
-    not. All of the frame where no ground can be seen around the echoes, or where there are no echoes at all.
+    areas within (vessels, shadows) and the dark corners of a rectangle do as well, and text and marks apart from it
+    do not.
+
+    Parameters
+    ----------
+    frame : ndarray of uint8, shape (h, w)
+        Grey frame.
+    tolerance : int
+        Grey levels by which the ground varies.
+
+    Returns
+    -------
+    ndarray of bool, shape (h, w)
+        The sector; all of the frame where no ground can be seen around the echoes, or where there are no echoes at
+        all.
     """
     ground = _ground(frame)
     if ground is None:
@@ -56,7 +69,23 @@ def find_sector(frame: UInt8[np.ndarray, "h w"], tolerance: int) -> Bool[np.ndar
 
 
 def checked_corners(corners: str | Sequence[Sequence[float]]) -> Corners:
-    """Corners (row, column) as shares of the frame's height and width; InputError unless they enclose an area."""
+    """Check the corners of a sector.
+
+    Parameters
+    ----------
+    corners : str or sequence of sequences of float
+        Corners (row, column) as fractions of the frame's height and width.
+
+    Returns
+    -------
+    tuple of tuple of float
+        The corners.
+
+    Raises
+    ------
+    InputError
+        If they are not corners, lie outside the frame, or enclose no area.
+    """
     try:
         points = np.array(corners, dtype=np.float64)
     except (TypeError, ValueError):
@@ -77,7 +106,20 @@ def checked_corners(corners: str | Sequence[Sequence[float]]) -> Corners:
 
 @lru_cache(maxsize=8)
 def sector_of(corners: Corners, height: int, width: int) -> Bool[np.ndarray, "h w"]:
-    """The region within ``corners`` (shares of height and width) of a frame of that size."""
+    """Draw the region within corners.
+
+    Parameters
+    ----------
+    corners : tuple of tuple of float
+        Corners (row, column) as fractions of height and width.
+    height, width : int
+        Size of the frame in px.
+
+    Returns
+    -------
+    ndarray of bool, shape (height, width)
+        The region, read-only.
+    """
     from skimage.draw import polygon2mask
 
     # The share 0 is the outer edge of the first pixel, half a pixel before its centre.
@@ -87,7 +129,20 @@ def sector_of(corners: Corners, height: int, width: int) -> Bool[np.ndarray, "h 
 
 
 def bounding_box(corners: Corners, height: int, width: int) -> tuple[int, int, int, int]:
-    """Top, left, bottom and right (the last two exclusive) of the pixels that ``corners`` reach into, at least one."""
+    """Compute the bounding box of corners in pixels, at least one.
+
+    Parameters
+    ----------
+    corners : tuple of tuple of float
+        Corners (row, column) as fractions of height and width.
+    height, width : int
+        Size of the frame in px.
+
+    Returns
+    -------
+    tuple of int
+        Top, left, bottom and right; the last two exclusive.
+    """
     (top, left), (bottom, right) = np.min(corners, axis=0), np.max(corners, axis=0)
     first = (min(int(top * height), height - 1), min(int(left * width), width - 1))
     return (

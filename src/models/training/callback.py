@@ -1,4 +1,8 @@
-"""What happens before, during and after each epoch of a training: random numbers, measures, best weights, state."""
+"""What happens before, during and after each epoch of a training: random numbers, measures, best weights, state.
+
+In place of Lightning's ModelCheckpoint: a checkpoint here holds the network's recipe and its preprocessing and is read
+without Lightning, and a state is not written where that would take a tenth of the time.
+"""
 
 from __future__ import annotations
 
@@ -22,10 +26,22 @@ STATE_SHARE = 0.1
 
 
 class TrainingCourse(Callback):
-    """Leads a training through its phase, from ``start`` where it goes on.
+    """Lightning callback that leads a training through its phase.
 
-    ``save_weights`` gets the network whenever the validation DSC is the best so far; ``save_state`` the state at the
-    end of an epoch; ``on_epoch`` each epoch's measures.
+    Parameters
+    ----------
+    phase : Phase
+        Epochs to train.
+    data : FoldData
+        Batches, seeded before each epoch.
+    start : TrainingState or None
+        State that the training is resumed from; None for a new one.
+    save_weights : callable
+        Called with the network, the epoch and the validation DSC whenever that is the best so far.
+    save_state : callable or None
+        Called with the state at the end of an epoch.
+    on_epoch : callable or None
+        Called with each epoch's measures, those of ``start`` first.
     """
 
     def __init__(
@@ -47,29 +63,66 @@ class TrainingCourse(Callback):
         self._begin_s = time.perf_counter() - (start.runtime_s if start else 0.0)
         self._written_s, self._writing_s = -math.inf, 0.0
         self._throughput = Throughput(torch.device("cpu"))
+        self._learning_rate = math.nan
         for report in self.history:
             self._tell(report)
 
     @property
     def runtime_s(self) -> float:
-        """The time that the training has taken, that before an interruption included."""
+        """Time in s that the training has taken, including that before an interruption."""
         return time.perf_counter() - self._begin_s
 
     def on_train_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Give the optimiser back what it knew."""
+        """Restore the state of the optimiser and of the loss scaler.
+
+        Parameters
+        ----------
+        trainer : Trainer
+            Lightning's trainer.
+        pl_module : LightningModule
+            The segmenter.
+        """
         self._throughput = Throughput(pl_module.device)
         if pl_module.device.type == "cuda":
             torch.cuda.reset_peak_memory_stats(pl_module.device)
         if self.start is not None:
-            trainer.optimizers[0].load_state_dict(dict(self.start.optimiser))
+            # The state of each weight alone: the learning rate is that of this training's schedule.
+            groups = trainer.optimizers[0].state_dict()["param_groups"]
+            trainer.optimizers[0].load_state_dict({**self.start.optimiser, "param_groups": groups})
             trainer.precision_plugin.load_state_dict(dict(self.start.scaler))
 
     def on_train_epoch_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Seed all chance of the epoch."""
+        """Seed all random numbers of the epoch.
+
+        Parameters
+        ----------
+        trainer : Trainer
+            Lightning's trainer.
+        pl_module : LightningModule
+            The segmenter.
+        """
         epoch = len(self.history)
         self.data.begin_epoch(epoch)
         torch.manual_seed(seed_of(self.data.seed, DROPOUT, epoch))
         self._throughput.start()
+
+    def on_train_batch_start(
+        self, trainer: Trainer, pl_module: LightningModule, batch: list[Tensor], batch_idx: int
+    ) -> None:
+        """Record the learning rate: the schedule advances as soon as a batch is done.
+
+        Parameters
+        ----------
+        trainer : Trainer
+            Lightning's trainer.
+        pl_module : LightningModule
+            The segmenter.
+        batch : list of Tensor
+            Images and masks.
+        batch_idx : int
+            Number of the batch in the epoch.
+        """
+        self._learning_rate = float(trainer.optimizers[0].param_groups[0]["lr"])
 
     def on_train_batch_end(
         self,
@@ -79,14 +132,41 @@ class TrainingCourse(Callback):
         batch: list[Tensor],
         batch_idx: int,
     ) -> None:
-        """Count the images."""
+        """Count the images of a batch.
+
+        Parameters
+        ----------
+        trainer : Trainer
+            Lightning's trainer.
+        pl_module : LightningModule
+            The segmenter.
+        outputs : object
+            Not used.
+        batch : list of Tensor
+            Images and masks.
+        batch_idx : int
+            Number of the batch in the epoch.
+        """
         self._throughput.count(len(batch[0]), last=batch_idx + 1 == self.data.steps_per_epoch)
 
     def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Called after the epoch's training and validation."""
+        """Record an epoch: its measures, its weights if they are the best, and the state; stop where the phase is over.
+
+        Parameters
+        ----------
+        trainer : Trainer
+            Lightning's trainer.
+        pl_module : LightningModule
+            The segmenter.
+
+        Raises
+        ------
+        RuntimeError
+            If the validation loss is not finite.
+        """
         assert isinstance(pl_module, Segmenter)
         report = {
-            "learning_rate": float(trainer.optimizers[0].param_groups[0]["lr"]),
+            "learning_rate": self._learning_rate,
             **pl_module.take_measures(),
             "images_per_s": self._throughput.images_per_s,
             "peak_memory_mb": peak_memory_mb(pl_module.device),

@@ -13,11 +13,29 @@ from models.training.losses import Loss
 def training_loss(
     loss: Loss, outputs: Float[Tensor, "b 1 h w"] | SideOutputs, masks: Float[Tensor, "b 1 h w"]
 ) -> Float[Tensor, ""]:
-    """The loss of a batch, on all outputs that there are; ``masks`` are 0 and 1.
+    """Compute the loss of a batch on all outputs of a network.
 
-    For plain logits it is ``loss(outputs, masks)``. For ``SideOutputs`` it is the mean of that over the logits and the
-    sides, each with the same weight (as Huang et al., ICASSP 2020, weigh them; the mean keeps the scale of a network
-    without sides), plus the binary cross-entropy of ``presence`` against "the mask has a vessel".
+    For ``SideOutputs`` it is the mean over the logits and the sides, each with the same weight, plus the binary
+    cross-entropy of ``presence`` against "the mask has a vessel". The mean keeps the scale of a network without
+    sides.
+
+    Parameters
+    ----------
+    loss : Loss
+        Loss of logits.
+    outputs : Tensor, shape (b, 1, h, w), or SideOutputs
+        What the network returned.
+    masks : Tensor, shape (b, 1, h, w)
+        Reference masks of 0 and 1.
+
+    Returns
+    -------
+    Tensor, shape ()
+        Loss of the batch, in 32 bits.
+
+    References
+    ----------
+    Equal weights: H. Huang et al., ICASSP 2020.
     """
     if not isinstance(outputs, SideOutputs):
         return loss(outputs, masks)

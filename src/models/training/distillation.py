@@ -1,4 +1,4 @@
-"""One network trained to say what an ensemble says (Hinton, Vinyals and Dean, 2015)."""
+"""Distillation: training of one network on the probabilities of an ensemble."""
 
 from __future__ import annotations
 
@@ -15,31 +15,38 @@ from models.errors import InputError
 from models.training.losses import Loss
 
 # The ensemble's probabilities are kept from 0 and 1 by this, so that their logits are finite.
-LEAST_PROBABILITY = 2.0**-20
+MIN_PROBABILITY = 2.0**-20
 
 
 @dataclass(frozen=True)
 class Distillation:
-    """Loss of a student's logits against an ensemble's probabilities; 0 where they are the same, and only there.
+    """Loss of a student's logits against an ensemble's probabilities; 0 only where they are the same.
 
-    Weighted sum of the Kullback-Leibler divergence of a pixel's softened probabilities, times ``temperature`` squared
-    so that gradients keep their size (Hinton et al., 2015, section 2), and of an overlap term over the batch: the first
-    Dice semimetric loss of Wang et al., MICCAI 2023, which, unlike soft Dice, is least where student and ensemble
-    agree. It is a ``models.training.losses.Loss`` with the ensemble's probabilities in the place of masks.
+    It is a ``models.training.losses.Loss`` with the ensemble's probabilities in the place of masks.
 
     Parameters
     ----------
-    divergence_weight, overlap_weight
-        Of the two terms; from 0, one above 0.
-    temperature
-        By which both sides' logits are divided in the divergence; from 1.
-    smooth
-        In pixels; keeps the overlap defined for a batch without any vessel.
+    divergence_weight, overlap_weight : float, optional
+        Weights of the two terms; from 0, one above 0.
+    temperature : float, optional
+        Divisor of both sides' logits in the divergence; from 1.
+    smooth : float, optional
+        Smoothing of the overlap in pixels; keeps it defined for a batch without any vessel.
 
     Raises
     ------
     InputError
         If a parameter is out of range.
+
+    Notes
+    -----
+    Weighted sum of the Kullback-Leibler divergence of a pixel's softened probabilities, times ``temperature``
+    squared so that gradients keep their size, and of an overlap term over the batch: the first Dice
+    semimetric loss, which, unlike soft Dice, is lowest where student and ensemble agree.
+
+    References
+    ----------
+    G. Hinton, O. Vinyals and J. Dean, 2015, section 2; Wang et al., MICCAI 2023 (Dice semimetric losses).
     """
 
     divergence_weight: float = 1.0
@@ -63,7 +70,20 @@ class Distillation:
     def __call__(
         self, logits: Float[Tensor, "b 1 h w"], masks: Float[Tensor, "b 1 h w"]
     ) -> Float[Tensor, ""]:
-        """The loss of a batch; ``masks`` are the ensemble's probabilities, 0 to 1."""
+        """Compute the loss of a batch.
+
+        Parameters
+        ----------
+        logits : Tensor, shape (b, 1, h, w)
+            Logits of the student.
+        masks : Tensor, shape (b, 1, h, w)
+            Probabilities of the ensemble, 0 to 1.
+
+        Returns
+        -------
+        Tensor, shape ()
+            The loss.
+        """
         logits, ensemble = logits.float(), masks.float()
         loss = logits.new_zeros(())
         if self.divergence_weight:
@@ -73,7 +93,7 @@ class Distillation:
         return loss
 
     def _divergence(self, logits: Tensor, ensemble: Tensor) -> Tensor:
-        teacher = torch.logit(ensemble, eps=LEAST_PROBABILITY) / self.temperature
+        teacher = torch.logit(ensemble, eps=MIN_PROBABILITY) / self.temperature
         student, soft = logits / self.temperature, torch.sigmoid(teacher)
         # Cross-entropy less the ensemble's own entropy, both from logits: exactly 0 for equal ones.
         cross = functional.binary_cross_entropy_with_logits(student, soft)
@@ -86,15 +106,15 @@ class Distillation:
 
 @dataclass(frozen=True)
 class DistillationWithReference:
-    """Weighted mean of distillation and of a loss against the reference masks, where both are at hand.
+    """Weighted mean of distillation and of a loss against the reference masks.
 
     Parameters
     ----------
-    distillation
-        Against the ensemble.
-    reference
-        Against the masks.
-    ensemble_share
+    distillation : Distillation
+        Loss against the ensemble.
+    reference : Loss
+        Loss against the masks.
+    ensemble_share : float, optional
         Weight of the distillation, 0 to 1.
 
     Raises
@@ -119,7 +139,22 @@ class DistillationWithReference:
         masks: Float[Tensor, "b 1 h w"],
         ensemble: Float[Tensor, "b 1 h w"],
     ) -> Float[Tensor, ""]:
-        """The loss of a batch; ``masks`` are 0 and 1, ``ensemble`` probabilities."""
+        """Compute the loss of a batch.
+
+        Parameters
+        ----------
+        logits : Tensor, shape (b, 1, h, w)
+            Logits of the student.
+        masks : Tensor, shape (b, 1, h, w)
+            Reference masks, 0 and 1.
+        ensemble : Tensor, shape (b, 1, h, w)
+            Probabilities of the ensemble, 0 to 1.
+
+        Returns
+        -------
+        Tensor, shape ()
+            The loss.
+        """
         soft = self.distillation(logits, ensemble)
         hard = self.reference(logits, masks)
         return self.ensemble_share * soft + (1 - self.ensemble_share) * hard

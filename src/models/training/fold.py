@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import torch
 from torch import nn
 
-from models.atomic import written_beside
+from models.atomic import atomic_write
 from models.checkpoint import Checkpoint
 from models.errors import InputError
 from models.networks.registry import NetworkRecipe
@@ -69,7 +69,7 @@ def train_fold(
         weights = {True: own.weights_path, False: folder.weights_path}
         course = _run(training, phase, start, directory, own.weights_path, own, on_epoch)
         best = best_epoch(course.history)
-        with written_beside(path) as beside:
+        with atomic_write(path) as beside:
             shutil.copyfile(weights[best >= phase.first](best), beside)
     return _trained(course, path)
 
@@ -147,7 +147,7 @@ def _run(
         network,
         training.loss,
         settings,
-        lambda step: phase.learning_rate(step, steps),
+        lambda step: phase.learning_rate_factor(step, steps),
         step=len(course.history) * steps,
     )
     with reproducible(settings), quiet():

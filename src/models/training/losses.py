@@ -24,12 +24,25 @@ PERFECT = 1e-7
 
 @runtime_checkable
 class Loss(Protocol):
-    """A frozen dataclass of settings whose call gives the loss of a batch: logits and masks of 0 and 1 to a number."""
+    """Frozen dataclass of settings whose call computes the loss of a batch."""
 
     def __call__(
         self, logits: Float[Tensor, "b 1 h w"], masks: Float[Tensor, "b 1 h w"]
     ) -> Float[Tensor, ""]:
-        """The loss of a batch."""
+        """Compute the loss of a batch.
+
+        Parameters
+        ----------
+        logits : Tensor, shape (b, 1, h, w)
+            Logits of "vessel".
+        masks : Tensor, shape (b, 1, h, w)
+            Reference masks of 0 and 1.
+
+        Returns
+        -------
+        Tensor, shape ()
+            Loss of the batch, in 32 bits.
+        """
         ...
 
 
@@ -37,7 +50,17 @@ class Loss(Protocol):
 class DiceCrossEntropy:
     """Weighted sum of soft Dice loss (Milletari et al., 3DV 2016) and binary cross-entropy, on logits.
 
-    ``smooth`` (in pixels) keeps Dice defined for a batch without any vessel.
+    Parameters
+    ----------
+    dice_weight, cross_entropy_weight : float
+        Weights of the two terms, at least 0.
+    smooth : float
+        Number of px that keeps Dice defined for a batch without any vessel.
+
+    Raises
+    ------
+    InputError
+        If a setting is out of range.
     """
 
     dice_weight: float = 1.0
@@ -53,7 +76,20 @@ class DiceCrossEntropy:
     def __call__(
         self, logits: Float[Tensor, "b 1 h w"], masks: Float[Tensor, "b 1 h w"]
     ) -> Float[Tensor, ""]:
-        """The loss of a batch; ``masks`` are 0 and 1."""
+        """Compute the loss of a batch.
+
+        Parameters
+        ----------
+        logits : Tensor, shape (b, 1, h, w)
+            Logits of "vessel".
+        masks : Tensor, shape (b, 1, h, w)
+            Reference masks of 0 and 1.
+
+        Returns
+        -------
+        Tensor, shape ()
+            Loss of the batch, in 32 bits.
+        """
         logits, masks = logits.float(), masks.float()
         cross_entropy = functional.binary_cross_entropy_with_logits(logits, masks)
         dice = _missed_overlap(logits, masks, 0.5, 0.5, self.smooth / 2)
@@ -62,10 +98,25 @@ class DiceCrossEntropy:
 
 @dataclass(frozen=True)
 class Focal:
-    """Focal loss (Lin et al., ICCV 2017): cross-entropy with weight (1 - p)^gamma, p being that of the right answer.
+    """Focal loss: cross-entropy weighted by (1 - p)^gamma, where p is the probability of the true class.
 
-    ``gamma`` 0 is cross-entropy; the paper's best is 2. ``alpha`` (0 to 1) is the vessel's share of the weight and 1 -
-    ``alpha`` the background's, 0.25 in the paper; None weighs neither. It is the mean over pixels.
+    It is the mean over pixels.
+
+    Parameters
+    ----------
+    gamma : float
+        Exponent; 0 is cross-entropy, 2 the paper's best.
+    alpha : float or None
+        Weight of vessel pixels, 0 to 1, with 1 - ``alpha`` for background; 0.25 in the paper. None weights neither.
+
+    Raises
+    ------
+    InputError
+        If a setting is out of range.
+
+    References
+    ----------
+    T.-Y. Lin et al., ICCV 2017.
     """
 
     gamma: float = 2.0
@@ -79,13 +130,43 @@ class Focal:
     def __call__(
         self, logits: Float[Tensor, "b 1 h w"], masks: Float[Tensor, "b 1 h w"]
     ) -> Float[Tensor, ""]:
-        """The loss of a batch; ``masks`` are 0 and 1."""
+        """Compute the loss of a batch.
+
+        Parameters
+        ----------
+        logits : Tensor, shape (b, 1, h, w)
+            Logits of "vessel".
+        masks : Tensor, shape (b, 1, h, w)
+            Reference masks of 0 and 1.
+
+        Returns
+        -------
+        Tensor, shape ()
+            Loss of the batch, in 32 bits.
+        """
         return _focal(logits.float(), masks.float(), self.gamma, self.alpha)
 
 
 @dataclass(frozen=True)
 class DiceFocal:
-    """Weighted sum of soft Dice loss and focal loss: ``DiceCrossEntropy`` with ``Focal`` for the cross-entropy."""
+    """Weighted sum of soft Dice loss and focal loss: ``DiceCrossEntropy`` with ``Focal`` for the cross-entropy.
+
+    Parameters
+    ----------
+    dice_weight, focal_weight : float
+        Weights of the two terms, at least 0.
+    gamma : float
+        As in ``Focal``.
+    alpha : float or None
+        As in ``Focal``.
+    smooth : float
+        As in ``DiceCrossEntropy``.
+
+    Raises
+    ------
+    InputError
+        If a setting is out of range.
+    """
 
     dice_weight: float = 1.0
     focal_weight: float = 1.0
@@ -103,7 +184,20 @@ class DiceFocal:
     def __call__(
         self, logits: Float[Tensor, "b 1 h w"], masks: Float[Tensor, "b 1 h w"]
     ) -> Float[Tensor, ""]:
-        """The loss of a batch; ``masks`` are 0 and 1."""
+        """Compute the loss of a batch.
+
+        Parameters
+        ----------
+        logits : Tensor, shape (b, 1, h, w)
+            Logits of "vessel".
+        masks : Tensor, shape (b, 1, h, w)
+            Reference masks of 0 and 1.
+
+        Returns
+        -------
+        Tensor, shape ()
+            Loss of the batch, in 32 bits.
+        """
         logits, masks = logits.float(), masks.float()
         focal = _focal(logits, masks, self.gamma, self.alpha)
         dice = _missed_overlap(logits, masks, 0.5, 0.5, self.smooth / 2)
@@ -112,11 +206,24 @@ class DiceFocal:
 
 @dataclass(frozen=True)
 class Tversky:
-    """Tversky loss (Salehi et al., MLMI 2017), with ``gamma`` above 1 the focal one (Abraham and Khan, ISBI 2019).
+    """Tversky loss (Salehi et al., MLMI 2017), for ``gamma`` above 1 focal (Abraham and Khan, ISBI 2019).
 
     It is (1 - T)^(1 / gamma), where T = TP / (TP + a FP + b FN) is Dice for weights a = b = 0.5. The default weights,
-    of both papers, count a missed pixel more than a false one. ``gamma`` is 4/3 in the second paper: small mistakes
-    keep their pull. ``smooth`` (in pixels) keeps T defined for a batch without any vessel.
+    of both papers, count a missed pixel more than a false one.
+
+    Parameters
+    ----------
+    false_positive_weight, false_negative_weight : float
+        The weights a and b, at least 0.
+    gamma : float
+        Focal exponent; 4/3 in the second paper, where small errors keep their gradient.
+    smooth : float
+        Number of px that keeps T defined for a batch without any vessel.
+
+    Raises
+    ------
+    InputError
+        If a setting is out of range.
     """
 
     false_positive_weight: float = 0.3
@@ -137,7 +244,20 @@ class Tversky:
     def __call__(
         self, logits: Float[Tensor, "b 1 h w"], masks: Float[Tensor, "b 1 h w"]
     ) -> Float[Tensor, ""]:
-        """The loss of a batch; ``masks`` are 0 and 1."""
+        """Compute the loss of a batch.
+
+        Parameters
+        ----------
+        logits : Tensor, shape (b, 1, h, w)
+            Logits of "vessel".
+        masks : Tensor, shape (b, 1, h, w)
+            Reference masks of 0 and 1.
+
+        Returns
+        -------
+        Tensor, shape ()
+            Loss of the batch, in 32 bits.
+        """
         missed = _missed_overlap(
             logits.float(), masks.float(), self.false_positive_weight, self.false_negative_weight, self.smooth
         )
@@ -148,7 +268,25 @@ LOSSES: dict[str, type[Any]] = {loss.name: loss for loss in (DiceCrossEntropy, D
 
 
 def loss_of(name: str, settings: Mapping[str, Any]) -> Loss:
-    """The loss of that name with those settings; InputError for an unknown name or for settings it refuses."""
+    """Build a loss from its name and settings.
+
+    Parameters
+    ----------
+    name : str
+        One of ``LOSSES``.
+    settings : mapping
+        Fields of its class.
+
+    Returns
+    -------
+    Loss
+        The loss.
+
+    Raises
+    ------
+    InputError
+        If the name is unknown or the settings are refused.
+    """
     if name not in LOSSES:
         raise InputError(f"loss: expected one of {', '.join(sorted(LOSSES))}, received {name!r}")
     try:

@@ -1,4 +1,8 @@
-"""From which epoch to which a training goes: the training itself, or the extension of a finished one."""
+"""From which epoch to which a training goes: the training itself, or the extension of a finished one.
+
+In place of Lightning's EarlyStopping: the same rule must tell from a saved history whether a training is finished,
+before there is a trainer, and patience counts anew in an extension.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +15,35 @@ History = Sequence[Mapping[str, float]]
 
 
 def best_epoch(history: History) -> int:
-    """The first epoch with the highest validation DSC; -1 before the first epoch."""
+    """Find the first epoch with the highest validation DSC.
+
+    Parameters
+    ----------
+    history : sequence of mapping
+        Measures of each epoch.
+
+    Returns
+    -------
+    int
+        Number of the epoch, counted from 0; -1 for an empty history.
+    """
     dsc = [epoch["validation_dsc"] for epoch in history]
     return dsc.index(max(dsc)) if dsc else -1
 
 
 @dataclass(frozen=True)
 class Phase:
-    """The epochs from ``first`` (0, or where an extension begins) to before ``end``."""
+    """Range of epochs to train.
+
+    Parameters
+    ----------
+    first : int
+        First epoch: 0, or where an extension begins.
+    end : int
+        Epoch after the last one.
+    settings : TrainerSettings
+        Settings of the training.
+    """
 
     first: int
     end: int
@@ -26,20 +51,64 @@ class Phase:
 
     @staticmethod
     def whole(settings: TrainerSettings) -> Phase:
-        """A training from its first epoch on."""
+        """Create the phase of a training from its first epoch.
+
+        Parameters
+        ----------
+        settings : TrainerSettings
+            Settings of the training.
+
+        Returns
+        -------
+        Phase
+            All its epochs.
+        """
         return Phase(0, settings.max_epochs, settings)
 
     def extension(self, history: History) -> Phase:
-        """What follows on this phase, which is over with ``history``."""
+        """Create the phase that extends this one.
+
+        Parameters
+        ----------
+        history : sequence of mapping
+            Measures of all epochs of this phase, which is over.
+
+        Returns
+        -------
+        Phase
+            The epochs after it.
+        """
         return Phase(len(history), len(history) + self.settings.extend_epochs, self.settings)
 
     def is_over(self, history: History) -> bool:
-        """Whether the last epoch is done, or the validation DSC has not risen for ``patience`` epochs."""
+        """Tell whether the last epoch is done, or the validation DSC has not risen for ``patience`` epochs.
+
+        Parameters
+        ----------
+        history : sequence of mapping
+            Measures of the epochs so far.
+
+        Returns
+        -------
+        bool
+            True if there is nothing more to train.
+        """
         waited_since = max(best_epoch(history), self.first - 1)
         return len(history) >= self.end or len(history) - 1 - waited_since >= self.settings.patience
 
-    def learning_rate(self, step: int, steps_per_epoch: int) -> float:
-        """The learning rate at a step of the training, counted from its very beginning."""
-        if self.first:
-            return self.settings.learning_rate * EXTENSION_FACTOR
-        return self.settings.learning_rate * self.settings.learning_rate_factor(step, steps_per_epoch)
+    def learning_rate_factor(self, step: int, steps_per_epoch: int) -> float:
+        """Compute the factor of the highest learning rate at a step.
+
+        Parameters
+        ----------
+        step : int
+            Step, counted from the very beginning of the training.
+        steps_per_epoch : int
+            Number of batches in an epoch.
+
+        Returns
+        -------
+        float
+            Factor, 0 to 1.
+        """
+        return EXTENSION_FACTOR if self.first else self.settings.learning_rate_factor(step, steps_per_epoch)

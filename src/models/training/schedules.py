@@ -1,6 +1,6 @@
-"""How the learning rate runs over a training: a factor of its highest value, as a function of the step alone.
+"""Factors of the highest learning rate for torch's LambdaLR, as functions of the step alone.
 
-A schedule without memory can be entered at any step, which is what resuming a training needs.
+Functions of the step can be entered at any step, which exact resume needs; torch's own cosine schedule accumulates.
 """
 
 from __future__ import annotations
@@ -16,22 +16,76 @@ FIRST_DIVISOR, LAST_DIVISOR = 25.0, 1e4
 
 
 def factor(schedule: str, step: int, rise: int, total: int) -> float:
-    """The factor at ``step`` of ``total``, the first ``rise`` of which lead up to 1, by one of ``SCHEDULES``."""
+    """Compute the factor of the highest learning rate at one step.
+
+    Parameters
+    ----------
+    schedule : str
+        One of ``SCHEDULES``.
+    step : int
+        Step, counted from 0.
+    rise : int
+        Number of steps that lead up to 1.
+    total : int
+        Number of all steps.
+
+    Returns
+    -------
+    float
+        Factor, 0 to 1.
+    """
     functions: dict[str, Callable[[int, int, int], float]] = {"cosine": cosine, "one_cycle": one_cycle}
     return functions[schedule](step, rise, total)
 
 
 def cosine(step: int, rise: int, total: int) -> float:
-    """A linear rise, then half a cosine down to zero (Loshchilov and Hutter, ICLR 2017, without restarts)."""
+    """Compute the factor of a linear rise followed by half a cosine down to zero, without restarts.
+
+    Parameters
+    ----------
+    step : int
+        Step, counted from 0.
+    rise : int
+        Number of steps that lead up to 1.
+    total : int
+        Number of all steps.
+
+    Returns
+    -------
+    float
+        Factor, 0 to 1.
+
+    References
+    ----------
+    I. Loshchilov and F. Hutter, ICLR 2017.
+    """
     if step < rise:
         return (step + 1) / (rise + 1)
     return 0.5 * (1 + math.cos(math.pi * min(1.0, (step - rise) / max(1, total - rise))))
 
 
 def one_cycle(step: int, rise: int, total: int) -> float:
-    """Half a cosine up from 1/25 and half a cosine down to 1/250000 (Smith and Topin, SPIE 11006, 2019).
+    """Compute the factor of half a cosine up from 1/25 followed by half a cosine down to 1/250000.
 
-    Only the learning rate runs in a cycle; the optimiser's momentum stays. The last of ``rise`` steps has the peak.
+    Only the learning rate runs in a cycle; the optimiser's momentum stays.
+
+    Parameters
+    ----------
+    step : int
+        Step, counted from 0.
+    rise : int
+        Number of steps that lead up to 1; the last of them has the peak.
+    total : int
+        Number of all steps.
+
+    Returns
+    -------
+    float
+        Factor, 0 to 1.
+
+    References
+    ----------
+    L. N. Smith and N. Topin, SPIE 11006, 2019.
     """
     first, last = 1 / FIRST_DIVISOR, 1 / (FIRST_DIVISOR * LAST_DIVISOR)
     peak = max(0, rise - 1)

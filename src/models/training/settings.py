@@ -16,21 +16,44 @@ EXTENSION_FACTOR = 0.1
 
 @dataclass(frozen=True)
 class TrainerSettings:
-    """How a network is trained.
+    """Settings of a training with AdamW (Loshchilov and Hutter, ICLR 2019).
 
-    AdamW (Loshchilov and Hutter, ICLR 2019) at up to ``learning_rate``; gradients clipped to norm ``gradient_clip``;
-    stopped once the validation DSC has not risen for ``patience`` epochs.
+    Parameters
+    ----------
+    max_epochs : int
+        Largest number of epochs.
+    batch_size : int
+        Number of images in a batch.
+    learning_rate : float
+        Highest learning rate.
+    patience : int
+        Number of epochs without a higher validation DSC after which training stops.
+    schedule : str
+        ``cosine`` or ``one_cycle``.
+    warmup_epochs : int or None
+        Epochs in which the rate rises; None for one epoch of a cosine and 30 % of a cycle.
+    weight_decay : float
+        Weight decay of AdamW.
+    gradient_clip : float
+        Largest norm of the gradient.
+    accelerator : str
+        One of ``ACCELERATORS``.
+    precision : str
+        One of ``PRECISIONS``; mixed precision is for a GPU, on a CPU it is slower.
+    deterministic : bool
+        Whether the result is the same each time, on one machine with one number of threads; on a GPU as far as its
+        operations can.
+    resume : bool
+        Whether an interrupted training is resumed from its last whole epoch; the result is that of a training never
+        interrupted.
+    extend_epochs : int
+        Largest number of epochs that a finished training is extended by, at a constant tenth of ``learning_rate``, so
+        that an extension by 10 is the beginning of one by 20; patience counts anew.
 
-    ``schedule`` is ``cosine`` or ``one_cycle``; the rate rises for ``warmup_epochs``, by default for one epoch of a
-    cosine and for 30 % of a cycle. ``accelerator`` is one of ``ACCELERATORS``, ``precision`` of ``PRECISIONS``; mixed
-    precision is for a GPU, on a CPU it is slower. ``deterministic``: the same result each time, on one machine with
-    one number of threads; on a GPU as far as its operations can.
-
-    ``resume``: go on with an interrupted training from its last whole epoch; the result is that of a training never
-    interrupted. ``extend_epochs``: go on with a finished training for up to so many epochs more, at a constant tenth
-    of ``learning_rate``, so that an extension by 10 is the beginning of one by 20; patience counts anew.
-
-    ``smoke``: the training shows that all works and not how well; its results say so and are not compared.
+    Raises
+    ------
+    InputError
+        If a setting is out of range or does not go with another.
     """
 
     max_epochs: int
@@ -77,7 +100,20 @@ class TrainerSettings:
             )
 
     def learning_rate_factor(self, step: int, steps_per_epoch: int) -> float:
-        """What ``learning_rate`` is multiplied by at a step of the training, counted from 0."""
+        """Compute the factor of ``learning_rate`` at a step of the training.
+
+        Parameters
+        ----------
+        step : int
+            Step, counted from 0.
+        steps_per_epoch : int
+            Number of batches in an epoch.
+
+        Returns
+        -------
+        float
+            Factor, 0 to 1.
+        """
         total = self.max_epochs * steps_per_epoch
         if self.warmup_epochs is not None:
             rise = self.warmup_epochs * steps_per_epoch

@@ -20,7 +20,7 @@ from models.training.losses import Loss
 from models.training.settings import TrainerSettings
 
 # To be raised when a training of the same settings is no longer the same training.
-VERSION = 1
+VERSION = 2
 # Settings that say how far a training goes on, not which one it is.
 _HOW_FAR = ("resume", "extend_epochs")
 
@@ -69,7 +69,7 @@ class FoldTraining:
             "frames": [self.train.digest(), self.validation.digest()],
             "preprocessing": dataclasses.asdict(self.preprocessing),
             "trainer": budget,
-            "augmentation": dataclasses.asdict(self.augmentation),
+            "augmentation": [[type(each).__name__, vars(each)] for each in self.augmentation.transforms],
             "loss": [type(self.loss).__name__, vars(self.loss)],
             "seed": [self.seed, self.fold],
         }

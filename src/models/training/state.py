@@ -1,6 +1,7 @@
-"""What a training is at the end of an epoch, in one file from which it goes on exactly.
+"""The state of a training at the end of an epoch, in one file from which it is resumed exactly.
 
-Random numbers need no place in it: those of an epoch depend on the seed and the number of the epoch alone.
+Random numbers need no place in it: those of an epoch depend on the seed and the number of the epoch alone. In
+place of Lightning's checkpoints: those have no fingerprint of settings and data that would refuse another training's.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import Any
 import torch
 from filelock import FileLock, Timeout
 
-from models.atomic import written_beside
+from models.atomic import atomic_write
 from models.checkpoint import UNREADABLE
 from models.errors import InputError
 from models.training.phase import best_epoch
@@ -26,7 +27,21 @@ VERSION = 1
 
 @dataclass(frozen=True)
 class TrainingState:
-    """After ``len(history)`` epochs: the weights, what the optimiser and the loss scaler remember, the time so far."""
+    """State of a training at the end of an epoch.
+
+    Parameters
+    ----------
+    history : tuple of dict
+        Measures of each epoch so far.
+    weights : mapping
+        State dict of the network.
+    optimiser : mapping
+        State dict of the optimiser.
+    scaler : mapping
+        State dict of the loss scaler.
+    runtime_s : float
+        Time in s that the training has taken.
+    """
 
     history: tuple[dict[str, float], ...]
     weights: Mapping[str, Any]
@@ -37,10 +52,16 @@ class TrainingState:
 
 @dataclass(frozen=True)
 class TrainingFolder:
-    """The files of one training that outlive its process: ``state.pt``, and ``model-<epoch>.pt`` of the best epoch.
+    """Files of one training that outlive its process: ``state.pt``, and ``model-<epoch>.pt`` of the best epoch.
 
-    ``fingerprint`` says whose they are. Its extension has the same files in a folder ``extended`` within, so that what
-    it began from stays as it was.
+    An extension has the same files in a folder ``extended`` within, so that what it began from stays as it was.
+
+    Parameters
+    ----------
+    path : Path
+        The folder.
+    fingerprint : str
+        Fingerprint of the training that the files belong to.
     """
 
     path: Path
@@ -48,30 +69,58 @@ class TrainingFolder:
 
     @property
     def state_path(self) -> Path:
-        """The file of the state."""
+        """File of the state."""
         return self.path / "state.pt"
 
     @property
     def extended(self) -> TrainingFolder:
-        """The folder of the extension."""
+        """Folder of the extension."""
         return TrainingFolder(self.path / "extended", self.fingerprint)
 
     def weights_path(self, epoch: int) -> Path:
-        """Where the weights of an epoch lie, if it was the best one."""
+        """Return the file of the weights of an epoch.
+
+        Parameters
+        ----------
+        epoch : int
+            Number of the epoch.
+
+        Returns
+        -------
+        Path
+            The file, which exists if that epoch is the best.
+        """
         return self.path / f"model-{epoch}.pt"
 
     def save(self, state: TrainingState) -> None:
-        """Write the state; then remove the weights of epochs that are no longer the best."""
+        """Write the state; then remove the weights of epochs that are no longer the best.
+
+        Parameters
+        ----------
+        state : TrainingState
+            State to write.
+        """
         content = {field.name: getattr(state, field.name) for field in dataclasses.fields(state)}
         content |= {"format": FORMAT, "version": VERSION, "fingerprint": self.fingerprint}
-        with written_beside(self.state_path) as beside:
+        with atomic_write(self.state_path) as beside:
             torch.save(content, beside)
         for path in self.path.glob("model-*.pt"):
             if path != self.weights_path(best_epoch(state.history)):
                 path.unlink()
 
     def load(self) -> TrainingState | None:
-        """The state, None where there is none; InputError for a file that is damaged or of another training."""
+        """Read the state.
+
+        Returns
+        -------
+        TrainingState or None
+            None where there is none.
+
+        Raises
+        ------
+        InputError
+            If the file is damaged or of another training.
+        """
         if not self.state_path.is_file():
             return None
         try:
@@ -99,7 +148,13 @@ class TrainingFolder:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Keep other processes away; InputError where one is at work here."""
+        """Keep other processes away from the folder.
+
+        Raises
+        ------
+        InputError
+            If another process is at work here.
+        """
         self.path.mkdir(parents=True, exist_ok=True)
         lock = FileLock(self.path / ".lock")
         try:

@@ -10,7 +10,13 @@ import torch
 
 
 class Throughput:
-    """Images a second over the training batches of an epoch; what lies between epochs is not counted."""
+    """Images per second over the training batches of an epoch; what lies between epochs is not counted.
+
+    Parameters
+    ----------
+    device : torch.device
+        Where the network is trained.
+    """
 
     def __init__(self, device: torch.device) -> None:
         self.device = device
@@ -18,12 +24,20 @@ class Throughput:
         self._start_s = self._end_s = time.perf_counter()
 
     def start(self) -> None:
-        """An epoch's first batch is about to be fetched."""
+        """Start the clock: an epoch's first batch is about to be fetched."""
         self._images = 0
         self._start_s = self._end_s = time.perf_counter()
 
     def count(self, images: int, last: bool) -> None:
-        """A batch of so many images is done; after the last one, a GPU is waited for."""
+        """Count the images of a batch.
+
+        Parameters
+        ----------
+        images : int
+            Number of images.
+        last : bool
+            Whether it is the epoch's last batch, after which a GPU is waited for.
+        """
         self._images += images
         if last:
             if self.device.type == "cuda":
@@ -32,12 +46,23 @@ class Throughput:
 
     @property
     def images_per_s(self) -> float:
-        """Of the epoch whose last batch is done."""
+        """Images per second of the epoch whose last batch is done."""
         return self._images / (self._end_s - self._start_s)
 
 
 def peak_memory_mb(device: torch.device) -> float:
-    """The most memory taken so far, in 10^6 bytes: of tensors on a GPU, else of the whole process."""
+    """Return the largest amount of memory taken so far.
+
+    Parameters
+    ----------
+    device : torch.device
+        Where the network is trained.
+
+    Returns
+    -------
+    float
+        10^6 bytes: of tensors on a GPU, otherwise of the whole process.
+    """
     if device.type == "cuda":
         return torch.cuda.max_memory_allocated(device) / 1e6
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -18,7 +18,24 @@ from models.training.settings import TrainerSettings
 
 
 def lightning_trainer(settings: TrainerSettings, course: Callback, epochs: int, directory: Path) -> Trainer:
-    """A trainer for so many epochs that writes, logs and stops nothing by itself: that is left to ``course``."""
+    """Set up a trainer that writes, logs and stops nothing by itself: that is left to ``course``.
+
+    Parameters
+    ----------
+    settings : TrainerSettings
+        Device, precision and gradient clipping.
+    course : Callback
+        Leads the training.
+    epochs : int
+        Number of epochs to train.
+    directory : Path
+        Lightning's default folder, to which nothing is written.
+
+    Returns
+    -------
+    Trainer
+        Lightning's trainer for one process and one device.
+    """
     return Trainer(
         accelerator=settings.accelerator,
         devices=1,
@@ -39,7 +56,22 @@ def lightning_trainer(settings: TrainerSettings, course: Callback, epochs: int, 
 
 
 def fit(trainer: Trainer, module: LightningModule, data: LightningDataModule) -> None:
-    """Train; a stop by the keyboard stays one, which Lightning would turn into an exit with code 1."""
+    """Train; a keyboard interrupt stays one, which Lightning would turn into an exit with code 1.
+
+    Parameters
+    ----------
+    trainer : Trainer
+        Lightning's trainer.
+    module : LightningModule
+        Network to train.
+    data : LightningDataModule
+        Batches.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If the user stopped the training.
+    """
     try:
         trainer.fit(module, datamodule=data)
     except SystemExit as ended:
@@ -50,7 +82,13 @@ def fit(trainer: Trainer, module: LightningModule, data: LightningDataModule) ->
 
 @contextlib.contextmanager
 def reproducible(settings: TrainerSettings) -> Iterator[None]:
-    """Leave torch's random stream and its switches, thrown here as ``settings.deterministic`` says, as they were."""
+    """Set torch's switches for determinism; leave them, and torch's random stream, as they were.
+
+    Parameters
+    ----------
+    settings : TrainerSettings
+        Says whether results must be deterministic.
+    """
     deterministic = torch.are_deterministic_algorithms_enabled()
     warn_only = torch.is_deterministic_algorithms_warn_only_enabled()
     # Its class has the switch as a property that no type checker sees.

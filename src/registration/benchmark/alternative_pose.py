@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
@@ -17,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from registration import transforms
 from registration.benchmark.cases import BenchmarkCase, CaseTruth
+from registration.geometry.open3d_bridge import TriangleScene
 from registration.geometry.shapes import Mesh, principal_frame
 from registration.metrics.surface_distance import pose_error
 
@@ -176,24 +176,9 @@ class _Model:
     """Closest places on the triangles of a mesh, by Open3D's ray-casting scene."""
 
     def __init__(self, mesh: Mesh) -> None:
-        self._open3d: Any = _open3d()
-        self._middle_mm = mesh.vertices_mm.mean(axis=0)
-        self._scene = self._open3d.t.geometry.RaycastingScene()
-        self._scene.add_triangles(
-            self._open3d.core.Tensor((mesh.vertices_mm - self._middle_mm).astype(np.float32)),
-            self._open3d.core.Tensor(mesh.triangles.astype(np.uint32)),
-        )
+        self._scene = TriangleScene(mesh)
 
     def __call__(self, points_mm: np.ndarray) -> _Closest:
-        queried = (points_mm - self._middle_mm).astype(np.float32)
-        found = self._scene.compute_closest_points(self._open3d.core.Tensor(queried))
-        offset_mm = found["points"].numpy().astype(np.float64) - queried
-        normals = found["primitive_normals"].numpy().astype(np.float64)
-        return _Closest(np.linalg.norm(offset_mm, axis=1), np.einsum("nk,nk->n", offset_mm, normals), normals)
-
-
-def _open3d() -> Any:
-    """Open3D, imported only where triangles are asked: it takes a second, and its type stubs are not right."""
-    import open3d
-
-    return open3d
+        found = self._scene.closest(points_mm)
+        gap_mm = np.einsum("nk,nk->n", found.offsets_mm, found.normals)
+        return _Closest(np.linalg.norm(found.offsets_mm, axis=1), gap_mm, found.normals)

@@ -15,8 +15,9 @@ import numpy as np
 from registration.benchmark.cases import BenchmarkCase, CaseTruth, digest
 from registration.benchmark.truth_files import read_json, truth_as_json
 from registration.errors import InputError
+from registration.geometry.open3d_bridge import quiet_open3d
 from registration.geometry.shapes import Mesh, require_cloud
-from registration.io.atomic import whole_folder, write_whole
+from registration.io.atomic import atomic_folder, write_atomic
 from registration.io.point_clouds import write_cloud
 from registration.io.surfaces import read_surface, write_surface
 from registration.reconstruction.contours import ContourCloud
@@ -41,8 +42,8 @@ def write_case(folder: Path, case: BenchmarkCase, truth: CaseTruth) -> None:
         Its truth, written into ``folder``/truth.
     """
     told = truth_as_json(truth) | {"digest": digest(case, truth)}
-    write_whole(truth_file(folder, case.name), (json.dumps(told) + "\n").encode())
-    with whole_folder(folder / case.name) as stage:
+    write_atomic(truth_file(folder, case.name), (json.dumps(told) + "\n").encode())
+    with atomic_folder(folder / case.name) as stage:
         write_cloud(stage / MOVING, _contours(case))
         write_surface(stage / FIXED, case.fixed)
         write_surface(stage / FIXED_POINTS, case.fixed_mm)
@@ -59,7 +60,7 @@ def write_case(folder: Path, case: BenchmarkCase, truth: CaseTruth) -> None:
             "moving_points": len(case.moving_mm),
             "frames": len(np.unique(case.moving_frame)),
         }
-        write_whole(stage / CASE_FILE, (json.dumps(about, indent=2) + "\n").encode())
+        write_atomic(stage / CASE_FILE, (json.dumps(about, indent=2) + "\n").encode())
 
 
 def read_case(folder: Path) -> BenchmarkCase:
@@ -170,10 +171,8 @@ def _contours(case: BenchmarkCase) -> ContourCloud:
 
 
 def _read_moving(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    import open3d
-
     read_surface(path)  # refuses what is missing, cut short or degenerate, in one sentence
-    with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
+    with quiet_open3d() as open3d:
         cloud = open3d.t.io.read_point_cloud(path)
     if "normals" not in cloud.point or "frame" not in cloud.point:
         raise InputError(f"{path}: expected points with normals and frames, received points without")

@@ -56,7 +56,7 @@ class LineDetector:
         if (self.clip_origin_px is None) != (self.clip_size_px is None):
             raise InputError("clip_origin_px, clip_size_px: expected both or neither, received one")
 
-    def __call__(self, images: UInt8[np.ndarray, "n height width"]) -> Float64[np.ndarray, "n"]:
+    def __call__(self, images: UInt8[np.ndarray, "n height width"]) -> Float64[np.ndarray, " n"]:
         """Detect the line in every frame.
 
         Parameters

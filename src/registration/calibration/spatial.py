@@ -218,7 +218,7 @@ def middle_errors_mm(
     return np.linalg.norm(transforms.apply(probe_A_pixel, pixels) - target_mm, axis=2)
 
 
-def mean_of_best_mm(errors_mm: Float64[np.ndarray, "*n"], share: float = 0.95) -> float:
+def mean_of_best_mm(errors_mm: Float64[np.ndarray, " *n"], share: float = 0.95) -> float:
     """Average the smallest share of the errors, as PLUS reports calibrations.
 
     Parameters

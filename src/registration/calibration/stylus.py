@@ -33,8 +33,8 @@ class PivotResult:
 
     tip_mm: Float64[np.ndarray, "3"]
     pivot_mm: Float64[np.ndarray, "3"]
-    residuals_mm: Float64[np.ndarray, "n"]
-    outliers: Bool[np.ndarray, "n"]
+    residuals_mm: Float64[np.ndarray, " n"]
+    outliers: Bool[np.ndarray, " n"]
     weakest_mm: float
 
     @property

@@ -16,7 +16,7 @@ from registration.checks import require_count, require_positive
 from registration.errors import InputError
 
 # Motion at constant speed correlates equally at all lags; what differs then is rounding.
-_LEAST_CONTRAST = 1e-3
+_MIN_CONTRAST = 1e-3
 
 
 @dataclass(frozen=True)
@@ -44,8 +44,8 @@ class TemporalResult:
     correlation: float
     runner_up_lag_s: float
     runner_up_correlation: float
-    lags_s: Float64[np.ndarray, "k"]
-    correlations: Float64[np.ndarray, "k"]
+    lags_s: Float64[np.ndarray, " k"]
+    correlations: Float64[np.ndarray, " k"]
     frames_used: np.ndarray
 
     @property
@@ -95,10 +95,10 @@ class TemporalCalibration:
 
     def __call__(
         self,
-        image_times_s: Float[np.ndarray, "n"],
-        image_signal: Float[np.ndarray, "n"],
-        pose_times_s: Float[np.ndarray, "m"],
-        pose_signal: Float[np.ndarray, "m"],
+        image_times_s: Float[np.ndarray, " n"],
+        image_signal: Float[np.ndarray, " n"],
+        pose_times_s: Float[np.ndarray, " m"],
+        pose_signal: Float[np.ndarray, " m"],
     ) -> TemporalResult:
         """Estimate the lag.
 
@@ -150,9 +150,9 @@ class TemporalCalibration:
 
     def _usable(
         self,
-        image_times_s: Float[np.ndarray, "n"],
-        image_signal: Float[np.ndarray, "n"],
-        pose_times_s: Float[np.ndarray, "m"],
+        image_times_s: Float[np.ndarray, " n"],
+        image_signal: Float[np.ndarray, " n"],
+        pose_times_s: Float[np.ndarray, " m"],
     ) -> np.ndarray:
         """The frames that have a signal and, at every lag of the search, poses on both sides."""
         first_s, last_s = pose_times_s[0] + self.max_lag_s, pose_times_s[-1] - self.max_lag_s
@@ -164,12 +164,12 @@ class TemporalCalibration:
             )
         return usable
 
-    def _require_a_peak(self, heights: Float64[np.ndarray, "k"], peaks: np.ndarray) -> None:
+    def _require_a_peak(self, heights: Float64[np.ndarray, " k"], peaks: np.ndarray) -> None:
         """Refuse a correlation that is too low, the same everywhere, or highest where the search stopped."""
         found = f"expected a correlation of at least {self.min_correlation:g} at a lag within {self.max_lag_s:g} s"
         if heights.max() < self.min_correlation:
             raise InputError(f"signals: {found}, received at most {heights.max():.3f}")
-        if np.ptp(heights) < _LEAST_CONTRAST:
+        if np.ptp(heights) < _MIN_CONTRAST:
             raise InputError(
                 "signals: expected a motion that tells one lag from another, such as up and down, "
                 "received one that fits all lags alike"
@@ -178,7 +178,7 @@ class TemporalCalibration:
             raise InputError(f"signals: {found}, received {heights.max():.3f} only at the end of the search")
 
 
-def principal_motion_mm(positions_mm: Float[np.ndarray, "m 3"]) -> Float64[np.ndarray, "m"]:
+def principal_motion_mm(positions_mm: Float[np.ndarray, "m 3"]) -> Float64[np.ndarray, " m"]:
     """Project positions on the axis of their largest variance, about their mean.
 
     Parameters
@@ -212,13 +212,13 @@ def _normalised(signals: Float64[np.ndarray, "k n"], name: str) -> Float64[np.nd
     return centred / norm
 
 
-def _peaks(values: Float64[np.ndarray, "k"]) -> np.ndarray:
+def _peaks(values: Float64[np.ndarray, " k"]) -> np.ndarray:
     """Indices of the local maxima, the ends left out: a maximum there is only where the search stopped."""
     middle = values[1:-1]
     return np.flatnonzero((middle >= values[:-2]) & (middle > values[2:])) + 1
 
 
-def _refined(lags_s: Float64[np.ndarray, "k"], values: Float64[np.ndarray, "k"], at: int) -> float:
+def _refined(lags_s: Float64[np.ndarray, " k"], values: Float64[np.ndarray, " k"], at: int) -> float:
     """The summit of the parabola through a peak and its neighbours."""
     before, peak, after = values[at - 1 : at + 2]
     curvature = before - 2 * peak + after

@@ -1,4 +1,4 @@
-"""Walls rough with noise, smoothed before a vessel's middle is looked for."""
+"""Smoothing of noisy vessel walls before their centerline is extracted."""
 
 from __future__ import annotations
 
@@ -17,14 +17,28 @@ TELLING, CLEANING = 10, 60
 DEVIATION_PER_MEDIAN = 1.4826
 
 
-def smoothed_if_rough(mesh: Mesh, rough_radii: float) -> Mesh:
-    """Smooth a vessel's wall that is rougher than ``rough_radii`` of the vessel's radius; any other stays as it is.
+def smooth_if_rough(mesh: Mesh, rough_radii: float) -> Mesh:
+    """Smooth a vessel wall if it is rougher than a limit; leave any other unchanged.
 
-    Roughness is the distance of the vertices from the surface that a little of Taubin's filter (SIGGRAPH 1995) leaves,
-    which takes off what varies from triangle to triangle and keeps the volume; as a standard deviation, by way of the
-    median, so that the rim of a cap is no roughness. It is judged against the radius of the smoothed vessel: noise
-    multiplies the area of a wall. A mesh whose volume the filter would change is no rough one, but one whose triangles
-    are as large as the vessel is wide: it stays too.
+    Parameters
+    ----------
+    mesh : Mesh
+        Vessel wall.
+    rough_radii : float
+        Roughness, in radii of the vessel, from which on the wall is smoothed.
+
+    Returns
+    -------
+    Mesh
+        The smoothed wall, or ``mesh`` itself.
+
+    Notes
+    -----
+    Roughness is the distance of the vertices from the surface after a few iterations of Taubin's filter
+    (SIGGRAPH 1995), which removes what varies from triangle to triangle and keeps the volume; as a robust
+    standard deviation, by way of the median, so that the rim of a cap is no roughness. It is compared with
+    the radius of the smoothed vessel, since noise multiplies the area of a wall. A mesh whose volume the
+    filter would change has triangles as large as the vessel is wide, and is left unchanged too.
     """
     if not len(mesh.triangles):
         return mesh

@@ -1,4 +1,4 @@
-"""How a line goes on to the end of a vessel that is closed there."""
+"""Extension of a centerline to the end of a vessel that is closed there."""
 
 from __future__ import annotations
 
@@ -8,15 +8,31 @@ from registration.centerline.vessel_walls import Walls
 from registration.geometry.shapes import Polyline
 
 # A blunt end begins less than two radii after the last sphere that fills the vessel; a wall farther on is not its end.
-MOST_RADII = 3.0
+MAX_RADII = 3.0
 
 
-def to_closed_end(line: Polyline, walls: Walls, step_mm: float) -> Polyline:
-    """Carry a line straight on from its last point to the wall ahead, with the radius that it had there.
+def extend_to_closed_end(line: Polyline, walls: Walls, step_mm: float) -> Polyline:
+    """Extend a line straight from its last point to the wall ahead, with the radius that it had there.
 
-    The direction is that of the line's last radius. A cap is no more a wall of the vessel than an opening is: the
-    radius stays that of the last sphere that fills the vessel, and a tube has the same line whether it is open or
-    capped. The length is then that of the vessel, from tip to tip. A line with no wall ahead within three radii stays.
+    Parameters
+    ----------
+    line : Polyline
+        Line that ends at the last sphere that fills the vessel.
+    walls : Walls
+        Walls of the vessel.
+    step_mm : float
+        Approximate distance of the added points in mm.
+
+    Returns
+    -------
+    Polyline
+        The extended line, or ``line`` itself where there is no wall within three radii ahead.
+
+    Notes
+    -----
+    The direction is that of the line's last radius. A cap is no more a wall of the vessel than an opening is:
+    the radius stays that of the last sphere that fills the vessel, and a tube has the same line whether it is
+    open or capped. The length is then that of the vessel, from end to end.
     """
     radius_mm = float(line.radius_mm[-1])
     back_mm = np.linalg.norm(line.points_mm - line.points_mm[-1], axis=1)
@@ -26,7 +42,7 @@ def to_closed_end(line: Polyline, walls: Walls, step_mm: float) -> Polyline:
     if not length_mm > 0:
         return line
     ahead_mm = walls.ahead_mm(line.points_mm[-1], way / length_mm)
-    if not 0 < ahead_mm <= MOST_RADII * radius_mm:
+    if not 0 < ahead_mm <= MAX_RADII * radius_mm:
         return line
     count = max(round(ahead_mm / step_mm), 1)
     on_mm = np.linspace(0.0, ahead_mm, count + 1)[1:, None] * way / length_mm
@@ -36,6 +52,17 @@ def to_closed_end(line: Polyline, walls: Walls, step_mm: float) -> Polyline:
     )
 
 
-def backwards(line: Polyline) -> Polyline:
-    """The same line from its last point to its first."""
+def reversed_line(line: Polyline) -> Polyline:
+    """Reverse the order of a line's points.
+
+    Parameters
+    ----------
+    line : Polyline
+        Any line.
+
+    Returns
+    -------
+    Polyline
+        The line from its last point to its first.
+    """
     return Polyline(line.points_mm[::-1], line.radius_mm[::-1])

@@ -1,4 +1,4 @@
-"""The ends of a vessel tree: where the way from its source can go no farther, and by enough to be a branch."""
+"""Ends of a vessel tree: points farthest from its source on branches that are long enough to count."""
 
 from __future__ import annotations
 
@@ -13,28 +13,59 @@ from registration.centerline.medial_axis import MedialAxis
 
 
 @dataclass(frozen=True)
-class Summit:
-    """A sphere from which all ways lead back: ``node``, and those of the nodes asked for that lie on its branch."""
+class BranchEnd:
+    """End of a branch: a sphere from which all paths lead back to the source.
+
+    Parameters
+    ----------
+    node : int
+        The sphere.
+    marked : tuple of int
+        Those of the marked spheres that lie on its branch.
+    """
 
     node: int
     marked: tuple[int, ...]
 
 
-def summits(
+def branch_ends(
     axis: MedialAxis,
     main: Bool[np.ndarray, "n"],
     away_mm: Float64[np.ndarray, "n"],
     reach: float,
     marked: Int64[np.ndarray, "k"],
-) -> tuple[Summit, ...]:
-    """The ends of all branches, the farthest first; ``away_mm`` is the distance of each sphere from the source.
+) -> tuple[BranchEnd, ...]:
+    """Find the ends of all branches as persistent maxima of the distance from the source.
 
-    What lies beyond a distance from the source falls into parts. Lowering the distance lets parts grow and meet; of two
-    that meet, the one that reaches less far is a branch of the other. It counts if it reaches at least ``reach`` radii
-    farther than the place where they meet, in radii of the larger of the branch's last sphere and the vessel there; a
-    shorter one is a bump in a wall, a corner of a flat vessel or a blob that hangs on it. (Persistence of the maxima of
-    a function, Edelsbrunner, Letscher and Zomorodian, Discrete Comput. Geom. 28, 2002.) Only ``main`` spheres are ends;
-    there are none where the vessel is not longer than wide.
+    Parameters
+    ----------
+    axis : MedialAxis
+        Inscribed spheres of the vessel.
+    main : ndarray of bool, shape (n,)
+        Spheres that may be ends (``MedialAxis.is_main``).
+    away_mm : ndarray, shape (n,)
+        Distance of each sphere from the source along the vessel in mm.
+    reach : float
+        Smallest length of a branch in radii of its last sphere or of the vessel where it leaves, whichever is
+        larger.
+    marked : ndarray of int, shape (k,)
+        Spheres whose branch is asked for, such as those in openings.
+
+    Returns
+    -------
+    tuple of BranchEnd
+        The ends, the farthest first; none where the vessel is not longer than wide.
+
+    Notes
+    -----
+    What lies beyond a distance from the source falls into parts. Lowering the distance lets parts grow and
+    meet; of two that meet, the one that reaches less far is a branch of the other. Its length is measured
+    from the place where they meet; a shorter one is a bump in a wall, a corner of a flat vessel or a blob
+    attached to it.
+
+    References
+    ----------
+    H. Edelsbrunner, D. Letscher and A. Zomorodian, Discrete Comput. Geom. 28, 2002.
     """
     # Of each part, by the node that stands for it: its farthest main sphere (or none, -1) and the marked nodes in it.
     top = np.where(main, np.arange(len(main)), -1).tolist()
@@ -47,15 +78,15 @@ def summits(
             high, low = low, high
         passed = held.pop(low, [])
         if top[low] >= 0 and _is_branch(axis, main, top[low], one, away_mm[top[low]] - level_mm, reach):
-            found.append(Summit(top[low], tuple(passed)))
+            found.append(BranchEnd(top[low], tuple(passed)))
         elif passed:
             held[high] = held.get(high, []) + passed
         owner[low] = high
     last = _root(owner, 0)
     source = int(away_mm.argmin())
     if _is_branch(axis, main, top[last], source, away_mm[top[last]], reach):
-        found.append(Summit(top[last], tuple(held.get(last, []))))
-    return tuple(sorted(found, key=lambda summit: -away_mm[summit.node]))
+        found.append(BranchEnd(top[last], tuple(held.get(last, []))))
+    return tuple(sorted(found, key=lambda branch_end: -away_mm[branch_end.node]))
 
 
 def _meetings(axis: MedialAxis, away_mm: Float64[np.ndarray, "n"]) -> list[tuple[int, int, float]]:
@@ -80,9 +111,14 @@ def _root(owner: list[int], node: int) -> int:
 
 
 def _is_branch(
-    axis: MedialAxis, main: Bool[np.ndarray, "n"], summit: int, meeting: int, reach_mm: float, reach: float
+    axis: MedialAxis,
+    main: Bool[np.ndarray, "n"],
+    branch_end: int,
+    meeting: int,
+    reach_mm: float,
+    reach: float,
 ) -> bool:
-    if reach_mm < reach * max(axis.radius_mm[summit], axis.radius_mm[meeting]):
+    if reach_mm < reach * max(axis.radius_mm[branch_end], axis.radius_mm[meeting]):
         return False
     apart_mm = np.linalg.norm(axis.centres_mm - axis.centres_mm[meeting], axis=1)
     around = main & (apart_mm <= axis.radius_mm)

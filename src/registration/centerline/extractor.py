@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial import cKDTree
 
-from registration.centerline.branches import Path, find_tips, given_tips, paths_from
-from registration.centerline.denoising import smoothed_if_rough
-from registration.centerline.end_extension import backwards, to_closed_end
+from registration.centerline.branches import Path, find_endpoints, given_endpoints, paths_from
+from registration.centerline.denoising import smooth_if_rough
+from registration.centerline.end_extension import extend_to_closed_end, reversed_line
 from registration.centerline.loops import require_no_loop
 from registration.centerline.medial_axis import mean_radius_mm, medial_axis
 from registration.centerline.refinement import refine
@@ -33,32 +33,52 @@ TOGETHER_RADII = 0.05
 
 @dataclass(frozen=True)
 class CenterlineExtractor:
-    """Cheapest paths through the maximal inscribed spheres of a vessel, refined below the sampling of its surface.
+    """Cheapest paths through the maximal inscribed spheres of a vessel, refined below its sampling.
 
-    Method of Antiga, Ene-Iordache and Remuzzi (IEEE TMI 22(5), 2003): lines of least integral of length over radius.
-    Here a rough line comes from Dijkstra's algorithm on the inside of the Voronoi diagram of the surface's points
-    (``registration.centerline.medial_axis``), ends and branches are found
-    (``registration.centerline.branches``), and the rough line
-    is refined against exact distances to the triangles (``registration.centerline.refinement``). A hole in a wall is
-    closed first, and a wall rough with noise is smoothed (``registration.centerline.denoising``).
+    Parameters
+    ----------
+    branch_reach : float, optional
+        Smallest length of a branch in radii of its own end or of the vessel where it leaves, whichever is
+        wider; at least 1. Shorter ones are bumps, blobs or corners.
+    step_radii : float, optional
+        Distance of the points of a line, in its median radius; above 0 and at most 1.
+    smoothing_radii : float, optional
+        Window of the smoothing of a line, in its median radius.
+    rough_radii : float, optional
+        Roughness of a wall, in its radius, from which on it is smoothed first.
+    reconstruct : SurfaceMethod or None, optional
+        Method that makes the surface where a cloud is given; None accepts surfaces only.
 
-    The line is as long as the vessel. An open end is no wall: the line runs to its middle and keeps the vessel's
-    radius. Nor is the cap of a closed one: from the last sphere that fills the vessel the line runs straight on to the
-    cap with the radius it had (``registration.centerline.end_extension``), so a tube has one line, open or capped.
+    Raises
+    ------
+    InputError
+        If a value is out of range.
 
-    ``branch_reach``: what reaches at least this many radii farther than the place where it leaves another vessel is a
-    branch, in radii of the vessel there or of its own end, whichever is wider; less is a bump, a blob or a corner.
-    ``step_radii`` and ``smoothing_radii`` set the distance of points and the window of the smoothing, in median radii
-    of a line. ``rough_radii`` is the roughness, in radii, from which a wall is smoothed first. ``reconstruct`` makes
-    the surface of a cloud, where one is given in place of a surface.
+    Notes
+    -----
+    Lines minimise the integral of length over radius. A rough line comes from Dijkstra's algorithm on the
+    inside of the Voronoi diagram of the surface's points (``registration.centerline.medial_axis``), endpoints
+    and branches are found (``registration.centerline.branches``), and the rough line is refined against exact
+    distances to the triangles (``registration.centerline.refinement``). A hole in a wall is closed first, and
+    a rough wall is smoothed (``registration.centerline.denoising``).
 
-    Tried on VMTK's aorta (radius 2.8 to 7.6 mm) against VMTK's own two lines, mean / 95th percentile of the distance in
-    mm where both run. Between the same ends, the path on the Voronoi diagram alone: 0.10 / 0.38 and 0.08 / 0.36, up to
-    1.5 % long; refined, with the cubic fit: 0.06 / 0.15 and 0.06 / 0.16, 0.6 % short. With ends found: 0.12 / 0.40 and
-    0.13 / 0.40 with open ends, 0.09 / 0.33 and 0.09 / 0.27 with closed ones, and within 0.6 % of the length of VMTK's
-    lines carried on to the same ends. VMTK's own stop at small spheres in the caps, 0.8 to 0.9 mm beside the middle,
-    2.1 mm before to 0.3 mm past the openings: so much of the distance lies there. With noise of 0.5 mm on each
-    coordinate of each vertex (three draws, both surfaces): 0.18 / 0.45 on average, 0.22 / 0.62 at worst.
+    The line is as long as the vessel. An open end is no wall: the line runs to its middle and keeps the
+    vessel's radius. Nor is the cap of a closed one: from the last sphere that fills the vessel the line runs
+    straight on to the cap with the radius it had (``registration.centerline.end_extension``), so a tube has
+    one line, open or capped.
+
+    Measured on VMTK's aorta (radius 2.8 to 7.6 mm) against VMTK's own two lines, mean / 95th percentile of
+    the distance in mm where both run. Between the same ends, the path on the Voronoi diagram alone: 0.10 /
+    0.38 and 0.08 / 0.36, up to 1.5 % long; refined, with the cubic fit: 0.06 / 0.15 and 0.06 / 0.16, 0.6 %
+    short. With ends found: 0.12 / 0.40 and 0.13 / 0.40 with open ends, 0.09 / 0.33 and 0.09 / 0.27 with
+    closed ones, and within 0.6 % of the length of VMTK's lines extended to the same ends. VMTK's own stop at
+    small spheres in the caps, 0.8 to 0.9 mm off the middle, 2.1 mm before to 0.3 mm past the openings: so
+    much of the distance lies there. With noise of 0.5 mm on each coordinate of each vertex (three draws, both
+    surfaces): 0.18 / 0.45 on average, 0.22 / 0.62 at worst.
+
+    References
+    ----------
+    L. Antiga, B. Ene-Iordache and A. Remuzzi, IEEE TMI 22(5), 2003.
     """
 
     branch_reach: float = 1.5
@@ -76,15 +96,28 @@ class CenterlineExtractor:
     def __call__(
         self, surface: Mesh | OrientedCloud, ends_mm: Float64[np.ndarray, "k 3"] | None = None
     ) -> Centerline:
-        """The lines of a vessel's ``surface``, each from the source of its piece to one other end, radius included.
+        """Extract the centerline of a vessel.
 
-        Pieces are those that belong to the vessel of the largest (``registration.reconstruction.vessel_pieces``).
+        Parameters
+        ----------
+        surface : Mesh or OrientedCloud
+            Surface of the vessel, open or closed, in one or several pieces; or a cloud where ``reconstruct``
+            is set.
+        ends_mm : ndarray, shape (k, 3), or None, optional
+            Ends of the lines in mm, the source first; None finds them, the source being the widest.
 
-        The source is the widest end. ``ends_mm`` names the ends instead, the source first. Lines that share a trunk
-        have the same points there. Of a hollow body the lines run through the lumen
-        (``registration.geometry.hollow``). Raises
-        InputError for a surface without an inside or without two ends, for one that closes to a loop (unless ends
-        are given), for a hole that may or may not be a lumen, and for ``ends_mm`` outside.
+        Returns
+        -------
+        Centerline
+            Lines with radii, each from the source of its piece to another end. Lines that share a trunk have
+            the same points there. In a hollow body the lines run through the lumen
+            (``registration.geometry.hollow``).
+
+        Raises
+        ------
+        InputError
+            If the surface has no inside or no two ends, closes to a loop (unless ends are given), has a hole
+            that may or may not be a lumen, or if ``ends_mm`` lie outside.
         """
         mesh = self._mesh(surface)
         lumen = find_lumen(mesh)
@@ -98,7 +131,7 @@ class CenterlineExtractor:
 
     def _lines(self, piece: Mesh, ends_mm: Float64[np.ndarray, "k 3"] | None) -> tuple[Polyline, ...]:
         """The lines of one piece of a vessel."""
-        mesh = smoothed_if_rough(piece, self.rough_radii)
+        mesh = smooth_if_rough(piece, self.rough_radii)
         found = borders(mesh)
         ends = tuple(border for border in found if border.is_end)
         wall = with_caps(mesh, tuple(border for border in found if not border.is_end), CAP_RINGS)
@@ -106,11 +139,11 @@ class CenterlineExtractor:
         walls = Walls(wall, closed)
         axis = medial_axis(wall, walls, mean_radius_mm(closed))
         if ends_mm is None:
-            tips = find_tips(axis, ends, self.branch_reach)
+            endpoints = find_endpoints(axis, ends, self.branch_reach)
         else:
-            tips = given_tips(axis, _require_inside(ends_mm, walls))
+            endpoints = given_endpoints(axis, _require_inside(ends_mm, walls))
         lines: list[Polyline] = []
-        for path in sorted(paths_from(axis, tips), key=lambda path: -path.width_mm):
+        for path in sorted(paths_from(axis, endpoints), key=lambda path: -path.width_mm):
             lines.append(self._line(path, walls, lines))
         if ends_mm is None and (handles := genus(closed)):
             require_no_loop(axis, lines, handles)
@@ -130,23 +163,23 @@ class CenterlineExtractor:
         points_mm = refine(path.points_mm, walls, step_mm, self.smoothing_radii * path.width_mm)
         line = Polyline(points_mm, walls.distance_mm(points_mm))
         if path.closed[1]:
-            line = to_closed_end(line, walls, step_mm)
+            line = extend_to_closed_end(line, walls, step_mm)
         if path.closed[0]:
-            line = backwards(to_closed_end(backwards(line), walls, step_mm))
+            line = reversed_line(extend_to_closed_end(reversed_line(line), walls, step_mm))
         return _joined(line, earlier)
 
 
 def _joined(line: Polyline, earlier: list[Polyline]) -> Polyline:
     """Let a line run on an earlier one for as long as both are in the same vessel, and leave it within a radius."""
-    best, most = line, 0
+    best, longest_shared = line, 0
     for other in earlier:
         arc_mm = np.linspace(0.0, other.length_mm, 20 * len(other.points_mm))
         apart_mm, nearest = cKDTree(other.at(arc_mm)).query(line.points_mm)
-        together = apart_mm <= TOGETHER_RADII * line.radius_mm
-        shared = int(together.argmin())
-        if together.all() or shared <= most:
+        same_vessel = apart_mm <= TOGETHER_RADII * line.radius_mm
+        shared = int(same_vessel.argmin())
+        if same_vessel.all() or shared <= longest_shared:
             continue
-        most = shared
+        longest_shared = shared
         left_mm = arc_mm[nearest[shared - 1]]
         trunk = other.arc_mm < left_mm
         away_mm = line.arc_mm[shared - 1 :] - line.arc_mm[shared - 1]

@@ -1,4 +1,4 @@
-"""Vessels that close to a loop: a tree of lines from one source leaves one way around it out."""
+"""Loops in vessels: a tree of lines from one source omits one way around a loop."""
 
 from __future__ import annotations
 
@@ -18,10 +18,24 @@ LOOP_RADII = 2.0
 
 
 def require_no_loop(axis: MedialAxis, lines: Sequence[Polyline], handles: int) -> None:
-    """Raise InputError where a part of the vessel leads from one place of the lines to another without a line.
+    """Require that no part of the vessel connects two places of the lines without a line of its own.
 
-    ``handles`` is the genus of the surface, for the message. Each sphere beside the lines belongs to the place of the
-    lines that it is reached from first; where spheres of two distant places are neighbours, a loop closes.
+    Each sphere off the lines belongs to the place of the lines from which it is reached first; where spheres
+    of two distant places are neighbours, a loop closes.
+
+    Parameters
+    ----------
+    axis : MedialAxis
+        Inscribed spheres of the vessel.
+    lines : sequence of Polyline
+        Lines that were found.
+    handles : int
+        Genus of the surface, for the message.
+
+    Raises
+    ------
+    InputError
+        If the vessel closes to a loop.
     """
     points_mm = np.concatenate([line.points_mm for line in lines])
     radius_mm = np.concatenate([line.radius_mm for line in lines])
@@ -33,8 +47,8 @@ def require_no_loop(axis: MedialAxis, lines: Sequence[Polyline], handles: int) -
         axis.shortcuts_mm, directed=False, indices=covered, min_only=True, return_predecessors=True
     )
     links = axis.apart_mm.tocoo()
-    beside = (away_mm[links.row] > 0) & (away_mm[links.col] > 0)
-    first, second = links.row[beside], links.col[beside]
+    off_lines = (away_mm[links.row] > 0) & (away_mm[links.col] > 0)
+    first, second = links.row[off_lines], links.col[off_lines]
     if not len(first):
         return
     one, other = place[first], place[second]

@@ -1,4 +1,4 @@
-"""The inside half of the Voronoi diagram of a surface's points: every vertex the centre of an inscribed sphere."""
+"""Medial axis of a vessel: centres of inscribed spheres, from the Voronoi diagram of its surface's points."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ JOGGLE_SHARE = 1e-3
 # Above the square root of 2 the scaled spheres leave out the sheet that runs into a square rim.
 SCALE = 2.0
 # Points of a wall at most, which bounds the memory: a million tetrahedra or so, at about a kilobyte each.
-MOST_POINTS = 120_000
+MAX_POINTS = 120_000
 # Spheres at most; where more fit inside, as in a thin wall, fewer points are taken of it.
-MOST_SPHERES = 150_000
+MAX_SPHERES = 150_000
 # Spheres compared at a time, which bounds the memory.
 BLOCK = 4096
 
@@ -34,8 +34,14 @@ BLOCK = 4096
 class MedialAxis:
     """Inscribed spheres of a vessel and which of them are neighbours.
 
-    ``centres_mm`` (n, 3), ``radius_mm`` (n,); ``apart_mm`` (n, n) sparse holds the length between neighbours, each pair
-    once.
+    Parameters
+    ----------
+    centres_mm : ndarray, shape (n, 3)
+        Centres in mm.
+    radius_mm : ndarray, shape (n,)
+        Radii in mm.
+    apart_mm : csr_array, shape (n, n)
+        Distances between neighbours in mm, each pair once.
     """
 
     centres_mm: Float64[np.ndarray, "n 3"]
@@ -44,16 +50,16 @@ class MedialAxis:
 
     @property
     def cost(self) -> csr_array:
-        """Edges weighted by length over radius: the cheapest paths keep to the middle (Antiga and Steinman, 2004)."""
+        """Edges weighted by length over radius, whose cheapest paths keep to the middle."""
         pairs = self.apart_mm.tocoo()
         mean = 0.5 * (1 / self.radius_mm[pairs.row] + 1 / self.radius_mm[pairs.col])
         return csr_array((pairs.data * mean, (pairs.row, pairs.col)), shape=pairs.shape)
 
     @cached_property
     def shortcuts_mm(self) -> csr_array:
-        """``apart_mm`` and the straight ways to neighbours' neighbours whose spheres overlap by half.
+        """``apart_mm`` with straight edges to neighbours' neighbours whose spheres overlap by half.
 
-        On a regular wall the neighbours form a grid, whose ways along the diagonal are too long.
+        On a regular wall the neighbours form a grid, whose paths along the diagonal are too long.
         """
         linked = (self.apart_mm + self.apart_mm.T).astype(bool).astype(np.int32)
         pairs = triu(linked @ linked, 1).tocoo()
@@ -68,10 +74,19 @@ class MedialAxis:
         return csr_array((lengths_mm[chosen], (row[chosen], column[chosen])), shape=pairs.shape)
 
     def is_main(self) -> Bool[np.ndarray, "n"]:
-        """Whether each sphere belongs to a vessel, and not to a hair that grows into a roughness or a cap's rim.
+        """Find the spheres that belong to a vessel, and not to a spike into a roughness or a cap's rim.
 
-        A sphere is left out if a larger one contains it once both are ``SCALE`` times as large (the scale axis of
-        Giesen, Miklos, Pauly and Wormser, SoCG 2009). The larger ones are the largest in each of many small cubes.
+        A sphere is excluded if a larger one contains it once both are ``SCALE`` times as large (scale axis
+        transform). The larger ones are the largest in each of many small cubes.
+
+        Returns
+        -------
+        ndarray of bool, shape (n,)
+            Whether each sphere belongs to a vessel.
+
+        References
+        ----------
+        J. Giesen, B. Miklos, M. Pauly and C. Wormser, SoCG 2009.
         """
         cube = np.floor(3 * self.centres_mm / self.radius_mm.max()).astype(np.int64)
         order = np.argsort(-self.radius_mm, kind="stable")
@@ -96,19 +111,37 @@ class MedialAxis:
 
 
 def medial_axis(wall: Mesh, walls: Walls, size_mm: float) -> MedialAxis:
-    """Find the spheres inside ``walls`` that touch the points of ``wall``, the largest connected set of them.
+    """Compute the largest connected set of spheres that fit inside a vessel and touch points of its wall.
 
-    ``size_mm`` is the radius of a typical vessel, which the sampling of the wall follows.
+    Parameters
+    ----------
+    wall : Mesh
+        Wall of the vessel.
+    walls : Walls
+        Distances to the wall, and what is inside.
+    size_mm : float
+        Radius of a typical vessel in mm, which the sampling of the wall follows.
 
-    The Voronoi diagram of a dense sample of a smooth surface approximates its medial axis (Amenta, Choi and Kolluri,
-    Comput. Geom. 19, 2001); its inside part is where VMTK looks for centerlines (Antiga, Ene-Iordache and Remuzzi, IEEE
-    TMI 22(5), 2003). Raises InputError where no sphere fits inside.
+    Returns
+    -------
+    MedialAxis
+        The spheres.
+
+    Raises
+    ------
+    InputError
+        If no sphere fits inside.
+
+    References
+    ----------
+    N. Amenta, S. Choi and R. K. Kolluri, Comput. Geom. 19, 2001; L. Antiga, B. Ene-Iordache and A. Remuzzi,
+    IEEE TMI 22(5), 2003.
     """
     points_mm = sample_evenly(wall, size_mm)
     found = _spheres(points_mm, walls)
-    while len(found.radius_mm) > MOST_SPHERES:
-        share = 0.9 * MOST_SPHERES / len(found.radius_mm)
-        points_mm = sample_evenly(wall, size_mm, most=int(share * len(points_mm)))
+    while len(found.radius_mm) > MAX_SPHERES:
+        share = 0.9 * MAX_SPHERES / len(found.radius_mm)
+        points_mm = sample_evenly(wall, size_mm, max_points=int(share * len(points_mm)))
         found = _spheres(points_mm, walls)
     return found
 
@@ -137,19 +170,37 @@ def _spheres(points_mm: Float64[np.ndarray, "p 3"], walls: Walls) -> MedialAxis:
 
 
 def sample_evenly(
-    mesh: Mesh, size_mm: float, coarse: float = 0.3, fine: float = 0.1, most: int | None = None
+    mesh: Mesh, size_mm: float, coarse: float = 0.3, fine: float = 0.1, max_points: int | None = None
 ) -> Float64[np.ndarray, "p 3"]:
-    """Points on the mesh no farther apart than ``coarse`` and no denser than ``fine`` of ``size_mm``.
+    """Sample points on a mesh with bounded spacing.
 
-    Long triangles get points on a lattice; vertices are thinned to one for each cube of the fine length, or of a longer
-    one where more than ``most`` (``MOST_POINTS``) would be left.
+    Long triangles get points on a lattice; vertices are downsampled to one for each cube of the fine length,
+    or of a longer one where too many would be left.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Surface.
+    size_mm : float
+        Radius of a typical vessel in mm.
+    coarse : float, optional
+        Largest distance of neighbouring points, as a share of ``size_mm``.
+    fine : float, optional
+        Edge of the cubes, as a share of ``size_mm``.
+    max_points : int or None, optional
+        Largest number of points; None for ``MAX_POINTS``.
+
+    Returns
+    -------
+    ndarray, shape (p, 3)
+        Points in mm, each moved at random by a small share of the spacing, always the same.
     """
     points_mm = np.concatenate([mesh.vertices_mm, *_lattices(mesh, coarse * size_mm)])
     chosen = _one_a_cube(points_mm, fine * size_mm)
-    side_mm, most = fine * size_mm, MOST_POINTS if most is None else most
-    while len(chosen) > most:
+    side_mm, max_points = fine * size_mm, MAX_POINTS if max_points is None else max_points
+    while len(chosen) > max_points:
         # As many on a surface go with the square of their spacing.
-        side_mm *= 1.1 * np.sqrt(len(chosen) / most)
+        side_mm *= 1.1 * np.sqrt(len(chosen) / max_points)
         chosen = _one_a_cube(points_mm, side_mm)
     points_mm = points_mm[chosen]
     shake = np.random.default_rng(0).uniform(-1, 1, points_mm.shape)
@@ -162,7 +213,23 @@ def _one_a_cube(points_mm: Float64[np.ndarray, "p 3"], side_mm: float) -> Int64[
 
 
 def mean_radius_mm(mesh: Mesh) -> float:
-    """Twice the enclosed volume over the area: the radius of a tube. Raises InputError for a flat or empty mesh."""
+    """Compute twice the enclosed volume over the area: for a tube, its radius.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Closed surface.
+
+    Returns
+    -------
+    float
+        Radius in mm.
+
+    Raises
+    ------
+    InputError
+        If the mesh is flat or empty.
+    """
     a, b, c = np.moveaxis(mesh.corners_mm - mesh.vertices_mm.mean(axis=0), 1, 0)
     volume_mm3 = abs(float(np.einsum("ti,ti->t", a, np.cross(b, c)).sum())) / 6
     area_mm2 = float(mesh.areas_mm2.sum())
@@ -171,11 +238,11 @@ def mean_radius_mm(mesh: Mesh) -> float:
     return 2 * volume_mm3 / area_mm2
 
 
-def _lattices(mesh: Mesh, most_mm: float) -> list[Float64[np.ndarray, "p 3"]]:
-    """Points inside triangles whose longest edge exceeds ``most_mm``, on lattices fine enough."""
+def _lattices(mesh: Mesh, max_edge_mm: float) -> list[Float64[np.ndarray, "p 3"]]:
+    """Points inside triangles whose longest edge exceeds ``max_edge_mm``, on lattices fine enough."""
     corners_mm = mesh.corners_mm
     longest_mm = np.linalg.norm(corners_mm - np.roll(corners_mm, 1, axis=1), axis=2).max(axis=1)
-    parts = np.ceil(longest_mm / most_mm).astype(int)
+    parts = np.ceil(longest_mm / max_edge_mm).astype(int)
     points: list[np.ndarray] = []
     for count in np.unique(parts[parts > 1]):
         i, j = np.meshgrid(np.arange(count + 1), np.arange(count + 1))

@@ -1,4 +1,4 @@
-"""A rough path through a vessel brought onto the curve of least cost, below the spacing of any grid or sample."""
+"""Refinement of a rough path to the curve of lowest cost, below the spacing of any grid or sample."""
 
 from __future__ import annotations
 
@@ -16,13 +16,35 @@ STEPS_OUT = 4
 def refine(
     points_mm: Float64[np.ndarray, "n 3"], walls: Walls, step_mm: float, smoothing_mm: float
 ) -> Float64[np.ndarray, "m 3"]:
-    """Move a path to where the integral of length over radius is least, and sample it every ``step_mm`` or so.
+    """Move a path to where the integral of length over radius is lowest.
 
-    That integral is what a centerline by maximal inscribed spheres minimises (Antiga, Ene-Iordache and Remuzzi, IEEE
-    TMI 22(5), 2003). Each round lays candidates in the planes across the path, takes their exact distance to the wall
-    as radius, and finds the cheapest sequence by dynamic programming (as Amini, Weymouth and Jain, IEEE TPAMI 12(9),
-    1990, do for contours). A local cubic fit over ``smoothing_mm`` then takes off the steps of the candidates; unlike a
-    mean it does not pull bends inwards. Both ends stay.
+    Parameters
+    ----------
+    points_mm : ndarray, shape (n, 3)
+        Rough path in mm.
+    walls : Walls
+        Walls of the vessel.
+    step_mm : float
+        Approximate distance of the resulting points in mm.
+    smoothing_mm : float
+        Window of the smoothing in mm.
+
+    Returns
+    -------
+    ndarray, shape (m, 3)
+        Points in mm; both ends are those of the rough path.
+
+    Notes
+    -----
+    The integral is what a centerline by maximal inscribed spheres minimises. Each round lays candidates in
+    the planes across the path, takes their exact distance to the wall as radius, and finds the cheapest
+    sequence by dynamic programming. A local cubic fit then smooths the steps of the candidates; unlike a mean
+    it does not pull bends inwards.
+
+    References
+    ----------
+    L. Antiga, B. Ene-Iordache and A. Remuzzi, IEEE TMI 22(5), 2003; A. A. Amini, T. E. Weymouth and R. C.
+    Jain, IEEE TPAMI 12(9), 1990 (dynamic programming, for contours).
     """
     line_mm = resample(points_mm, step_mm)
     for pitch_radii in PITCHES_RADII:
@@ -34,7 +56,20 @@ def refine(
 
 
 def resample(points_mm: Float64[np.ndarray, "n 3"], step_mm: float) -> Float64[np.ndarray, "m 3"]:
-    """The same way in equal steps of about ``step_mm``, at least four, both ends kept."""
+    """Resample a path in equal steps.
+
+    Parameters
+    ----------
+    points_mm : ndarray, shape (n, 3)
+        Path in mm.
+    step_mm : float
+        Approximate step in mm.
+
+    Returns
+    -------
+    ndarray, shape (m, 3)
+        Points in mm, at least five; both ends are kept.
+    """
     steps_mm = np.linalg.norm(np.diff(points_mm, axis=0), axis=1)
     arc_mm = np.concatenate([[0.0], np.cumsum(steps_mm)])
     even_mm = np.linspace(0.0, arc_mm[-1], max(round(arc_mm[-1] / step_mm), 4) + 1)
@@ -75,8 +110,8 @@ def _across(
     """Two unit vectors at right angles to the line at each point, with an axis in between to lay a grid on."""
     along = np.gradient(_smooth(line_mm, 5.0), axis=0)
     along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
-    least = np.eye(3)[np.abs(along).argmin(axis=1)]
-    first = np.cross(along, least)
+    smallest_axis = np.eye(3)[np.abs(along).argmin(axis=1)]
+    first = np.cross(along, smallest_axis)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     return first[:, None], np.cross(along, first)[:, None]
 

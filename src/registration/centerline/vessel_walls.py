@@ -1,52 +1,78 @@
-"""The walls of a vessel as a question answered often: how far is the nearest, and is a point inside."""
+"""Queries of a vessel's walls: distance to the nearest wall, and whether a point is inside."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float64
 
+from registration.geometry.open3d_bridge import TriangleScene
 from registration.geometry.shapes import Mesh
 from registration.metrics.surface_distance import SurfaceDistance
 
 
 class Walls:
-    """Distances to ``wall`` and which side of ``closed`` a point lies on; both are the same but for the open ends.
+    """Distances to the wall of a vessel, and which side of it a point lies on.
 
-    An open end is no wall: a sphere in it touches only the vessel. Its cap still decides where the inside stops.
+    An open end is no wall: a sphere in it touches only the vessel. Its cap still decides where the inside
+    stops.
+
+    Parameters
+    ----------
+    wall : Mesh
+        Wall that distances are measured to, open at open ends.
+    closed : Mesh
+        The wall with its open ends capped, which bounds the inside.
     """
 
     def __init__(self, wall: Mesh, closed: Mesh) -> None:
         self._distance = SurfaceDistance(wall)
-        self._centre_mm = closed.vertices_mm.mean(axis=0)
-        open3d = _open3d()
-        self._scene = open3d.t.geometry.RaycastingScene()
-        self._scene.add_triangles(
-            open3d.core.Tensor((closed.vertices_mm - self._centre_mm).astype(np.float32)),
-            open3d.core.Tensor(closed.triangles.astype(np.uint32)),
-        )
+        self._closed = TriangleScene(closed)
 
     def inside(self, points_mm: Float64[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
-        """Whether each point is inside, by the majority of three rays' parities."""
+        """Decide whether points are inside, by the majority of three rays' parities.
+
+        Parameters
+        ----------
+        points_mm : ndarray, shape (n, 3)
+            Points in mm.
+
+        Returns
+        -------
+        ndarray of bool, shape (n,)
+            Whether each point is inside.
+        """
         if not len(points_mm):
             return np.zeros(0, dtype=bool)
-        queried = _open3d().core.Tensor((points_mm - self._centre_mm).astype(np.float32))
-        found: np.ndarray = self._scene.compute_occupancy(queried, nsamples=3).numpy()
-        return found > 0
+        return self._closed.occupied(points_mm)
 
     def distance_mm(self, points_mm: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n"]:
-        """Distance of each point to the nearest wall: the radius of the largest sphere around it that fits."""
+        """Compute the distance to the nearest wall, which is the radius of the largest sphere that fits.
+
+        Parameters
+        ----------
+        points_mm : ndarray, shape (n, 3)
+            Points in mm.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Distances in mm.
+        """
         return self._distance(points_mm)
 
-    def ahead_mm(self, point_mm: Float64[np.ndarray, "3"], way: Float64[np.ndarray, "3"]) -> float:
-        """How far it is from a point, along the unit vector ``way``, to the closed surface; infinite past it."""
-        ray = np.concatenate([point_mm - self._centre_mm, way]).astype(np.float32)
-        return float(self._scene.cast_rays(_open3d().core.Tensor(ray[None]))["t_hit"].numpy()[0])
+    def ahead_mm(self, point_mm: Float64[np.ndarray, "3"], direction: Float64[np.ndarray, "3"]) -> float:
+        """Compute the distance from a point along a direction to the closed surface.
 
+        Parameters
+        ----------
+        point_mm : ndarray, shape (3,)
+            Point in mm.
+        direction : ndarray, shape (3,)
+            Unit vector.
 
-def _open3d() -> Any:
-    """Open3D, imported only where walls are asked: it takes a second, and its type stubs are not right."""
-    import open3d
-
-    return open3d
+        Returns
+        -------
+        float
+            Distance in mm; infinite where the surface is not met.
+        """
+        return float(self._closed.cast(point_mm[None], direction[None])[0][0])

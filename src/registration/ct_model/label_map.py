@@ -24,12 +24,23 @@ _PATIENT_SPACE = "left-posterior-superior"
 class LabelMap:
     """Labels of voxels, 0 for none, and where the voxels lie.
 
-    ``labels`` (i, j, k) are whole numbers; ``ct_A_voxel`` (4, 4) maps the index (i, j, k) of a voxel's centre to
-    millimetres in LPS, whatever axes the file has: its columns are at right angles, and left-handed where the file's
-    axes are. ``names`` are the segments' names, where the file has any. ``layers`` (n, i, j, k) are there where
-    segments overlap: ``labels`` is the first of them, ``segments`` says which segment lies in which. ``scan_ends``
-    (3, 2) are the first and last index of the scan along each axis, None where the scan ends with the file. ``units``
-    are those that the header states, empty for none.
+    Parameters
+    ----------
+    labels : ndarray, shape (i, j, k)
+        Whole numbers; of layers, the first.
+    ct_A_voxel : ndarray, shape (4, 4)
+        Map from the index (i, j, k) of a voxel's centre to mm in LPS, whatever axes the file has: its columns
+        are at right angles, and left-handed where the file's axes are.
+    names : mapping of int to str
+        Names of the segments by label, where the file has any.
+    layers : ndarray, shape (n, i, j, k), optional
+        Layers of overlapping segments; None where none overlap.
+    segments : tuple of Segment, optional
+        Which segment lies in which layer with which value.
+    scan_ends : ndarray, shape (3, 2), optional
+        First and last index of the scan along each axis; None where the scan ends with the file.
+    units : str, optional
+        Unit of length that the header states, empty for none.
     """
 
     labels: Shaped[np.ndarray, "i j k"]
@@ -46,7 +57,18 @@ class LabelMap:
         return np.asarray(np.linalg.norm(self.ct_A_voxel[:3, :3], axis=0))
 
     def describe(self, label: int) -> str:
-        """A label as messages show it, with its name if it has one."""
+        """Format a label for messages.
+
+        Parameters
+        ----------
+        label : int
+            Label.
+
+        Returns
+        -------
+        str
+            The label, with its name if it has one.
+        """
         return f"{label} ({self.names[label]})" if label in self.names else str(label)
 
 
@@ -55,11 +77,29 @@ def read_label_map(
 ) -> LabelMap:
     """Read a label map (NIfTI, NRRD, MetaImage) into LPS and millimetres.
 
-    ``space`` (lps or ras) is what the file's axes are where its header does not say: NIfTI without qform and sform,
-    NRRD without an anatomical space. MetaImage files are in LPS by convention. ``units`` replaces the header's unit of
-    length, ``nifti_form`` chooses between qform and sform that differ. Raises InputError for a file that is missing,
-    unreadable or cut short, has not three axes or more than one value a voxel (but for layers of segments), values
-    that are no labels, sheared axes, or an unknown space, and for a ``space`` that the header states itself.
+    Parameters
+    ----------
+    path : Path
+        File of the label map; MetaImage files are in LPS by convention.
+    space : {'lps', 'ras'}, optional
+        The file's axes where its header does not state them: NIfTI without qform and sform, NRRD without an
+        anatomical space.
+    units : str, optional
+        Unit of length in place of the header's.
+    nifti_form : {'qform', 'sform'}, optional
+        Which of two transforms of a NIfTI file counts where they differ.
+
+    Returns
+    -------
+    LabelMap
+        Labels and where they lie.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, unreadable or cut short, has not three axes or more than one value a voxel
+        (but for layers of segments), values that are no labels, or sheared axes; for an unknown ``space``, a
+        missing one, and one that the header states itself.
     """
     if space not in (None, *SPACES):
         raise InputError(f"space: expected lps or ras, received {space!r}")

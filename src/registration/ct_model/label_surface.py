@@ -21,7 +21,7 @@ from registration.reconstruction.open_ends import clip
 
 # How well the surface's volume has to meet that of the voxels, and how many times its level is corrected for it.
 VOLUME_TOLERANCE = 1e-3
-MOST_CORRECTIONS = 4
+MAX_CORRECTIONS = 4
 # The field goes on so many smoothing widths around the vessel.
 MARGIN_WIDTHS = 4.0
 
@@ -30,9 +30,15 @@ MARGIN_WIDTHS = 4.0
 class LabelledSurface:
     """The surface of a label in mm in LPS, wound outwards, in one piece.
 
-    Where the label is the wall of a hollow body, it is the surface of its ``lumen``. ``lost_mm`` is how far the
-    farthest voxel of the label lies from what the surface encloses: below two voxels where only steps were smoothed, a
-    branch's length where a branch was too thin for its voxels.
+    Parameters
+    ----------
+    mesh : Mesh
+        Surface; of the lumen where the label is the wall of a hollow body.
+    lost_mm : float
+        How far the farthest voxel of the label lies from what the surface encloses: below two voxels where
+        only steps were smoothed, a branch's length where a branch was too thin for its voxels.
+    lumen : Lumen, optional
+        How the lumen of a hollow body was found; None for other labels.
     """
 
     mesh: Mesh
@@ -44,16 +50,28 @@ class LabelledSurface:
 class LabelSurface:
     """A smoothed field of signed distances, cut where it encloses the volume of the voxels.
 
-    A label is a staircase: its steps are as high as voxels are, which for a CT differs by axis, and lie obliquely to
-    the vessel. The distances to it are in millimetres, so the smoothing is the same in every direction. Its width is
-    ``smoothing_voxels`` times the side of a cube of a voxel's volume. A Gaussian G would shrink what is curved, thin
-    branches most; 2G - G*G does so far less, because it leaves quadratic functions as they are. The surface is the
-    level whose volume is that of the voxels (counting voxels has no bias), by Lewiner's marching cubes (J. Graph.
-    Tools 8(2), 2003). Where the vessel reaches the border of the volume the surface is cut there and stays open.
+    A label is a staircase: its steps are as high as voxels are, which for a CT differs by axis, and lie
+    obliquely to the vessel. The distances to it are in mm, so the smoothing is the same in every direction. A
+    Gaussian G would shrink what is curved, thin branches most; 2G - G*G does so far less, because it leaves
+    quadratic functions as they are. The surface is the level whose volume is that of the voxels (counting
+    voxels has no bias). Where the vessel reaches the border of the volume the surface is cut there and stays
+    open.
 
-    Measured on tubes of radius 2 and 8 mm in one label, oblique to the voxels, as bias / mean distance from the truth
-    in mm on the thin one: voxels of 0.7 mm -0.015 / 0.049 (one Gaussian -0.113 / 0.113; a Gaussian on the label
-    itself, cut at one half, loses 9.5 % of the volume at radius 2.5 mm), voxels of 0.5 x 0.6 x 1.5 mm -0.049 / 0.082.
+    Parameters
+    ----------
+    smoothing_voxels : float, optional
+        Width of the Gaussian, as a multiple of the side of a cube of a voxel's volume.
+
+    Notes
+    -----
+    Measured on tubes of radius 2 and 8 mm in one label, oblique to the voxels, as bias / mean distance from
+    the truth in mm on the thin one: voxels of 0.7 mm -0.015 / 0.049 (one Gaussian -0.113 / 0.113; a Gaussian
+    on the label itself, cut at one half, loses 9.5 % of the volume at radius 2.5 mm), voxels of 0.5 x 0.6 x
+    1.5 mm -0.049 / 0.082.
+
+    References
+    ----------
+    T. Lewiner et al., J. Graph. Tools 8(2), 2003 (marching cubes).
     """
 
     smoothing_voxels: float = 1.0
@@ -62,9 +80,22 @@ class LabelSurface:
         require_positive("smoothing_voxels", self.smoothing_voxels, 5.0)
 
     def __call__(self, mask: VesselMask) -> LabelledSurface:
-        """The surface around the voxels of ``mask``. Raises InputError for a label too small to have one.
+        """Make the surface around the voxels of a vessel.
 
-        So does a hollow body whose lumen cannot be told (``registration.geometry.hollow``).
+        Parameters
+        ----------
+        mask : VesselMask
+            Voxels of one vessel.
+
+        Returns
+        -------
+        LabelledSurface
+            Surface in mm in LPS.
+
+        Raises
+        ------
+        InputError
+            If the label is too small to have a surface, or the lumen of a hollow body is ambiguous.
         """
         spacing_mm = mask.spacing_mm
         width_mm = self.smoothing_voxels * float(np.prod(spacing_mm) ** (1 / 3))
@@ -76,7 +107,7 @@ class LabelSurface:
         ]
         # A first guess: as many voxels below it as are inside.
         level_mm = float(np.partition(own, voxels, axis=None)[voxels]) if voxels < own.size else 0.0
-        for _ in range(MOST_CORRECTIONS):
+        for _ in range(MAX_CORRECTIONS):
             mesh = _at_level(field_mm, level_mm, margin, mask)
             missing_mm3 = mask.volume_mm3 - enclosed_volume_mm3(mesh)
             if abs(missing_mm3) <= VOLUME_TOLERANCE * mask.volume_mm3:

@@ -26,10 +26,26 @@ MESHES = (".stl", ".ply", ".obj", ".vtk", ".vtp")
 class ModelInput:
     """The surface of a vessel in mm in LPS, and where it came from.
 
-    ``units`` (mm, cm or m) is what the file's numbers were taken for, ``stated_units`` what its header says, ``space``
-    the axes it has: lps or ras, or ``header`` for a volume that says so itself. A label map leaves its ``mask``, its
-    ``label_name`` and how far from the surface its voxels lie at most (``lost_mm``), a mesh what was ``repaired``.
-    ``lumen`` is there where the model was the wall of a hollow body, of which the lumen's surface was taken.
+    Parameters
+    ----------
+    mesh : Mesh
+        Surface; of a hollow body the lumen's.
+    units : str
+        Unit that the file's numbers were taken for: mm, cm or m.
+    space : str
+        Axes of the file: lps or ras, or ``header`` for a volume that states them itself.
+    mask : VesselMask, optional
+        Voxels of the label; None for a mesh.
+    label_name : str, optional
+        Name of the label, empty for none.
+    lost_mm : float, optional
+        Largest distance of the label's voxels from the surface in mm.
+    repaired : Repaired, optional
+        What was repaired of a mesh; None for a label map.
+    stated_units : str, optional
+        Unit that the header states, empty for none.
+    lumen : Lumen, optional
+        How the lumen of a hollow body was found; None for other models.
     """
 
     mesh: Mesh
@@ -51,12 +67,32 @@ def read_model(
     units: str | None = None,
     nifti_form: str | None = None,
 ) -> ModelInput:
-    """Read a label map or a mesh; ``surface`` makes the surface of a label.
+    """Read a label map or a mesh.
 
-    ``label`` (a number, or the name of a segment) chooses among several labels, ``space`` (lps or ras) is needed where
-    the file does not state its axes, ``units`` (mm, cm or m) overrides the header and the check of the vessel's size,
-    ``nifti_form`` (qform or sform) chooses where both are there and differ. Raises InputError for what cannot be read,
-    for a missing choice, and for a model that is no vessel's size.
+    Parameters
+    ----------
+    path : Path
+        Label map (NIfTI, NRRD, MetaImage) or mesh (STL, PLY, OBJ, VTK, VTP).
+    surface : LabelSurface
+        Method that makes the surface of a label.
+    label : int or str, optional
+        Number or name of the segment to take, needed where there are several.
+    space : {'lps', 'ras'}, optional
+        The file's axes, needed where it does not state them.
+    units : {'mm', 'cm', 'm'}, optional
+        Unit in place of the header's and of the check of the vessel's size.
+    nifti_form : {'qform', 'sform'}, optional
+        Which of two transforms of a NIfTI file counts where they differ.
+
+    Returns
+    -------
+    ModelInput
+        Surface in mm in LPS.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, a choice is missing, or the model is of no vessel's size.
     """
     path = check_model(path, label, space, units, nifti_form)
     if volume_suffix(path):
@@ -72,7 +108,31 @@ def check_model(
     units: str | None,
     nifti_form: str | None = None,
 ) -> Path:
-    """Return the path, or raise InputError for what is wrong without reading all of the file."""
+    """Return the path, or raise InputError for what is wrong without reading all of the file.
+
+    Parameters
+    ----------
+    path : Path
+        Label map or mesh.
+    label : int or str or None
+        Number or name of the segment; None for a mesh.
+    space : str or None
+        The file's axes, lps or ras.
+    units : str or None
+        Unit of length: mm, cm or m.
+    nifti_form : str, optional
+        Which of two transforms of a NIfTI file counts: qform or sform.
+
+    Returns
+    -------
+    Path
+        The same path.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or of an unknown kind, or a setting has no value that is allowed for it.
+    """
     path = require_file(Path(path))
     if space is not None and space not in SPACES:
         raise InputError(f"space: expected lps or ras, received {space!r}")

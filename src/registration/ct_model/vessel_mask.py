@@ -13,7 +13,7 @@ from registration.errors import InputError
 from registration.io.segments import Segment
 
 # Segmentations of the whole body have a hundred labels or two, a CT itself has thousands of values.
-MOST_LABELS = 300
+MAX_LABELS = 300
 LISTED_LABELS = 20
 # Noise leaves cavities of a few voxels; the lumen of a printed wall is as large as the wall itself.
 CAVITY_SHARE = 0.1
@@ -23,10 +23,25 @@ CAVITY_SHARE = 0.1
 class VesselMask:
     """The voxels of one vessel: its largest piece, small cavities filled, cropped to the box around it.
 
-    ``inside`` (i, j, k) with the map ``ct_A_voxel`` of its own indices to mm in LPS. ``cut`` (3, 2) says for the low
-    and the high side of each axis whether the vessel reaches the border of the scan there: it was cut off, and goes on.
-    ``name`` is the segment's, where the file has one. ``pieces_dropped`` and ``voxels_dropped`` count what was not in
-    the largest piece, ``voxels_filled`` those in cavities.
+    Parameters
+    ----------
+    inside : ndarray of bool, shape (i, j, k)
+        Which voxels belong to the vessel.
+    ct_A_voxel : ndarray, shape (4, 4)
+        Map from the indices of ``inside`` to mm in LPS.
+    cut : ndarray of bool, shape (3, 2)
+        For the low and the high side of each axis, whether the vessel reaches the border of the scan there:
+        it was cut off, and goes on.
+    label : int
+        Value of the label.
+    pieces_dropped : int
+        Number of smaller pieces left out.
+    voxels_dropped : int
+        Number of voxels in them.
+    voxels_filled : int
+        Number of voxels in cavities that were filled.
+    name : str, optional
+        Name of the segment, where the file has one.
     """
 
     inside: Bool[np.ndarray, "i j k"]
@@ -50,11 +65,27 @@ class VesselMask:
 
 
 def vessel_mask(label_map: LabelMap, label: int | str | None = None) -> VesselMask:
-    """The vessel with that ``label``, a number or the name of a segment; it may be left out where there is only one.
+    """Take one vessel out of a label map.
 
-    The largest piece is by voxels that touch at least at a corner; cavities are what it encloses on all sides. A cavity
-    of ``CAVITY_SHARE`` of the piece or more may be a lumen and is left. Raises InputError for an empty map, for a label
-    that is not there, and for a choice that was not made.
+    The largest piece is by voxels that touch at least at a corner; cavities are what it encloses on all
+    sides. A cavity of ``CAVITY_SHARE`` of the piece or more may be a lumen and is left.
+
+    Parameters
+    ----------
+    label_map : LabelMap
+        Labels and where they lie.
+    label : int or str, optional
+        Number or name of the segment; may be left out where there is only one.
+
+    Returns
+    -------
+    VesselMask
+        Voxels of the vessel.
+
+    Raises
+    ------
+    InputError
+        If the map is empty, the label is not there, or a choice was not made.
     """
     from scipy.ndimage import label as label_pieces
 
@@ -140,7 +171,7 @@ def _named(segment: Segment) -> str:
 def _value(label_map: LabelMap, label: int | None) -> int:
     there = label_map.labels[label_map.labels != 0]
     values = [int(value) for value in np.unique(there)]
-    if len(values) > MOST_LABELS:
+    if len(values) > MAX_LABELS:
         raise InputError(
             f"labels: expected a label map, received {len(values)} different values from {values[0]} to {values[-1]}: "
             "a grey image?"

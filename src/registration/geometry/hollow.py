@@ -23,30 +23,38 @@ from registration.geometry.mesh_topology import (
     pieces,
     with_caps,
 )
-from registration.geometry.outward_rays import OutwardRays, occupied
+from registration.geometry.open3d_bridge import TriangleScene
+from registration.geometry.outward_rays import OutwardRays
 from registration.geometry.shapes import Mesh
 
 # A cavity or hole is the lumen if it is this share of the body's length or more, and none below the second share. The
 # hole of a ring with a round section is always shorter than half of the ring's width.
 LUMEN_SHARE, NO_LUMEN_SHARE = 0.7, 0.5
 # Pieces and patches of less than this share of the area are no walls of a vessel.
-LEAST_AREA_SHARE = 0.05
+MIN_AREA_SHARE = 0.05
 # Rays along normals that tell whether a surface faces itself.
 SCREENING_RAYS = 4000
 # With no hole through it, a surface that faces itself on less than this share of its area has no inner wall.
 FACING_SHARE = 0.15
 # From inside a lumen less than half of the sky is seen, and half of it at the mouth, give or take a few directions;
 # from the rim and the outer wall far more.
-MOST_SKY = 0.6
+MAX_SKY_SHARE = 0.6
 # Of the rays across a lumen most meet the lumen's own wall, at about its diameter.
-LEAST_OWN_SHARE, DIAMETER_RANGE = 0.8, (0.6, 1.7)
+MIN_OWN_SHARE, DIAMETER_RANGE = 0.8, (0.6, 1.7)
 
 
 @dataclass(frozen=True)
 class Lumen:
-    """The inner wall of a hollow body: ``mesh``, wound out of the lumen and open at its mouths.
+    """The inner wall of a hollow body.
 
-    ``joined`` says whether inner and outer wall were one surface (of that ``genus``) or two nested pieces.
+    Parameters
+    ----------
+    mesh : Mesh
+        Inner wall, wound out of the lumen and open at its mouths.
+    joined : bool
+        Whether inner and outer wall were one surface, not two nested pieces.
+    genus : int
+        Genus of that surface.
     """
 
     mesh: Mesh
@@ -89,15 +97,39 @@ class _Sizes:
 
 
 def vessel_surface(mesh: Mesh) -> Mesh:
-    """The lumen of a hollow body, or the largest piece of any other surface. Raises InputError as ``find_lumen``."""
+    """Take the lumen of a hollow body, or the largest piece of any other surface.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Closed or open surface in mm.
+
+    Returns
+    -------
+    Mesh
+        Surface of the vessel.
+
+    Raises
+    ------
+    InputError
+        As ``find_lumen``.
+    """
     found = find_lumen(mesh)
     return largest_piece(mesh) if found is None else found.mesh
 
 
 def genus(mesh: Mesh) -> int:
-    """How many handles one piece of surface has, its borders closed (Euler: V - E + F = 2 - 2 g).
+    """Count the handles of one piece of surface, its borders closed (Euler: V - E + F = 2 - 2 g).
 
-    A surface with edges of more than two triangles has no genus: what is returned then is a bound.
+    Parameters
+    ----------
+    mesh : Mesh
+        Surface in one piece.
+
+    Returns
+    -------
+    int
+        Genus; a bound where edges have more than two triangles, for which there is no genus.
     """
     numbers = np.unique(edge_numbers(directed_edges(mesh), len(mesh.vertices_mm)))
     euler = len(np.unique(mesh.triangles)) - len(numbers) + len(mesh.triangles) + len(borders(mesh))
@@ -105,10 +137,22 @@ def genus(mesh: Mesh) -> int:
 
 
 def find_lumen(mesh: Mesh) -> Lumen | None:
-    """The lumen of a hollow body, or None where the surface has one wall.
+    """Find the lumen of a hollow body.
 
-    Triangles need be wound alike within a piece, on either side. Raises InputError where the body has an inner wall
-    that may or may not be a lumen, or several.
+    Parameters
+    ----------
+    mesh : Mesh
+        Surface whose triangles are wound alike within a piece, on either side.
+
+    Returns
+    -------
+    Lumen or None
+        Inner wall, or None where the surface has one wall.
+
+    Raises
+    ------
+    InputError
+        If the body has several inner walls, or one that may or may not be a lumen.
     """
     if not len(mesh.triangles):
         return None
@@ -124,7 +168,7 @@ def _nested(mesh: Mesh) -> Mesh | None:
     if count < 2:
         return None
     areas_mm2 = np.bincount(of_triangle, weights=mesh.areas_mm2)
-    large = np.flatnonzero(areas_mm2 >= LEAST_AREA_SHARE * areas_mm2.max())
+    large = np.flatnonzero(areas_mm2 >= MIN_AREA_SHARE * areas_mm2.max())
     parts = [keep_triangles(mesh, of_triangle == one) for one in large]
     parts.sort(key=lambda part: -abs(enclosed_volume_mm3(part)))
     outer = parts[0]
@@ -158,7 +202,7 @@ def _is_lumen(sizes: _Sizes, body: Mesh) -> bool:
 def _lies_in(part: Mesh, outer: Mesh) -> bool:
     """Whether most of a piece lies inside another, whose open ends count as closed."""
     closed = with_caps(outer, borders(outer))
-    return float(occupied(closed, part.sample(500, np.random.default_rng(0))).mean()) > 0.5
+    return float(TriangleScene(closed).occupied(part.sample(500, np.random.default_rng(0))).mean()) > 0.5
 
 
 def _joined(body: Mesh) -> Lumen | None:
@@ -170,9 +214,9 @@ def _joined(body: Mesh) -> Lumen | None:
     )
     weights = body.areas_mm2[chosen]
     facing = float((weights * np.isfinite(rays.across(chosen)[0])).sum() / max(weights.sum(), 1e-300))
-    if facing < (LEAST_AREA_SHARE if handles else FACING_SHARE):
+    if facing < (MIN_AREA_SHARE if handles else FACING_SHARE):
         return None
-    hidden = rays.sky(np.arange(len(body.triangles))) < MOST_SKY
+    hidden = rays.sky(np.arange(len(body.triangles))) < MAX_SKY_SHARE
     if not hidden.any():
         return None
     own = np.flatnonzero(hidden)
@@ -191,7 +235,7 @@ def _joined(body: Mesh) -> Lumen | None:
     return Lumen(_inner(body, found[0]), True, handles) if found else None
 
 
-def _inner(body: Mesh, wall: Int64[np.ndarray, "w"]) -> Mesh:
+def _inner(body: Mesh, wall: Int64[np.ndarray, " w"]) -> Mesh:
     """Triangles of the inner wall, turned so that they face out of the lumen and not out of the material."""
     chosen = np.zeros(len(body.triangles), dtype=bool)
     chosen[wall] = True
@@ -199,10 +243,10 @@ def _inner(body: Mesh, wall: Int64[np.ndarray, "w"]) -> Mesh:
     return Mesh(part.vertices_mm, np.ascontiguousarray(part.triangles[:, ::-1]))
 
 
-def _without_islands(body: Mesh, patch: Int64[np.ndarray, "p"]) -> Int64[np.ndarray, "w"] | None:
+def _without_islands(body: Mesh, patch: Int64[np.ndarray, " p"]) -> Int64[np.ndarray, " w"] | None:
     """A patch with what it surrounds; None for one too small to be a wall."""
     areas_mm2 = body.areas_mm2
-    if areas_mm2[patch].sum() < LEAST_AREA_SHARE * areas_mm2.sum():
+    if areas_mm2[patch].sum() < MIN_AREA_SHARE * areas_mm2.sum():
         return None
     rest = np.ones(len(body.triangles), dtype=bool)
     rest[patch] = False
@@ -212,7 +256,7 @@ def _without_islands(body: Mesh, patch: Int64[np.ndarray, "p"]) -> Int64[np.ndar
     if others < 2:
         return patch
     # The outer wall is what is left, as one piece; anything small beside it that touches the patch lies within.
-    small = np.bincount(of_rest, weights=areas_mm2[rest]) < 0.5 * LEAST_AREA_SHARE * areas_mm2[patch].sum()
+    small = np.bincount(of_rest, weights=areas_mm2[rest]) < 0.5 * MIN_AREA_SHARE * areas_mm2[patch].sum()
     touched = np.zeros(len(body.vertices_mm), dtype=bool)
     touched[body.triangles[patch]] = True
     near = np.bincount(of_rest, weights=touched[body.triangles[rest]].any(axis=1)) > 0
@@ -225,12 +269,12 @@ def _outwards(mesh: Mesh) -> Mesh:
     return Mesh(mesh.vertices_mm, np.ascontiguousarray(mesh.triangles[:, ::-1]))
 
 
-def _is_tube(body: Mesh, rays: OutwardRays, wall: Int64[np.ndarray, "w"]) -> bool:
+def _is_tube(body: Mesh, rays: OutwardRays, wall: Int64[np.ndarray, " w"]) -> bool:
     """Whether a wall faces itself all around, across the width of a tube with its volume and area."""
     apart_mm, met = rays.across(wall)
     weights = body.areas_mm2[wall]
     own = np.isfinite(apart_mm) & np.isin(met, wall)
-    if weights[own].sum() < LEAST_OWN_SHARE * weights.sum():
+    if weights[own].sum() < MIN_OWN_SHARE * weights.sum():
         return False
     order = np.argsort(apart_mm[own])
     total = np.cumsum(weights[own][order])

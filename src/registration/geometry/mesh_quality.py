@@ -14,10 +14,30 @@ from registration.geometry.shapes import Mesh
 class MeshQuality:
     """What was found about a triangle mesh.
 
-    ``watertight``: no border. ``manifold``: no edge with more than two triangles and no vertex where two fans meet.
-    ``oriented``: neighbouring triangles are wound alike, and outwards where the mesh is closed. ``volume_mm3`` is what
-    it encloses, its open ends closed by flat caps (negative when wound inwards). ``open_ends`` counts the borders that
-    a vessel runs out of, ``holes`` the others.
+    Parameters
+    ----------
+    vertices : int
+        Number of vertices.
+    triangles : int
+        Number of triangles.
+    pieces : int
+        Number of connected pieces.
+    watertight : bool
+        Whether there is no border.
+    manifold : bool
+        Whether no edge has more than two triangles and at no vertex two fans meet.
+    oriented : bool
+        Whether neighbouring triangles are wound alike, and outwards where the mesh is closed.
+    open_ends : int
+        Number of borders that a vessel runs out of.
+    holes : int
+        Number of the other borders.
+    degenerate : int
+        Number of triangles without area.
+    area_mm2 : float
+        Area of all triangles.
+    volume_mm3 : float
+        Volume enclosed, open ends closed by flat caps; negative when wound inwards.
     """
 
     vertices: int
@@ -34,8 +54,20 @@ class MeshQuality:
 
 
 def mesh_quality(mesh: Mesh) -> MeshQuality:
-    """Look at every edge, vertex and border of a mesh; an empty one has no piece and is not watertight.
+    """Check every edge, vertex and border of a mesh; an empty one has no piece and is not watertight.
 
+    Parameters
+    ----------
+    mesh : Mesh
+        Mesh in mm.
+
+    Returns
+    -------
+    MeshQuality
+        Counts and properties.
+
+    Examples
+    --------
     >>> corners_mm = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     >>> mesh_quality(Mesh(corners_mm, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))).watertight
     True
@@ -65,7 +97,18 @@ def mesh_quality(mesh: Mesh) -> MeshQuality:
 
 
 def enclosed_volume_mm3(mesh: Mesh) -> float:
-    """The volume inside by the divergence theorem, borders closed by fans; negative when wound inwards."""
+    """Compute the volume inside by the divergence theorem, borders closed by fans.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Mesh in mm.
+
+    Returns
+    -------
+    float
+        Volume in mm^3, negative when wound inwards.
+    """
     if not len(mesh.triangles):
         return 0.0
     middle_mm = mesh.vertices_mm[np.unique(mesh.triangles)].mean(axis=0)

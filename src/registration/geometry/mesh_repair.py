@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from registration.errors import InputError
 from registration.geometry.hollow import Lumen, find_lumen
 from registration.geometry.mesh_quality import enclosed_volume_mm3
 from registration.geometry.mesh_topology import directed_edges, largest_piece, pieces
+from registration.geometry.open3d_bridge import triangle_body
 from registration.geometry.shapes import Mesh
 
 
@@ -18,9 +18,22 @@ from registration.geometry.shapes import Mesh
 class Repaired:
     """A mesh and what was done to it.
 
-    ``vertices_merged`` had another at the same place. ``triangles_dropped`` had no area or were there twice.
-    ``triangles_turned`` were wound the other way. ``pieces_dropped`` were smaller than the one that was kept;
-    ``area_dropped_mm2`` is theirs. Of a hollow body the mesh is the lumen's wall, and ``lumen`` says how it was found.
+    Parameters
+    ----------
+    mesh : Mesh
+        Repaired mesh; of a hollow body the lumen's wall.
+    vertices_merged : int
+        Number of vertices that had another at the same place.
+    triangles_dropped : int
+        Number of triangles without area or there twice.
+    triangles_turned : int
+        Number of triangles that were wound the other way.
+    pieces_dropped : int
+        Number of pieces smaller than the one that was kept.
+    area_dropped_mm2 : float
+        Area of these pieces.
+    lumen : Lumen, optional
+        How the lumen of a hollow body was found; None for other surfaces.
     """
 
     mesh: Mesh
@@ -37,8 +50,22 @@ def repair(mesh: Mesh) -> Repaired:
 
     Of a body with an outer and an inner wall, joined or not, the inner one is kept, the lumen's (see
     ``registration.geometry.hollow``). Holes, crossings and edges with more than two triangles stay:
-    ``mesh_quality`` tells of
-    them. Raises InputError where no triangle with area is left, and for a hollow body whose lumen cannot be told.
+    ``mesh_quality`` reports them.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Mesh as programs write them, in mm.
+
+    Returns
+    -------
+    Repaired
+        Repaired mesh and what was done.
+
+    Raises
+    ------
+    InputError
+        If no triangle with area is left, or the lumen of a hollow body is ambiguous.
     """
     vertices_mm, owner = np.unique(mesh.vertices_mm, axis=0, return_inverse=True)
     triangles = owner.reshape(-1)[mesh.triangles]
@@ -71,11 +98,7 @@ def _wound_alike(mesh: Mesh) -> Mesh:
     edges = directed_edges(mesh) @ np.array([len(mesh.vertices_mm), 1])
     if len(np.unique(edges)) == len(edges):
         return mesh
-    open3d = _open3d()
-    body = open3d.geometry.TriangleMesh(
-        open3d.utility.Vector3dVector(mesh.vertices_mm),
-        open3d.utility.Vector3iVector(mesh.triangles.astype(np.int32)),
-    )
+    body = triangle_body(mesh)
     if not body.orient_triangles():
         return mesh
     return Mesh(mesh.vertices_mm, np.asarray(body.triangles, dtype=np.int64))
@@ -85,10 +108,3 @@ def _outward(mesh: Mesh) -> Mesh:
     if enclosed_volume_mm3(mesh) >= 0:
         return mesh
     return Mesh(mesh.vertices_mm, np.ascontiguousarray(mesh.triangles[:, ::-1]))
-
-
-def _open3d() -> Any:
-    """Open3D, imported only where windings differ: it takes a second, and its type stubs are not right."""
-    import open3d
-
-    return open3d

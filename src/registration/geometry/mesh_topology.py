@@ -16,10 +16,19 @@ from registration.geometry.shapes import Mesh
 class Border:
     """One border of an open mesh.
 
-    ``edges`` (e, 2) are vertex indices along the surface's winding; ``centre_mm`` (3,) is the middle of the border,
-    ``normal`` (3,) the unit normal of its mean plane away from the vessel's inside, ``radius_mm`` that of a circle of
-    its area. ``facing`` is the mean cosine, by area, between that normal and those of the two nearest rings of
-    triangles: about 0 around the open end of a tube, about 1 around a hole in its wall.
+    Parameters
+    ----------
+    edges : ndarray, shape (e, 2)
+        Vertex indices along the surface's winding.
+    centre_mm : ndarray, shape (3,)
+        Middle of the border in mm.
+    normal : ndarray, shape (3,)
+        Unit normal of its mean plane, away from the vessel's inside.
+    radius_mm : float
+        Radius of a circle of its area in mm.
+    facing : float
+        Mean cosine, by area, between that normal and those of the two nearest rings of triangles: about 0
+        around the open end of a tube, about 1 around a hole in its wall.
     """
 
     edges: Int64[np.ndarray, "e 2"]
@@ -35,18 +44,55 @@ class Border:
 
 
 def directed_edges(mesh: Mesh) -> Int64[np.ndarray, "e 2"]:
-    """The three edges of every triangle along its winding: triangle ``i`` has rows ``i``, ``t + i``, ``2 t + i``."""
+    """List the three edges of every triangle along its winding.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Mesh with t triangles.
+
+    Returns
+    -------
+    ndarray, shape (3 t, 2)
+        Vertex indices; triangle ``i`` has rows ``i``, ``t + i``, ``2 t + i``.
+    """
     corners = mesh.triangles
     return np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])
 
 
-def edge_numbers(edges: Int64[np.ndarray, "e 2"], vertices: int) -> Int64[np.ndarray, "e"]:
-    """One number for each edge, the same in both directions."""
+def edge_numbers(edges: Int64[np.ndarray, "e 2"], vertices: int) -> Int64[np.ndarray, " e"]:
+    """Number edges so that both directions of one edge have the same number.
+
+    Parameters
+    ----------
+    edges : ndarray, shape (e, 2)
+        Vertex indices.
+    vertices : int
+        Number of vertices.
+
+    Returns
+    -------
+    ndarray, shape (e,)
+        Number of each edge.
+    """
     return edges.min(axis=1) * vertices + edges.max(axis=1)
 
 
-def pieces(mesh: Mesh) -> tuple[int, Int64[np.ndarray, "t"]]:
-    """How many connected pieces the mesh has, and the piece of every triangle."""
+def pieces(mesh: Mesh) -> tuple[int, Int64[np.ndarray, " t"]]:
+    """Find the connected pieces of a mesh.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Mesh with t triangles.
+
+    Returns
+    -------
+    count : int
+        Number of pieces.
+    of_triangle : ndarray, shape (t,)
+        Piece of every triangle.
+    """
     edges = directed_edges(mesh)
     of_vertex = connected(edges, len(mesh.vertices_mm))[1]
     if not len(mesh.triangles):
@@ -56,7 +102,18 @@ def pieces(mesh: Mesh) -> tuple[int, Int64[np.ndarray, "t"]]:
 
 
 def largest_piece(mesh: Mesh) -> Mesh:
-    """The connected piece with most area."""
+    """Take the connected piece with most area.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Mesh of any number of pieces.
+
+    Returns
+    -------
+    Mesh
+        One piece; the mesh itself where it is one.
+    """
     count, of_triangle = pieces(mesh)
     if count < 2:
         return mesh
@@ -64,14 +121,38 @@ def largest_piece(mesh: Mesh) -> Mesh:
     return keep_triangles(mesh, of_triangle == areas_mm2.argmax())
 
 
-def keep_triangles(mesh: Mesh, kept: Bool[np.ndarray, "t"]) -> Mesh:
-    """The mesh of some triangles, without the vertices that none of them uses."""
+def keep_triangles(mesh: Mesh, kept: Bool[np.ndarray, " t"]) -> Mesh:
+    """Take some triangles, without the vertices that none of them uses.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Mesh with t triangles.
+    kept : ndarray of bool, shape (t,)
+        Which triangles to keep.
+
+    Returns
+    -------
+    Mesh
+        Mesh of these triangles.
+    """
     used, triangles = np.unique(mesh.triangles[kept], return_inverse=True)
     return Mesh(mesh.vertices_mm[used], triangles.reshape(-1, 3).astype(np.int64))
 
 
 def borders(mesh: Mesh) -> tuple[Border, ...]:
-    """All borders of the mesh, the widest first; a closed mesh has none."""
+    """Find all borders of a mesh.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Mesh, open or closed.
+
+    Returns
+    -------
+    tuple of Border
+        Borders, the widest first; none for a closed mesh.
+    """
     edges = directed_edges(mesh)
     _, first, uses = np.unique(
         edge_numbers(edges, len(mesh.vertices_mm)), return_index=True, return_counts=True
@@ -86,7 +167,22 @@ def borders(mesh: Mesh) -> tuple[Border, ...]:
 
 
 def with_caps(mesh: Mesh, chosen: tuple[Border, ...], rings: int = 1) -> Mesh:
-    """Close the chosen borders, each by a fan around its centre, cut into ``rings`` rings of triangles."""
+    """Close chosen borders, each by a fan of triangles around its centre.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Open mesh.
+    chosen : tuple of Border
+        Borders to close.
+    rings : int, optional
+        Number of rings that each fan is cut into.
+
+    Returns
+    -------
+    Mesh
+        Mesh with the caps.
+    """
     vertices, triangles = [mesh.vertices_mm], [mesh.triangles]
     count = len(mesh.vertices_mm)
     for border in chosen:
@@ -128,8 +224,23 @@ def _border(mesh: Mesh, edges: np.ndarray) -> Border:
     return Border(edges, centre_mm, normal, float(np.sqrt(size_mm2 / np.pi)), facing)
 
 
-def connected(edges: Int64[np.ndarray, "e 2"], vertices: int) -> tuple[int, Int64[np.ndarray, "{vertices}"]]:
-    """How many sets of vertices hang together by edges, and the set of every vertex."""
+def connected(edges: Int64[np.ndarray, "e 2"], vertices: int) -> tuple[int, Int64[np.ndarray, " {vertices}"]]:
+    """Find the sets of vertices that hang together by edges.
+
+    Parameters
+    ----------
+    edges : ndarray, shape (e, 2)
+        Vertex indices.
+    vertices : int
+        Number of vertices.
+
+    Returns
+    -------
+    count : int
+        Number of sets.
+    of_vertex : ndarray, shape (vertices,)
+        Set of every vertex.
+    """
     ones = np.ones(len(edges), dtype=np.int8)
     count, labels = connected_components(
         coo_array((ones, edges.T), shape=(vertices, vertices)), directed=False

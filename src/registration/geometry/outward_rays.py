@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from jaxtyping import Bool, Float64, Int64
+from jaxtyping import Float64, Int64
 
+from registration.geometry.open3d_bridge import TriangleScene
 from registration.geometry.shapes import Mesh
 
 # Directions in which every triangle looks out.
@@ -14,41 +13,67 @@ DIRECTIONS = 64
 
 
 class OutwardRays:
-    """What the triangles of a body see outside of it."""
+    """Visibility from the triangles of a body to its outside, by rays.
+
+    Parameters
+    ----------
+    body : Mesh
+        Body in mm, wound outwards.
+    """
 
     def __init__(self, body: Mesh) -> None:
         a, b, c = np.moveaxis(body.corners_mm, 1, 0)
         facing = np.cross(b - a, c - a)
         self._normals = facing / np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-300)
-        self._scene, self._centre_mm = _scene(body)
+        self._scene = TriangleScene(body)
         step_mm = 1e-4 * float(np.linalg.norm(np.ptp(body.vertices_mm, axis=0)))
         self._from_mm = body.corners_mm.mean(axis=1) + step_mm * self._normals
 
     def across(
-        self, triangles: Int64[np.ndarray, "n"]
-    ) -> tuple[Float64[np.ndarray, "n"], Int64[np.ndarray, "n"]]:
-        """Along the normal of each triangle, how far it is to the body and to which triangle; infinite past it."""
-        hits = self._cast(self._from_mm[triangles], self._normals[triangles])
-        return hits["t_hit"].numpy().astype(np.float64), hits["primitive_ids"].numpy().astype(np.int64)
+        self, triangles: Int64[np.ndarray, " n"]
+    ) -> tuple[Float64[np.ndarray, " n"], Int64[np.ndarray, " n"]]:
+        """Measure from each triangle along its normal how far away the body is.
 
-    def sky(self, triangles: Int64[np.ndarray, "n"]) -> Float64[np.ndarray, "n"]:
-        """The share of all directions in front of each triangle in which the body is not in the way.
+        Parameters
+        ----------
+        triangles : ndarray, shape (n,)
+            Indices of triangles.
+
+        Returns
+        -------
+        distance_mm : ndarray, shape (n,)
+            Distance in mm, infinite where the normal meets nothing.
+        met : ndarray, shape (n,)
+            Index of the triangle met.
+        """
+        return self._scene.cast(self._from_mm[triangles], self._normals[triangles])
+
+    def sky(self, triangles: Int64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
+        """Compute the share of all directions in front of each triangle in which the body is not in the way.
 
         The directions are the same for all triangles, so that neighbours get like values.
+
+        Parameters
+        ----------
+        triangles : ndarray, shape (n,)
+            Indices of triangles.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Shares, 0 to 1.
         """
         seen, ahead = np.zeros(len(triangles)), np.zeros(len(triangles))
         for way in _directions(DIRECTIONS):
             front = np.flatnonzero(self._normals[triangles] @ way > 0.05)
             if not len(front):
                 continue
-            hits = self._cast(self._from_mm[triangles[front]], np.broadcast_to(way, (len(front), 3)))
-            seen[front] += np.isinf(hits["t_hit"].numpy())
+            reach_mm, _ = self._scene.cast(
+                self._from_mm[triangles[front]], np.broadcast_to(way, (len(front), 3))
+            )
+            seen[front] += np.isinf(reach_mm)
             ahead[front] += 1
         return seen / np.maximum(ahead, 1)
-
-    def _cast(self, from_mm: np.ndarray, way: np.ndarray) -> Any:
-        rays = np.concatenate([from_mm - self._centre_mm, way], axis=1).astype(np.float32)
-        return self._scene.cast_rays(_open3d().core.Tensor(rays))
 
 
 def _directions(count: int) -> Float64[np.ndarray, "{count} 3"]:
@@ -58,28 +83,3 @@ def _directions(count: int) -> Float64[np.ndarray, "{count} 3"]:
     angle = np.pi * (1 + np.sqrt(5)) * place
     across = np.sqrt(1 - height**2)
     return np.stack([across * np.cos(angle), across * np.sin(angle), height], axis=1)
-
-
-def occupied(closed: Mesh, points_mm: Float64[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
-    scene, centre_mm = _scene(closed)
-    queried = _open3d().core.Tensor((points_mm - centre_mm).astype(np.float32))
-    found: np.ndarray = scene.compute_occupancy(queried, nsamples=3).numpy()
-    return found > 0
-
-
-def _scene(mesh: Mesh) -> tuple[Any, Float64[np.ndarray, "3"]]:
-    open3d = _open3d()
-    centre_mm = mesh.vertices_mm.mean(axis=0)
-    scene = open3d.t.geometry.RaycastingScene()
-    scene.add_triangles(
-        open3d.core.Tensor((mesh.vertices_mm - centre_mm).astype(np.float32)),
-        open3d.core.Tensor(mesh.triangles.astype(np.uint32)),
-    )
-    return scene, centre_mm
-
-
-def _open3d() -> Any:
-    """Open3D, imported only where rays are cast: it takes a second, and its type stubs are not right."""
-    import open3d
-
-    return open3d

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -11,12 +11,21 @@ from scipy.spatial import cKDTree
 
 from registration.checks import require_positive
 from registration.errors import InputError
+from registration.geometry.open3d_bridge import import_open3d, point_body
 from registration.geometry.shapes import require_cloud
 
 
 @dataclass(frozen=True)
 class OrientedCloud:
-    """Points on a surface: ``points_mm`` (p, 3) and unit ``normals`` (p, 3) that point out of the vessel."""
+    """Points on a surface with their normals.
+
+    Parameters
+    ----------
+    points_mm : ndarray, shape (p, 3)
+        Points in mm.
+    normals : ndarray, shape (p, 3)
+        Unit normals that point out of the vessel.
+    """
 
     points_mm: Float64[np.ndarray, "p 3"]
     normals: Float64[np.ndarray, "p 3"]
@@ -29,8 +38,21 @@ class OrientedCloud:
 AnyCloud = TypeVar("AnyCloud", bound=OrientedCloud)
 
 
-def take(cloud: AnyCloud, index: Int64[np.ndarray, "k"]) -> AnyCloud:
-    """Some points of a cloud, with all that is known of each of them."""
+def take(cloud: AnyCloud, index: Int64[np.ndarray, " k"]) -> AnyCloud:
+    """Choose some points of a cloud, with all that is known of each of them.
+
+    Parameters
+    ----------
+    cloud : OrientedCloud
+        Cloud of any kind.
+    index : ndarray, shape (k,)
+        Indices of the points to keep.
+
+    Returns
+    -------
+    OrientedCloud
+        Cloud of the same kind with these points.
+    """
     chosen = {
         entry.name: getattr(cloud, entry.name)[index]
         for entry in fields(cloud)
@@ -39,9 +61,27 @@ def take(cloud: AnyCloud, index: Int64[np.ndarray, "k"]) -> AnyCloud:
     return replace(cloud, **chosen)
 
 
-def require_oriented(cloud: OrientedCloud, least: int = 10) -> OrientedCloud:
-    """Return the cloud, or raise InputError unless it spans a surface and every normal has length one."""
-    require_cloud(cloud.points_mm, "cloud", least)
+def require_oriented(cloud: OrientedCloud, min_points: int = 10) -> OrientedCloud:
+    """Return a cloud, or raise InputError unless it spans a surface and every normal has length one.
+
+    Parameters
+    ----------
+    cloud : OrientedCloud
+        Cloud to check.
+    min_points : int, optional
+        Smallest number of points.
+
+    Returns
+    -------
+    OrientedCloud
+        The same cloud.
+
+    Raises
+    ------
+    InputError
+        If there are too few points, they span no surface, or a normal is off length one by 1e-3.
+    """
+    require_cloud(cloud.points_mm, "cloud", min_points)
     lengths = np.linalg.norm(cloud.normals, axis=1)
     broken = int((~(np.abs(lengths - 1) < 1e-3)).sum())
     if broken:
@@ -50,15 +90,35 @@ def require_oriented(cloud: OrientedCloud, least: int = 10) -> OrientedCloud:
 
 
 def with_normals(points_mm: Float64[np.ndarray, "p 3"], neighbours: int = 30) -> OrientedCloud:
-    """Estimate normals from ``neighbours`` points each and turn them out, for a cloud that comes without any.
+    """Estimate normals and turn them outwards, for a cloud that comes without any.
 
-    Sides are made consistent along a spanning tree (Hoppe et al., SIGGRAPH 1992), then turned so that the cloud as a
-    whole faces outwards.
+    Sides are made consistent along a spanning tree, then turned so that the cloud as a whole faces outwards.
+
+    Parameters
+    ----------
+    points_mm : ndarray, shape (p, 3)
+        Points in mm, at least ``neighbours``.
+    neighbours : int, optional
+        Number of points that each normal is estimated from.
+
+    Returns
+    -------
+    OrientedCloud
+        The points with unit normals.
+
+    Raises
+    ------
+    InputError
+        If there are too few points or they span no surface.
+
+    References
+    ----------
+    H. Hoppe et al., SIGGRAPH 1992.
     """
     require_cloud(points_mm, "points_mm", neighbours)
-    open3d = _open3d()
+    open3d = import_open3d()
     middle_mm = points_mm.mean(axis=0)
-    body = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points_mm - middle_mm))
+    body = point_body(points_mm - middle_mm)
     body.estimate_normals(open3d.geometry.KDTreeSearchParamKNN(neighbours))
     body.orient_normals_consistent_tangent_plane(neighbours)
     normals = np.asarray(body.normals).copy()
@@ -68,12 +128,31 @@ def with_normals(points_mm: Float64[np.ndarray, "p 3"], neighbours: int = 30) ->
     return OrientedCloud(points_mm, normals)
 
 
-def with_surface_normals(cloud: AnyCloud, reach_mm: float, most: int = 40) -> AnyCloud:
-    """Replace each normal by that of the plane through the points within ``reach_mm``, on the side it pointed to.
+def with_surface_normals(cloud: AnyCloud, reach_mm: float, max_neighbours: int = 40) -> AnyCloud:
+    """Replace each normal by that of the plane through the points around it, on the side it pointed to.
 
-    The normals of a contour lie in the image; those of the vessel lean out of it wherever the vessel narrows or runs
-    obliquely. A plane is taken only where at least 6 points define it and its normal agrees with the old one within 60
-    degrees; other normals stay.
+    The normals of a contour lie in the image; those of the vessel lean out of it wherever the vessel narrows
+    or runs obliquely. A plane is taken only where at least 6 points define it and its normal agrees with the
+    old one within 60 deg; other normals stay.
+
+    Parameters
+    ----------
+    cloud : OrientedCloud
+        Cloud of any kind.
+    reach_mm : float
+        Radius of the neighbourhood in mm, above 0.
+    max_neighbours : int, optional
+        Largest number of neighbours used; more are thinned evenly.
+
+    Returns
+    -------
+    OrientedCloud
+        Cloud of the same kind with new normals.
+
+    Raises
+    ------
+    InputError
+        If ``reach_mm`` is not above 0.
     """
     require_positive("reach_mm", reach_mm)
     points_mm = cloud.points_mm
@@ -81,9 +160,9 @@ def with_surface_normals(cloud: AnyCloud, reach_mm: float, most: int = 40) -> An
     near = cKDTree(points_mm).query_ball_point(points_mm, reach_mm, return_sorted=False)
     normals = cloud.normals.copy()
     sizes = np.array([len(found) for found in near])
-    owner = np.repeat(np.arange(len(near)), np.minimum(sizes, most))
-    picked = np.concatenate([_thinned(found, most) for found in near]).astype(np.int64)
-    count = np.minimum(sizes, most)
+    owner = np.repeat(np.arange(len(near)), np.minimum(sizes, max_neighbours))
+    picked = np.concatenate([_thinned(found, max_neighbours) for found in near]).astype(np.int64)
+    count = np.minimum(sizes, max_neighbours)
     offset_mm = points_mm[picked] - points_mm[owner]
     middle_mm = _sums(offset_mm, owner, len(near)) / count[:, None]
     offset_mm = offset_mm - middle_mm[owner]
@@ -96,20 +175,13 @@ def with_surface_normals(cloud: AnyCloud, reach_mm: float, most: int = 40) -> An
     return replace(cloud, normals=normals)
 
 
-def _thinned(found: list[int], most: int) -> np.ndarray:
-    if len(found) <= most:
+def _thinned(found: list[int], max_neighbours: int) -> np.ndarray:
+    if len(found) <= max_neighbours:
         return np.array(found, dtype=np.int64)
-    return np.array(found, dtype=np.int64)[np.linspace(0, len(found) - 1, most).astype(np.int64)]
+    return np.array(found, dtype=np.int64)[np.linspace(0, len(found) - 1, max_neighbours).astype(np.int64)]
 
 
 def _sums(values: np.ndarray, owner: np.ndarray, count: int) -> np.ndarray:
     """Sum rows by owner; owners are sorted and each has at least one row."""
     starts = np.searchsorted(owner, np.arange(count))
     return np.add.reduceat(values, starts, axis=0)
-
-
-def _open3d() -> Any:
-    """Open3D, imported only where it is needed: it takes a second, and its type stubs are not right."""
-    import open3d
-
-    return open3d

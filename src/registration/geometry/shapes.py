@@ -19,7 +19,15 @@ METRES_BELOW_MM = 2.0
 
 @dataclass(frozen=True)
 class Mesh:
-    """A triangle surface: ``vertices_mm`` (v, 3) and ``triangles`` (t, 3), indices wound so that normals point out."""
+    """A surface of triangles.
+
+    Parameters
+    ----------
+    vertices_mm : ndarray, shape (v, 3)
+        Vertices in mm.
+    triangles : ndarray, shape (t, 3)
+        Indices of each triangle's corners, wound so that normals point out.
+    """
 
     vertices_mm: Float64[np.ndarray, "v 3"]
     triangles: Int64[np.ndarray, "t 3"]
@@ -41,13 +49,35 @@ class Mesh:
         return self.vertices_mm[self.triangles]
 
     @property
-    def areas_mm2(self) -> Float64[np.ndarray, "t"]:
+    def areas_mm2(self) -> Float64[np.ndarray, " t"]:
         """The area of every triangle."""
         a, b, c = np.moveaxis(self.corners_mm, 1, 0)
         return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
 
     def sample(self, count: int, rng: np.random.Generator) -> Float64[np.ndarray, "count 3"]:
-        """Draw points uniformly by area (Osada et al., ACM Trans. Graph. 21(4), 2002: square-root barycentrics)."""
+        """Draw points uniformly by area, by square-root barycentric coordinates.
+
+        Parameters
+        ----------
+        count : int
+            Number of points.
+        rng : numpy.random.Generator
+            Source of random numbers.
+
+        Returns
+        -------
+        ndarray, shape (count, 3)
+            Points on the triangles in mm.
+
+        Raises
+        ------
+        InputError
+            If no triangle has an area.
+
+        References
+        ----------
+        R. Osada et al., ACM Trans. Graph. 21(4), 2002.
+        """
         areas_mm2 = self.areas_mm2
         if not areas_mm2.sum() > 0:
             raise InputError("mesh: expected a surface with area to sample, received none")
@@ -63,10 +93,23 @@ Surface = Mesh | Float64[np.ndarray, "_ 3"]
 
 @dataclass(frozen=True)
 class Polyline:
-    """One line of a centerline: ordered ``points_mm`` (n, 3), n at least 2, and the vessel's ``radius_mm`` (n,)."""
+    """One line of a centerline.
+
+    Parameters
+    ----------
+    points_mm : ndarray, shape (n, 3)
+        Ordered points in mm, at least two.
+    radius_mm : ndarray, shape (n,)
+        Radius of the vessel at each point in mm.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two points, not as many radii, or numbers that are not finite.
+    """
 
     points_mm: Float64[np.ndarray, "n 3"]
-    radius_mm: Float64[np.ndarray, "n"]
+    radius_mm: Float64[np.ndarray, " n"]
 
     def __post_init__(self) -> None:
         if len(self.points_mm) < 2:
@@ -77,7 +120,7 @@ class Polyline:
             raise InputError("radius_mm: expected finite radii of at least 0, received others")
 
     @property
-    def arc_mm(self) -> Float64[np.ndarray, "n"]:
+    def arc_mm(self) -> Float64[np.ndarray, " n"]:
         """Arc length from the first point to each."""
         steps_mm = np.linalg.norm(np.diff(self.points_mm, axis=0), axis=1)
         return np.concatenate([[0.0], np.cumsum(steps_mm)])
@@ -87,15 +130,37 @@ class Polyline:
         """Arc length from the first point to the last."""
         return float(self.arc_mm[-1])
 
-    def at(self, arc_mm: Float64[np.ndarray, "k"]) -> Float64[np.ndarray, "k 3"]:
-        """Points at the given arc lengths, linear between neighbours."""
+    def at(self, arc_mm: Float64[np.ndarray, " k"]) -> Float64[np.ndarray, "k 3"]:
+        """Find the points at given arc lengths, linear between neighbours.
+
+        Parameters
+        ----------
+        arc_mm : ndarray, shape (k,)
+            Arc lengths from the first point in mm.
+
+        Returns
+        -------
+        ndarray, shape (k, 3)
+            Points in mm.
+        """
         own_mm = self.arc_mm
         return np.stack([np.interp(arc_mm, own_mm, self.points_mm[:, axis]) for axis in range(3)], axis=1)
 
 
 @dataclass(frozen=True)
 class Centerline:
-    """The centerline of a vessel tree, each branch a line of its own (lines may share a trunk)."""
+    """The centerline of a vessel tree.
+
+    Parameters
+    ----------
+    lines : tuple of Polyline
+        At least one line, each branch a line of its own; lines may share a trunk.
+
+    Raises
+    ------
+    InputError
+        If there is no line.
+    """
 
     lines: tuple[Polyline, ...]
 
@@ -108,17 +173,33 @@ class Centerline:
         """Sum of the lines' arc lengths."""
         return float(sum(line.length_mm for line in self.lines))
 
-    def even_points(self, most: int) -> Float64[np.ndarray, "k 3"]:
-        """At most ``most`` points at even arc length, both ends of each line included.
+    def even_points(self, max_points: int) -> Float64[np.ndarray, "k 3"]:
+        """Place points at even arc length, both ends of each line included.
 
-        A stretch that several lines share is sampled once: a point closer than half a step to one of an earlier
-        line is left out, so that the trunk does not weigh more than the branches.
+        A stretch that several lines share is sampled once: a point closer than half a step to one of an
+        earlier line is left out, so that the trunk does not weigh more than the branches.
+
+        Parameters
+        ----------
+        max_points : int
+            Largest number of points, at least two for each line.
+
+        Returns
+        -------
+        ndarray, shape (k, 3)
+            Points in mm.
+
+        Raises
+        ------
+        InputError
+            If ``max_points`` is too small for both ends of each line.
         """
-        if most < 2 * len(self.lines):
+        if max_points < 2 * len(self.lines):
             raise InputError(
-                f"most: expected at least {2 * len(self.lines)} (both ends of each line), received {most}"
+                f"max_points: expected at least {2 * len(self.lines)} (both ends of each line), "
+                f"received {max_points}"
             )
-        step_mm = self.length_mm / (most - len(self.lines)) if self.length_mm > 0 else 1.0
+        step_mm = self.length_mm / (max_points - len(self.lines)) if self.length_mm > 0 else 1.0
         kept: Float64[np.ndarray, "k 3"] = np.empty((0, 3))
         for line in self.lines:
             count = int(np.floor(line.length_mm / step_mm + 1e-9)) + 1
@@ -130,10 +211,19 @@ class Centerline:
 
 @dataclass(frozen=True)
 class PrincipalFrame:
-    """Where a shape lies: ``centre_mm`` (3,), right-handed ``axes`` (3, 3) in columns, longest first, ``spread_mm``.
+    """Where a shape lies: its centre, its principal axes and its extent along them.
 
-    ``spread_mm`` (3,) is the standard deviation along each axis. An axis points where its largest component is
-    positive, the third axis excepted, which completes a right-handed frame.
+    An axis points where its largest component is positive, the third axis excepted, which completes a
+    right-handed coordinate frame.
+
+    Parameters
+    ----------
+    centre_mm : ndarray, shape (3,)
+        Centre in mm.
+    axes : ndarray, shape (3, 3)
+        Right-handed unit axes in columns, longest first.
+    spread_mm : ndarray, shape (3,)
+        Standard deviation along each axis in mm.
     """
 
     centre_mm: Float64[np.ndarray, "3"]
@@ -142,10 +232,24 @@ class PrincipalFrame:
 
 
 def principal_frame(
-    points_mm: Float64[np.ndarray, "n 3"], weights: Float64[np.ndarray, "n"] | None = None
+    points_mm: Float64[np.ndarray, "n 3"], weights: Float64[np.ndarray, " n"] | None = None
 ) -> PrincipalFrame:
-    """Principal component analysis of a cloud, each point weighted if ``weights`` are given.
+    """Compute the principal axes of a cloud.
 
+    Parameters
+    ----------
+    points_mm : ndarray, shape (n, 3)
+        Points in mm.
+    weights : ndarray, shape (n,), optional
+        Weight of each point; None weighs all alike.
+
+    Returns
+    -------
+    PrincipalFrame
+        Centre, axes and standard deviations.
+
+    Examples
+    --------
     >>> principal_frame(np.array([[0.0, 0, 0], [0, 4, 0], [0, 2, 1]])).axes[:, 0].round(3).tolist()
     [0.0, 1.0, 0.0]
     """
@@ -161,7 +265,18 @@ def principal_frame(
 
 
 def surface_frame(surface: Mesh | Float64[np.ndarray, "n 3"]) -> PrincipalFrame:
-    """The principal frame of a mesh, triangles weighted by area, or of a cloud."""
+    """Compute the principal axes of a mesh, triangles weighted by area, or of a cloud.
+
+    Parameters
+    ----------
+    surface : Mesh or ndarray, shape (n, 3)
+        Mesh or points in mm.
+
+    Returns
+    -------
+    PrincipalFrame
+        Centre, axes and standard deviations.
+    """
     if isinstance(surface, Mesh):
         # Exact for the triangles' second moment: the three mid-edges integrate a quadratic over a triangle.
         corners_mm = surface.corners_mm
@@ -170,11 +285,27 @@ def surface_frame(surface: Mesh | Float64[np.ndarray, "n 3"]) -> PrincipalFrame:
     return principal_frame(surface)
 
 
-def require_points(points_mm: ArrayLike, name: str, least: int = 1) -> Float64[np.ndarray, "n 3"]:
-    """Points as float64, from an array or anything that NumPy makes one of, such as a list of triples.
+def require_points(points_mm: ArrayLike, name: str, min_points: int = 1) -> Float64[np.ndarray, "n 3"]:
+    """Return points as float64, or raise InputError naming them.
 
-    Raises InputError naming them for numbers that are none, another shape than (n, 3), fewer than ``least`` points, and
-    coordinates that are not finite.
+    Parameters
+    ----------
+    points_mm : array_like, shape (n, 3)
+        Array, or anything that NumPy makes one of, such as a list of triples.
+    name : str
+        Name of the points, for messages.
+    min_points : int, optional
+        Smallest number of points.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        The same points, in an array of their own.
+
+    Raises
+    ------
+    InputError
+        If these are no numbers, of another shape, too few, or not all finite.
     """
     try:
         found = np.asarray(points_mm)
@@ -188,7 +319,7 @@ def require_points(points_mm: ArrayLike, name: str, least: int = 1) -> Float64[n
         ) from refusal
     if found.ndim != 2 or found.shape[1] != 3:
         if found.size == 0:
-            raise InputError(f"{name}: expected at least {least} points, received 0")
+            raise InputError(f"{name}: expected at least {min_points} points, received 0")
         hint = ""
         if found.shape == (3,):
             hint = "; one point is points[None]"
@@ -197,8 +328,8 @@ def require_points(points_mm: ArrayLike, name: str, least: int = 1) -> Float64[n
         elif found.ndim == 2 and found.shape[1] == 2:
             hint = "; points in a plane need a third coordinate"
         raise InputError(f"{name}: expected points of shape (n, 3), received shape {found.shape}{hint}")
-    if len(found) < least:
-        raise InputError(f"{name}: expected at least {least} points, received {len(found)}")
+    if len(found) < min_points:
+        raise InputError(f"{name}: expected at least {min_points} points, received {len(found)}")
     if not np.isfinite(found).all():
         broken = int((~np.isfinite(found)).any(axis=1).sum())
         raise InputError(
@@ -207,12 +338,29 @@ def require_points(points_mm: ArrayLike, name: str, least: int = 1) -> Float64[n
     return found
 
 
-def require_cloud(points_mm: ArrayLike, name: str, least: int = 3) -> Float64[np.ndarray, "n 3"]:
-    """Return the cloud as float64, or raise InputError naming it.
+def require_cloud(points_mm: ArrayLike, name: str, min_points: int = 3) -> Float64[np.ndarray, "n 3"]:
+    """Return a cloud that spans a surface as float64, or raise InputError naming it.
 
-    It is refused if ``require_points`` refuses it, and if it lies on a point or a line.
+    Parameters
+    ----------
+    points_mm : array_like, shape (n, 3)
+        Points in mm.
+    name : str
+        Name of the cloud, for messages.
+    min_points : int, optional
+        Smallest number of points.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        The same points.
+
+    Raises
+    ------
+    InputError
+        If ``require_points`` refuses them, or all lie on a point or a line.
     """
-    cloud_mm = require_points(points_mm, name, least)
+    cloud_mm = require_points(points_mm, name, min_points)
     extent_mm = np.ptp(cloud_mm, axis=0)
     if not extent_mm.any():
         raise InputError(
@@ -225,9 +373,27 @@ def require_cloud(points_mm: ArrayLike, name: str, least: int = 3) -> Float64[np
 
 
 def require_millimetres(cloud_mm: Float64[np.ndarray, "n 3"], name: str) -> Float64[np.ndarray, "n 3"]:
-    """Return the cloud, or raise InputError if it is so small that it must be in metres.
+    """Return a cloud, or raise InputError if it is so small that it must be in metres.
 
-    A piece of a vessel 2 m long would be 2 mm across as such; nothing that is registered here is as small as that.
+    A piece of a vessel 2 m long would be 2 mm across as such; nothing that is registered here is as small as
+    that.
+
+    Parameters
+    ----------
+    cloud_mm : ndarray, shape (n, 3)
+        Points, taken to be in mm.
+    name : str
+        Name of the cloud, for messages.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        The same points.
+
+    Raises
+    ------
+    InputError
+        If the bounding box's diagonal is shorter than ``METRES_BELOW_MM``.
     """
     across_mm = diagonal_mm(cloud_mm)
     if across_mm < METRES_BELOW_MM:
@@ -245,5 +411,16 @@ def _number(value: object) -> float:
 
 
 def diagonal_mm(points_mm: Float64[np.ndarray, "n 3"]) -> float:
-    """The diagonal of the axis-parallel bounding box."""
+    """Compute the diagonal of the axis-parallel bounding box.
+
+    Parameters
+    ----------
+    points_mm : ndarray, shape (n, 3)
+        Points in mm.
+
+    Returns
+    -------
+    float
+        Diagonal in mm.
+    """
     return float(np.linalg.norm(np.ptp(points_mm, axis=0)))

@@ -68,7 +68,7 @@ class AlongVessel:
         """Extent along the axis in mm."""
         return self.last_mm - self.first_mm
 
-    def position_mm(self, points_mm: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n"]:
+    def position_mm(self, points_mm: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, " n"]:
         """Project points on the axis.
 
         Parameters
@@ -83,7 +83,7 @@ class AlongVessel:
         """
         return points_mm @ self.axis
 
-    def slab(self, points_mm: Float64[np.ndarray, "n 3"], count: int) -> Int64[np.ndarray, "n"]:
+    def slab(self, points_mm: Float64[np.ndarray, "n 3"], count: int) -> Int64[np.ndarray, " n"]:
         """Assign points to equal slabs across the vessel: the frames of a sweep along it.
 
         Parameters

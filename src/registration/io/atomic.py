@@ -13,30 +13,64 @@ from registration.errors import InputError
 
 
 @contextmanager
-def written_beside(path: Path) -> Iterator[Path]:
-    """Give a temporary name in the folder of ``path`` to write to; rename it to ``path`` when all went well.
+def atomic_write(path: Path) -> Iterator[Path]:
+    """Give a temporary path to write to, and rename it to the final one when all went well.
 
-    The temporary name keeps the suffix, because many writers choose the format by it. What was at ``path`` before stays
-    when writing fails.
+    The temporary name lies in the same folder and keeps the suffix, because many writers choose the format by
+    it. What was at ``path`` before stays when writing fails.
+
+    Parameters
+    ----------
+    path : Path
+        Final path; its folder is made if it is absent.
+
+    Yields
+    ------
+    Path
+        Temporary path to write to.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.parent / f".{path.stem}.partial-{os.getpid()}{path.suffix}"
+    temporary = path.parent / f".{path.stem}.partial-{os.getpid()}{path.suffix}"
     try:
-        yield beside
-        beside.replace(path)
+        yield temporary
+        temporary.replace(path)
     finally:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file as a whole or not at all."""
-    with written_beside(path) as beside:
-        beside.write_bytes(content)
+def write_atomic(path: Path, content: bytes) -> None:
+    """Write a file as a whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+        Path of the file.
+    content : bytes
+        All of its content.
+    """
+    with atomic_write(path) as temporary:
+        temporary.write_bytes(content)
 
 
 @contextmanager
-def whole_folder(path: Path) -> Iterator[Path]:
-    """Give a folder to fill that becomes ``path`` when all went well; ``path`` must be absent or empty."""
+def atomic_folder(path: Path) -> Iterator[Path]:
+    """Give a temporary folder to fill, and rename it to the final one when all went well.
+
+    Parameters
+    ----------
+    path : Path
+        Final path, which must be absent or an empty folder.
+
+    Yields
+    ------
+    Path
+        Temporary folder.
+
+    Raises
+    ------
+    InputError
+        If there is a file or a folder with content at ``path``.
+    """
     if path.exists() and (not path.is_dir() or any(path.iterdir())):
         raise InputError(
             f"{path}: expected a folder that does not exist yet or is empty, found one with content"

@@ -11,7 +11,7 @@ import numpy as np
 
 from registration.errors import InputError
 from registration.geometry.shapes import Centerline, Polyline
-from registration.io.atomic import write_whole, written_beside
+from registration.io.atomic import atomic_write, write_atomic
 from registration.text_files import parse_number, read_text
 
 COLUMNS = ("line", "x", "y", "z", "radius_mm")
@@ -22,19 +22,33 @@ MARKUPS_SCHEMA = (
 
 
 def write_centerline(path: Path, centerline: Centerline, space: str = "LPS") -> None:
-    """Write a centerline by its suffix: ``.csv``, ``.vtp`` or ``.mrk.json``; the folder must exist.
+    """Write a centerline in the format that the suffix names.
 
-    The table has the columns line, x, y, z, radius_mm. The polylines carry their radius under the name that VMTK gives
-    it, so that ``read_centerline`` reads them back. The curves of ``.mrk.json`` name the axes they are in, ``space``
-    (LPS or RAS); positions are written as they are.
+    The polylines of ``.vtp`` carry their radius under the name that VMTK gives it, so that
+    ``read_centerline`` reads them back. Positions are written as they are.
+
+    Parameters
+    ----------
+    path : Path
+        File ending in ``.csv`` (columns line, x, y, z, radius_mm), ``.vtp`` or ``.mrk.json``; its folder must
+        exist.
+    centerline : Centerline
+        Lines in mm.
+    space : {'LPS', 'RAS'}, optional
+        Axes that the curves of ``.mrk.json`` name.
+
+    Raises
+    ------
+    InputError
+        If the suffix or a setting is another.
     """
     path = Path(path)
     if space not in ("LPS", "RAS"):
         raise InputError(f"space: expected LPS or RAS, received {space!r}")
     if path.name.lower().endswith(".mrk.json"):
-        write_whole(path, json.dumps(_markups(centerline, space), indent=1).encode())
+        write_atomic(path, json.dumps(_markups(centerline, space), indent=1).encode())
     elif path.suffix.lower() == ".csv":
-        write_whole(path, _table(centerline).encode())
+        write_atomic(path, _table(centerline).encode())
     elif path.suffix.lower() == ".vtp":
         _write_vtp(path, centerline)
     else:
@@ -44,7 +58,23 @@ def write_centerline(path: Path, centerline: Centerline, space: str = "LPS") -> 
 
 
 def read_centerline_table(path: Path) -> Centerline:
-    """Read the table that ``write_centerline`` writes; points of a line must follow each other in order."""
+    """Read the table that ``write_centerline`` writes.
+
+    Parameters
+    ----------
+    path : Path
+        File with the columns line, x, y, z, radius_mm; the points of a line follow each other in order.
+
+    Returns
+    -------
+    Centerline
+        Lines in mm.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, has other columns or rows that are no points, or lines are mixed.
+    """
     path = Path(path)
     if not path.is_file():
         raise InputError(f"{path}: expected a table of a centerline, received no file")
@@ -118,7 +148,7 @@ def _write_vtp(path: Path, centerline: Centerline) -> None:
     radius = numpy_to_vtk(np.concatenate([line.radius_mm for line in centerline.lines]), deep=True)
     radius.SetName("MaximumInscribedSphereRadius")
     data.GetPointData().AddArray(radius)
-    with written_beside(path) as temporary:
+    with atomic_write(path) as temporary:
         writer = vtkXMLPolyDataWriter()
         writer.SetFileName(str(temporary))
         writer.SetInputData(data)

@@ -19,7 +19,18 @@ _BYTES = {0: 8, 1: 4, 2: 4, 3: 2, 4: 2, 5: 1}
 
 
 def require_itk_mat(path: Path) -> None:
-    """Raise InputError for a .mat file that is text (as FSL writes it), of another version, or cut short."""
+    """Raise InputError unless a .mat file is a transform that ITK wrote, whole.
+
+    Parameters
+    ----------
+    path : Path
+        File ending in ``.mat``.
+
+    Raises
+    ------
+    InputError
+        If the file is text (as FSL writes it), of another version of MATLAB's format, or cut short.
+    """
     data = path.read_bytes()
     if data.startswith(b"MATLAB 5.0") or data.startswith(b"\x89HDF"):
         raise InputError(

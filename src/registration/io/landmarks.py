@@ -19,7 +19,7 @@ from registration.io.patient_space import lps_from
 from registration.io.truncation import require_file
 from registration.text_files import parse_number, read_text
 
-LEAST_PAIRS = 3
+MIN_PAIRS = 3
 # Numbers stand for the axes in .fcsv files of 3D Slicer before 4.11 (user guide, "Markups").
 SPACES = {"ras": "ras", "lps": "lps", "0": "ras", "1": "lps"}
 # Lengths by their code in UCUM, which 3D Slicer gives alone or as [code, "UCUM", meaning] (markups schema 1.0.3).
@@ -34,7 +34,20 @@ _PLACED = ("2", "defined", "")
 
 @dataclass(frozen=True)
 class Landmarks:
-    """Named points: ``points_mm`` (n, 3) in LPS, and a name of its own for each."""
+    """Named points.
+
+    Parameters
+    ----------
+    names : tuple of str
+        A name of its own for each point.
+    points_mm : ndarray, shape (n, 3)
+        Points in LPS in mm.
+
+    Raises
+    ------
+    InputError
+        If there are not as many names as points, a name is there twice, or a coordinate is not finite.
+    """
 
     names: tuple[str, ...]
     points_mm: Float64[np.ndarray, "n 3"]
@@ -53,16 +66,31 @@ class Landmarks:
 
 @dataclass(frozen=True)
 class LandmarkPairs:
-    """The same landmarks in two frames, at least three and not on one line: ``moving_mm`` and ``fixed_mm`` (n, 3)."""
+    """The same landmarks in two coordinate frames.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Names of the landmarks, at least three.
+    moving_mm : ndarray, shape (n, 3)
+        Points in the moving coordinate frame in mm, not on one line.
+    fixed_mm : ndarray, shape (n, 3)
+        The same points in the fixed coordinate frame in mm.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than three pairs, not as many names, or points on one line.
+    """
 
     names: tuple[str, ...]
     moving_mm: Float64[np.ndarray, "n 3"]
     fixed_mm: Float64[np.ndarray, "n 3"]
 
     def __post_init__(self) -> None:
-        if not len(self.names) == len(self.moving_mm) == len(self.fixed_mm) >= LEAST_PAIRS:
+        if not len(self.names) == len(self.moving_mm) == len(self.fixed_mm) >= MIN_PAIRS:
             raise InputError(
-                f"landmarks: expected at least {LEAST_PAIRS} pairs with the same names, received {len(self.names)}"
+                f"landmarks: expected at least {MIN_PAIRS} pairs with the same names, received {len(self.names)}"
             )
         for side, points_mm in (("moving", self.moving_mm), ("fixed", self.fixed_mm)):
             spread_mm = principal_frame(points_mm).spread_mm
@@ -78,15 +106,41 @@ class LandmarkPairs:
         turn = Rotation.align_vectors(self.fixed_mm - fixed_centre_mm, self.moving_mm - moving_centre_mm)[0]
         return transforms.from_rotation(turn, fixed_centre_mm - turn.apply(moving_centre_mm))
 
-    def errors_mm(self, fixed_T_moving: Float64[np.ndarray, "4 4"]) -> Float64[np.ndarray, "n"]:
-        """How far each moving landmark, brought over by ``fixed_T_moving``, is from its fixed one."""
+    def errors_mm(self, fixed_T_moving: Float64[np.ndarray, "4 4"]) -> Float64[np.ndarray, " n"]:
+        """Measure how far each moving landmark is from its fixed one after registration.
+
+        Parameters
+        ----------
+        fixed_T_moving : ndarray, shape (4, 4)
+            Rigid transform from moving to fixed in mm.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Distances in mm.
+        """
         return np.linalg.norm(transforms.apply(fixed_T_moving, self.moving_mm) - self.fixed_mm, axis=1)
 
 
 def paired(moving: Landmarks, fixed: Landmarks) -> LandmarkPairs:
-    """Pair landmarks by name, in the order of ``moving``.
+    """Pair landmarks by name.
 
-    Raises InputError if one side has a name that the other has not.
+    Parameters
+    ----------
+    moving : Landmarks
+        Landmarks in the moving coordinate frame.
+    fixed : Landmarks
+        Landmarks in the fixed coordinate frame.
+
+    Returns
+    -------
+    LandmarkPairs
+        Pairs in the order of ``moving``.
+
+    Raises
+    ------
+    InputError
+        If one side has a name that the other has not, or the pairs fix no pose.
     """
     for side, own, other in (("moving", moving, fixed), ("fixed", fixed, moving)):
         alone = [name for name in own.names if name not in other.names]
@@ -100,10 +154,23 @@ def paired(moving: Landmarks, fixed: Landmarks) -> LandmarkPairs:
 
 
 def read_landmarks(path: Path) -> Landmarks:
-    """Read the points of a file of 3D Slicer's (.mrk.json or .fcsv) into LPS, those left out that were never placed.
+    """Read the landmarks of a file of 3D Slicer's into LPS and mm, those left out that were never placed.
 
-    Lengths in other units than mm are converted. Raises InputError for a file that is missing or of another kind, that
-    does not name its axes (LPS or RAS), in units that are no lengths, and for landmarks without a name of their own.
+    Parameters
+    ----------
+    path : Path
+        File ending in ``.mrk.json`` or ``.fcsv``; lengths in other units than mm are converted.
+
+    Returns
+    -------
+    Landmarks
+        Named points.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or of another kind, does not name its axes (LPS or RAS), states a unit that is
+        no length, or a landmark has no name of its own.
     """
     path = require_file(path)
     read = {".json": _read_markups, ".fcsv": _read_fcsv}.get(path.suffix.lower())

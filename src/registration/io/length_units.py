@@ -32,14 +32,42 @@ _UNSTATED = {"", "?", "???", "none", "unknown"}
 
 
 def quoted(text: str) -> list[str]:
-    """The words of a NRRD field of quoted strings; quotes may be missing."""
+    """Split a NRRD field of quoted strings, whose quotes may be missing.
+
+    Parameters
+    ----------
+    text : str
+        Field as it stands in the header.
+
+    Returns
+    -------
+    list of str
+        Its words.
+    """
     return re.findall(r'"([^"]*)"', text) or text.split()
 
 
 def stated_units(words: Sequence[str], field: str, path: Path) -> tuple[str, ...]:
-    """The unit of each axis, empty where a header states none of them.
+    """Return the unit of each axis, empty where a header states none of them.
 
-    Raises InputError for a unit that is no length, and for a header that states the unit of some axes only.
+    Parameters
+    ----------
+    words : sequence of str
+        Words of the header's field, one an axis.
+    field : str
+        Name of the field, for messages.
+    path : Path
+        Name of the file, for messages.
+
+    Returns
+    -------
+    tuple of str
+        Units of length.
+
+    Raises
+    ------
+    InputError
+        If a unit is no length, or the header states the unit of some axes only.
     """
     # Headers are read as Latin-1, in which the micro sign of a UTF-8 file has two characters.
     plain = [word.strip().replace("Â", "") for word in words]

@@ -25,9 +25,19 @@ _LONGEST_HEADER_LINE = 1 << 20
 
 @dataclass(frozen=True)
 class MetaImageFile:
-    """``fields`` of the header in order, ``sizes`` of the axes with the fastest first, and the numbers.
+    """Header and numbers of a MetaImage file.
 
-    ``values`` has the axes in NumPy's order, the fastest last, then one for ``channels`` where there are several.
+    Parameters
+    ----------
+    fields : dict of str to str
+        Fields of the header in order.
+    sizes : tuple of int
+        Sizes of the axes, the fastest first.
+    channels : int
+        Number of values at each place.
+    values : ndarray
+        Numbers with the axes in NumPy's order, the fastest last, then one axis for the channels where there
+        are several.
     """
 
     fields: dict[str, str]
@@ -37,7 +47,23 @@ class MetaImageFile:
 
 
 def read_metaimage_file(path: Path) -> MetaImageFile:
-    """Read header and numbers. Raises InputError for another file, and for one that holds less than it promises."""
+    """Read header and numbers of a MetaImage file.
+
+    Parameters
+    ----------
+    path : Path
+        File ending in ``.mha`` or ``.mhd``.
+
+    Returns
+    -------
+    MetaImageFile
+        Header and numbers.
+
+    Raises
+    ------
+    InputError
+        If the file is another or holds less than it promises.
+    """
     fields, begin, rest = _read_header(path)
     try:
         sizes = tuple(int(number) for number in fields["DimSize"].split())

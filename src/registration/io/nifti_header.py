@@ -50,10 +50,26 @@ _LAYOUTS = {
 
 @dataclass(frozen=True)
 class NiftiHeader:
-    """``sizes`` of the axes, the ``bytes`` that the file must have, and its transforms to RAS in the file's unit.
+    """The part of a NIfTI header that says how large the file is and where its voxels lie.
 
-    ``qform`` and ``sform`` (4, 4) are None where their code says that they mean nothing; ``code_places`` are where
-    these codes stand in the file, ``code_format`` how; ``units`` is m, mm, um, or empty.
+    Parameters
+    ----------
+    sizes : tuple of int
+        Sizes of the axes.
+    bytes : int
+        Number of bytes that the file must have.
+    spacing : tuple of float
+        Distances of voxels along the three axes in the file's unit.
+    qform : ndarray, shape (4, 4), or None
+        Transform from voxel to RAS in the file's unit; None where its code says that it means nothing.
+    sform : ndarray, shape (4, 4), or None
+        The same for the second transform.
+    units : str
+        Unit of length: m, mm, um, or empty.
+    code_places : tuple of int
+        Offsets of both codes in the file in bytes.
+    code_format : str
+        Format of both codes for ``struct``.
     """
 
     sizes: tuple[int, ...]
@@ -68,10 +84,28 @@ class NiftiHeader:
     def ras_A_voxel(
         self, form: str | None, unit_mm: float, path: Path
     ) -> tuple[str, Float64[np.ndarray, "4 4"]]:
-        """The name of the transform that counts and the transform in mm; the name is empty where the file has none.
+        """Choose the transform that counts.
 
-        ``form`` (qform or sform) chooses; without a choice the two must agree. Raises InputError where they do not,
-        or where the chosen one is not there.
+        Parameters
+        ----------
+        form : {'qform', 'sform'} or None
+            Choice; without one the two must agree.
+        unit_mm : float
+            Millimetres in the file's unit.
+        path : Path
+            Name of the file, for messages.
+
+        Returns
+        -------
+        form : str
+            Name of the transform, empty where the file has none.
+        ras_A_voxel : ndarray, shape (4, 4)
+            Transform in mm.
+
+        Raises
+        ------
+        InputError
+            If the two differ without a choice, or the chosen one is not there.
         """
         there = {
             name: matrix
@@ -109,7 +143,25 @@ class NiftiHeader:
 
 
 def read_nifti_header(path: Path, named: Path) -> NiftiHeader:
-    """Read the header of an unpacked file; ``named`` is the file that the user knows, for messages."""
+    """Read the header of an unpacked NIfTI file.
+
+    Parameters
+    ----------
+    path : Path
+        Unpacked file.
+    named : Path
+        File that the user knows, for messages.
+
+    Returns
+    -------
+    NiftiHeader
+        Sizes and transforms.
+
+    Raises
+    ------
+    InputError
+        If this is no NIfTI header, is cut short, or contradicts itself.
+    """
     with path.open("rb") as stream:
         head = stream.read(544)
     for order, (size, layout) in itertools.product("<>", _LAYOUTS.items()):

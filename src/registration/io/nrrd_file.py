@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from registration.errors import InputError
-from registration.io.stored_data import Encoding, numbered_files, read_bytes, read_numbers, whole_number
+from registration.io.stored_data import Encoding, numbered_files, read_numbers, whole_number
+from registration.io.truncation import read_bytes
 
 TYPES = {
     "uchar": "u1", "unsigned char": "u1", "uint8": "u1", "uint8_t": "u1",
@@ -36,9 +37,16 @@ STORAGE = {"encoding", "endian", "byte skip", "line skip", "data file"}
 
 @dataclass(frozen=True)
 class NrrdFile:
-    """``fields`` and ``keys`` of the header in order (names of fields in small letters), and the numbers.
+    """Header and numbers of a NRRD file.
 
-    ``values`` has the axes in NumPy's order, the fastest, which the header names first, last.
+    Parameters
+    ----------
+    fields : dict of str to str
+        Fields of the header in order, names in small letters.
+    keys : dict of str to str
+        Keys and values of the header in order.
+    values : ndarray
+        Numbers with the axes in NumPy's order: the fastest, which the header names first, is last.
     """
 
     fields: dict[str, str]
@@ -51,12 +59,39 @@ class NrrdFile:
         return tuple(self.values.shape[::-1])
 
     def per_axis(self, field: str) -> list[str]:
-        """What a field says of each axis; empty where it is not there."""
+        """Split a field that has a word for each axis.
+
+        Parameters
+        ----------
+        field : str
+            Name of the field.
+
+        Returns
+        -------
+        list of str
+            Its words, empty where the field is not there.
+        """
         return self.fields.get(field, "").split()
 
 
 def read_nrrd_file(path: Path) -> NrrdFile:
-    """Read header and numbers. Raises InputError for another file, and for one that holds less than it promises."""
+    """Read header and numbers of a NRRD file.
+
+    Parameters
+    ----------
+    path : Path
+        File ending in ``.nrrd`` or ``.nhdr``.
+
+    Returns
+    -------
+    NrrdFile
+        Header and numbers.
+
+    Raises
+    ------
+    InputError
+        If the file is another or holds less than it promises.
+    """
     content = read_bytes(path)
     if not content.startswith(b"NRRD"):
         raise InputError(f"{path}: expected an NRRD file, found one that does not begin with NRRD")
@@ -89,7 +124,22 @@ def read_nrrd_file(path: Path) -> NrrdFile:
 
 
 def nrrd_header(fields: dict[str, str], keys: dict[str, str], encoding: str) -> bytes:
-    """A header for the same numbers, stored in the same file with another ``encoding``, little end first."""
+    """Make a header for the same numbers, stored in the same file with another encoding, little end first.
+
+    Parameters
+    ----------
+    fields : dict of str to str
+        Fields of the header.
+    keys : dict of str to str
+        Keys and values of the header.
+    encoding : str
+        Name of the encoding.
+
+    Returns
+    -------
+    bytes
+        Header with the blank line that ends it.
+    """
     lines = ["NRRD0005", *(f"{name}: {value}" for name, value in fields.items() if name not in STORAGE)]
     lines += ["endian: little", f"encoding: {encoding}"]
     lines += [f"{_escaped(key)}:={_escaped(value)}" for key, value in keys.items()]

@@ -16,7 +16,7 @@ from jaxtyping import Float64
 
 from registration.errors import InputError
 from registration.geometry.shapes import Mesh
-from registration.io.atomic import written_beside
+from registration.io.atomic import atomic_write
 from registration.io.surface_files.stl import is_text
 from registration.io.surface_files.vtk_polydata import read_polydata
 
@@ -26,7 +26,18 @@ _HEADER_BYTES = 1 << 14
 
 
 def stated_space(path: Path) -> str | None:
-    """``lps`` or ``ras`` if the header of a mesh's file says so, else None."""
+    """Find out which axes the header of a mesh's file names.
+
+    Parameters
+    ----------
+    path : Path
+        File of a mesh.
+
+    Returns
+    -------
+    str or None
+        ``lps`` or ``ras``; None where the header names none.
+    """
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix == ".vtp":
@@ -49,10 +60,27 @@ def stated_space(path: Path) -> str | None:
 
 
 def lps_from(points: Float64[np.ndarray, "n 3"], space: str) -> Float64[np.ndarray, "n 3"]:
-    """Points given in ``space`` (lps or ras) in LPS: x points to the patient's left, y to the back, z to the head.
+    """Convert points to LPS: x points to the patient's left, y to the back, z to the head.
 
-    From RAS the first two axes turn over. That is a rotation by 180 degrees and no mirror, so a wrong choice looks
-    like another pose of the same vessel.
+    From RAS the first two axes are negated. That is a rotation by 180 deg and no mirror, so a wrong choice
+    looks like another pose of the same vessel.
+
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3)
+        Points in any unit.
+    space : {'lps', 'ras'}
+        Axes that they are in.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        Points in LPS.
+
+    Raises
+    ------
+    InputError
+        If ``space`` is another.
     """
     if space not in ("lps", "ras"):
         raise InputError(f"space: expected lps or ras, received {space!r}")
@@ -60,7 +88,22 @@ def lps_from(points: Float64[np.ndarray, "n 3"], space: str) -> Float64[np.ndarr
 
 
 def write_model(path: Path, mesh: Mesh, space: str = "lps") -> None:
-    """Write a surface as PLY or STL (binary, single precision) whose header names its axes; its folder must exist."""
+    """Write a surface whose header names its axes, binary in single precision.
+
+    Parameters
+    ----------
+    path : Path
+        File ending in ``.ply`` or ``.stl``; its folder must exist.
+    mesh : Mesh
+        Surface in mm.
+    space : {'lps', 'ras'}, optional
+        Axes that it is in.
+
+    Raises
+    ------
+    InputError
+        If the suffix or the axes are others.
+    """
     path = Path(path)
     if path.suffix.lower() not in WRITABLE:
         raise InputError(
@@ -80,7 +123,7 @@ def write_model(path: Path, mesh: Mesh, space: str = "lps") -> None:
         writer.SetHeader(stated)
     writer.SetFileTypeToBinary()
     writer.SetInputData(_polydata(mesh))
-    with written_beside(path) as temporary:
+    with atomic_write(path) as temporary:
         writer.SetFileName(str(temporary))
         if not writer.Write():
             raise OSError(f"{path}: could not be written")

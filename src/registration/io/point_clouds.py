@@ -8,17 +8,31 @@ import numpy as np
 
 from registration.errors import InputError
 from registration.geometry.point_cloud import OrientedCloud
-from registration.io.atomic import write_whole
+from registration.io.atomic import write_atomic
 from registration.reconstruction.contours import ContourCloud
 
 _TYPES = {"<f4": "float", "<i4": "int"}
 
 
 def write_cloud(path: Path, cloud: OrientedCloud, space: str = "LPS") -> None:
-    """Write points in mm as binary PLY with normals, those of contours with ``frame`` and ``confidence`` as well.
+    """Write points as binary PLY with normals, those of contours with ``frame`` and ``confidence`` as well.
 
-    The header names the axes, ``space`` (LPS or RAS), which 3D Slicer obeys. Single precision keeps a micrometre within
-    8 m of the origin. The folder must exist.
+    The header names the axes, which 3D Slicer obeys. Single precision keeps a micrometre within 8 m of the
+    origin.
+
+    Parameters
+    ----------
+    path : Path
+        File ending in ``.ply``; its folder must exist.
+    cloud : OrientedCloud
+        Points in mm.
+    space : {'LPS', 'RAS'}, optional
+        Axes that they are in.
+
+    Raises
+    ------
+    InputError
+        If the suffix or a setting is another.
     """
     path = Path(path)
     if path.suffix.lower() != ".ply":
@@ -34,4 +48,4 @@ def write_cloud(path: Path, cloud: OrientedCloud, space: str = "LPS") -> None:
         rows[name] = values
     head = ["ply", "format binary_little_endian 1.0", f"comment SPACE={space}", f"element vertex {len(rows)}"]
     head += [f"property {_TYPES[kind]} {name}" for name, kind, _ in columns]
-    write_whole(path, "\n".join([*head, "end_header", ""]).encode() + rows.tobytes())
+    write_atomic(path, "\n".join([*head, "end_header", ""]).encode() + rows.tobytes())

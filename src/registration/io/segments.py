@@ -27,7 +27,19 @@ _SHARE_OF_VOXEL, _SKEW = 0.25, 1e-3
 
 @dataclass(frozen=True)
 class Segment:
-    """One segment: the voxels of ``layer`` with the value ``label``. ``name`` and ``identifier`` may be empty."""
+    """One segment of a label map.
+
+    Parameters
+    ----------
+    label : int
+        Value of its voxels.
+    layer : int
+        Layer that they lie in.
+    name : str
+        Name, may be empty.
+    identifier : str
+        Identifier, may be empty.
+    """
 
     label: int
     layer: int
@@ -36,7 +48,18 @@ class Segment:
 
 
 def read_segments(facts: Mapping[str, str]) -> tuple[Segment, ...]:
-    """The segments in the keys of a header, in their order."""
+    """Read the segments in the keys of a header.
+
+    Parameters
+    ----------
+    facts : mapping of str to str
+        Keys and values of the header.
+
+    Returns
+    -------
+    tuple of Segment
+        Segments in their order.
+    """
     numbers = sorted(int(found[1]) for key in facts if (found := _LABEL.match(key)))
     segments = []
     for number in numbers:
@@ -51,9 +74,22 @@ def read_segments(facts: Mapping[str, str]) -> tuple[Segment, ...]:
 def scan_ends(
     facts: Mapping[str, str], sizes: Sequence[int], ct_A_voxel: Float64[np.ndarray, "4 4"]
 ) -> Int64[np.ndarray, "3 2"]:
-    """The first and last index of the scan along each axis of the file, which may lie outside the file.
+    """Compute the first and last index of the scan along each axis of the file.
 
-    Where the header does not say where the file's voxels lie in the scan, the scan ends with them.
+    Parameters
+    ----------
+    facts : mapping of str to str
+        Keys and values of the header.
+    sizes : sequence of int
+        Sizes of the file's axes i, j and k.
+    ct_A_voxel : ndarray, shape (4, 4)
+        Map from the file's indices to mm in LPS.
+
+    Returns
+    -------
+    ndarray, shape (3, 2)
+        Indices, which may lie outside the file; the file's own ends where the header does not say where its
+        voxels lie in the scan.
     """
     ends = np.stack([np.zeros(3, dtype=np.int64), np.array(sizes, dtype=np.int64) - 1], axis=1)
     reference = _reference(facts)

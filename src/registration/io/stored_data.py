@@ -17,16 +17,23 @@ import numpy as np
 from registration.errors import InputError
 
 _NUMBERED = re.compile(r"%0?\d*[diu]")
-_MOST_FILES = 100_000
+_MAX_FILES = 100_000
 
 
 @dataclass(frozen=True)
 class Encoding:
     """How bytes in a file become numbers.
 
-    ``packing`` is raw, gzip, zlib, bzip2, ascii or hex; ``lines_skipped`` and ``bytes_skipped`` stand before the
-    numbers: lines before unpacking, bytes after it, -1 for all bytes but those of the numbers themselves.
-    ``order`` is < or > (little or big end first).
+    Parameters
+    ----------
+    packing : {'raw', 'gzip', 'zlib', 'bzip2', 'ascii', 'hex'}, optional
+        How the numbers are packed.
+    lines_skipped : int, optional
+        Lines before the numbers, left out before unpacking.
+    bytes_skipped : int, optional
+        Bytes before the numbers, left out after unpacking; -1 for all bytes but those of the numbers.
+    order : {'<', '>'}, optional
+        Little or big end first.
     """
 
     packing: str = "raw"
@@ -35,7 +42,29 @@ class Encoding:
     order: str = "<"
 
     def decode(self, data: bytes, kind: str, count: int, path: Path | str) -> np.ndarray:
-        """The ``count`` numbers of NumPy's type ``kind`` in ``data``. Raises InputError where they are not there."""
+        """Convert bytes to numbers.
+
+        Parameters
+        ----------
+        data : bytes
+            Content of the file.
+        kind : str
+            NumPy's type of the numbers, without byte order.
+        count : int
+            How many numbers there are.
+        path : Path or str
+            Name of the file, for messages.
+
+        Returns
+        -------
+        ndarray, shape (count,)
+            Numbers.
+
+        Raises
+        ------
+        InputError
+            If the bytes cannot be unpacked or hold fewer numbers.
+        """
         for _ in range(self.lines_skipped):
             _, end, data = data.partition(b"\n")
             if not end:
@@ -57,9 +86,32 @@ class Encoding:
 def read_numbers(
     files: Sequence[Path], encoding: Encoding, kind: str, count: int, path: Path, begin: int = 0
 ) -> np.ndarray:
-    """The numbers in ``files`` one after the other, equally many in each; ``begin`` is the byte they begin at.
+    """Read the numbers in files one after the other, equally many in each.
 
-    ``path`` names the header in messages. Raises InputError for a file that is not there or holds too little.
+    Parameters
+    ----------
+    files : sequence of Path
+        Files in order.
+    encoding : Encoding
+        How their bytes become numbers.
+    kind : str
+        NumPy's type of the numbers, without byte order.
+    count : int
+        How many numbers all files hold together.
+    path : Path
+        Name of the header, for messages.
+    begin : int, optional
+        Byte at which the numbers begin.
+
+    Returns
+    -------
+    ndarray, shape (count,)
+        Numbers.
+
+    Raises
+    ------
+    InputError
+        If a file is not there or holds too little.
     """
     if not files or count % len(files):
         raise InputError(f"{path}: expected {count} numbers in equal parts, found {len(files)} data files")
@@ -76,18 +128,28 @@ def read_numbers(
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
-def read_bytes(path: Path) -> bytes:
-    """All of a file. Raises InputError, naming it, where it cannot be read."""
-    try:
-        return path.read_bytes()
-    except OSError as failure:
-        raise InputError(
-            f"{path}: expected a readable file, found {failure.strerror or failure}"
-        ) from failure
-
-
 def numbered_files(pattern: str, words: Sequence[str], path: Path) -> list[Path]:
-    """The files beside ``path`` that a C pattern names: ``slice%03d.raw``, first, last and step of its number."""
+    """List the files that a pattern with a number names, such as ``slice%03d.raw``.
+
+    Parameters
+    ----------
+    pattern : str
+        Pattern of C with one number.
+    words : sequence of str
+        First, last and step of the number.
+    path : Path
+        Header; the files lie in its folder.
+
+    Returns
+    -------
+    list of Path
+        Files in order.
+
+    Raises
+    ------
+    InputError
+        If the pattern or the numbers are none.
+    """
     try:
         first, last, step = (int(word) for word in (*words[:2], *(words[2:3] or ["1"])))
         numbers = range(first, last + (1 if step > 0 else -1), step)
@@ -95,7 +157,7 @@ def numbered_files(pattern: str, words: Sequence[str], path: Path) -> list[Path]
         raise InputError(
             f"{path}: expected first, last and step of the numbers in {pattern}, found {' '.join(words)!r}"
         ) from failure
-    if len(_NUMBERED.findall(pattern)) != 1 or pattern.count("%") != 1 or not 0 < len(numbers) <= _MOST_FILES:
+    if len(_NUMBERED.findall(pattern)) != 1 or pattern.count("%") != 1 or not 0 < len(numbers) <= _MAX_FILES:
         raise InputError(
             f"{path}: expected a pattern with one number (slice%03d.raw 1 20 1), found {pattern}"
         )
@@ -103,7 +165,27 @@ def numbered_files(pattern: str, words: Sequence[str], path: Path) -> list[Path]
 
 
 def whole_number(text: str, name: str, path: Path) -> int:
-    """The whole number in a field of a header; ``name`` is the field's."""
+    """Convert the whole number in a field of a header.
+
+    Parameters
+    ----------
+    text : str
+        Content of the field.
+    name : str
+        Name of the field, for messages.
+    path : Path
+        Name of the file, for messages.
+
+    Returns
+    -------
+    int
+        Number.
+
+    Raises
+    ------
+    InputError
+        If the text is no whole number.
+    """
     try:
         return int(text)
     except ValueError as failure:

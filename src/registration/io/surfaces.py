@@ -1,22 +1,21 @@
 """Clouds, meshes and centerlines from and to files, in millimetres as the file has them.
 
 A file with triangles is read as a ``Mesh``, one without as points (n, 3). Every refusal is one sentence that names the
-file. Files are written beside their final name and renamed, so that nothing half-written is left under it.
+file. Files are written atomically, so that nothing half-written is left under it.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from registration.errors import InputError
+from registration.geometry.open3d_bridge import point_body, quiet_open3d, triangle_body
 from registration.geometry.shapes import Centerline, Mesh, Polyline, Surface, require_cloud
-from registration.io.atomic import written_beside
+from registration.io.atomic import atomic_write
 from registration.io.surface_files.obj import read_obj
 from registration.io.surface_files.pcd import read_pcd
 from registration.io.surface_files.ply import read_ply
@@ -42,11 +41,26 @@ READABLE = tuple(_READERS)
 
 
 def read_surface(path: Path) -> Surface:
-    """Read a mesh (PLY, STL, OBJ, VTP, VTK with faces) or a cloud (those without, PCD, XYZ or TXT).
+    """Read a mesh or a cloud.
 
-    Polygons are cut into triangles; equal corners of an STL file become one vertex; vertices of no triangle are left
-    out. Raises InputError for a file that is missing, of an unknown kind, unreadable or cut short, empty, with NaN, or
-    with all points on a point or a line.
+    Polygons are cut into triangles; equal corners of an STL file become one vertex; vertices of no triangle
+    are left out.
+
+    Parameters
+    ----------
+    path : Path
+        PLY, STL, OBJ, VTP or VTK file; a cloud where it has no faces, or PCD, XYZ or TXT.
+
+    Returns
+    -------
+    Surface
+        Mesh or points, in the file's unit.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, of an unknown kind, unreadable, cut short or empty, or has NaN, no area, or
+        all points on a point or a line.
     """
     path = require_file(path)
     suffix = path.suffix.lower()
@@ -70,33 +84,58 @@ def read_surface(path: Path) -> Surface:
 
 
 def write_surface(path: Path, surface: Surface) -> None:
-    """Write a mesh (PLY) or a cloud (PLY, XYZ), replacing what is there; its folder must exist."""
+    """Write a mesh or a cloud, replacing what is there.
+
+    Parameters
+    ----------
+    path : Path
+        File ending in ``.ply``, or ``.xyz`` for a cloud; its folder must exist.
+    surface : Surface
+        Mesh or points.
+
+    Raises
+    ------
+    InputError
+        If the suffix is another, or a mesh is to be written as XYZ.
+    OSError
+        If the file could not be written.
+    """
     path = Path(path)
     if path.suffix.lower() not in WRITABLE:
         raise InputError(f"{path}: expected one of {', '.join(WRITABLE)} to write, received {path.suffix}")
     if path.suffix.lower() == ".xyz":
         if isinstance(surface, Mesh):
             raise InputError(f"{path}: expected a cloud to write as XYZ, received a mesh")
-        with written_beside(path) as temporary:
+        with atomic_write(path) as temporary:
             np.savetxt(temporary, surface, fmt="%.10g")
         return
-    open3d = _open3d()
-    if isinstance(surface, Mesh):
-        body = open3d.geometry.TriangleMesh(
-            open3d.utility.Vector3dVector(surface.vertices_mm),
-            open3d.utility.Vector3iVector(surface.triangles.astype(np.int32)),
-        )
-        write = open3d.io.write_triangle_mesh
-    else:
-        body = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(surface))
-        write = open3d.io.write_point_cloud
-    with written_beside(path) as temporary, _quiet_open3d():
-        if not write(str(temporary), body):
+    with atomic_write(path) as temporary, quiet_open3d() as open3d:
+        if isinstance(surface, Mesh):
+            written = open3d.io.write_triangle_mesh(str(temporary), triangle_body(surface))
+        else:
+            written = open3d.io.write_point_cloud(str(temporary), point_body(surface))
+        if not written:
             raise OSError(f"{path}: could not be written")
 
 
 def read_centerline(path: Path) -> Centerline:
-    """Read the polylines of a VTP or VTK file with the point array MaximumInscribedSphereRadius (VMTK's) or Radius."""
+    """Read the polylines of a VTK file.
+
+    Parameters
+    ----------
+    path : Path
+        VTP or VTK file with the point array MaximumInscribedSphereRadius (VMTK's), Radius or radius_mm.
+
+    Returns
+    -------
+    Centerline
+        Lines in the file's unit.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or of another kind, or has no lines or no radius.
+    """
     path = require_file(path)
     if path.suffix.lower() not in VTK_SUFFIXES:
         raise InputError(f"{path}: expected a centerline as .vtp, received {path.suffix or 'no suffix'}")
@@ -136,17 +175,3 @@ def _used(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.nda
     if len(used) == len(points):
         return points, triangles
     return points[used], np.searchsorted(used, triangles)
-
-
-def _open3d() -> Any:
-    """Open3D, imported only where a file needs it: it takes a second, and its type stubs are not right."""
-    import open3d
-
-    return open3d
-
-
-@contextmanager
-def _quiet_open3d() -> Iterator[None]:
-    open3d = _open3d()
-    with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
-        yield

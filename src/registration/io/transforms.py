@@ -24,7 +24,7 @@ from jaxtyping import Float64
 
 from registration import transforms
 from registration.errors import InputError
-from registration.io.atomic import written_beside
+from registration.io.atomic import atomic_write
 from registration.io.itk_mat import require_itk_mat
 from registration.io.truncation import require_file
 from registration.text_files import parse_number, read_text
@@ -38,11 +38,23 @@ HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
 def read_transform(path: Path) -> Float64[np.ndarray, "4 4"]:
-    """Read a ``fixed_T_moving``, in mm: from JSON under that name, 4x4 text (.txt), or an ITK file, inverted.
+    """Read a ``fixed_T_moving`` in mm.
 
-    ITK's files are .tfm, .txt, .h5 and .mat (the module's description says which way each maps).
+    Parameters
+    ----------
+    path : Path
+        JSON with that name, 4x4 text (.txt), or an ITK file (.tfm, .txt, .h5, .mat), which is inverted; the
+        module's description says which way each maps.
 
-    Raises InputError for a file that is missing, unreadable or of another kind, and for a transform that is not rigid.
+    Returns
+    -------
+    ndarray, shape (4, 4)
+        Rigid transform from moving to fixed.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, unreadable or of another kind, or the transform not rigid.
     """
     path = require_file(path)
     suffix = path.suffix.lower()
@@ -60,7 +72,20 @@ def read_transform(path: Path) -> Float64[np.ndarray, "4 4"]:
 
 
 def write_transform(path: Path, fixed_T_moving: Float64[np.ndarray, "4 4"]) -> None:
-    """Write a rigid transform as an ITK file (.tfm or .h5) in ITK's direction; its folder must exist."""
+    """Write a rigid transform as an ITK file, in ITK's direction.
+
+    Parameters
+    ----------
+    path : Path
+        File ending in ``.tfm`` or ``.h5``; its folder must exist.
+    fixed_T_moving : ndarray, shape (4, 4)
+        Rigid transform from moving to fixed in mm.
+
+    Raises
+    ------
+    InputError
+        If the suffix is another or the transform not rigid.
+    """
     path = Path(path)
     if path.suffix.lower() not in WRITABLE:
         raise InputError(
@@ -71,7 +96,7 @@ def write_transform(path: Path, fixed_T_moving: Float64[np.ndarray, "4 4"]) -> N
     transform = sitk.AffineTransform(3)
     transform.SetMatrix(moving_T_fixed[:3, :3].ravel().tolist())
     transform.SetTranslation(moving_T_fixed[:3, 3].tolist())
-    with written_beside(path) as temporary:
+    with atomic_write(path) as temporary:
         sitk.WriteTransform(transform, str(temporary))
 
 

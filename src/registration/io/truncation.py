@@ -1,4 +1,4 @@
-"""Whether a file that the user names is there and can be read."""
+"""Files that the user names: whether they are there and can be read."""
 
 from __future__ import annotations
 
@@ -8,7 +8,23 @@ from registration.errors import InputError
 
 
 def require_file(path: Path) -> Path:
-    """Return the path, or raise InputError unless there is a file that can be opened for reading."""
+    """Return the path, or raise InputError unless there is a file that can be opened for reading.
+
+    Parameters
+    ----------
+    path : Path
+        File.
+
+    Returns
+    -------
+    Path
+        The same path.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, it is a folder, or it cannot be read.
+    """
     path = Path(path)
     if not path.is_file():
         found = "a folder" if path.is_dir() else "nothing there"
@@ -20,3 +36,29 @@ def require_file(path: Path) -> Path:
             f"{path}: expected a file that can be read, received {refusal.strerror}"
         ) from refusal
     return path
+
+
+def read_bytes(path: Path) -> bytes:
+    """Read all of a file.
+
+    Parameters
+    ----------
+    path : Path
+        File.
+
+    Returns
+    -------
+    bytes
+        Its content.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+    try:
+        return path.read_bytes()
+    except OSError as failure:
+        raise InputError(
+            f"{path}: expected a readable file, found {failure.strerror or failure}"
+        ) from failure

@@ -20,17 +20,49 @@ USUAL_RADIUS_MM = 5.0
 
 
 def typical_radius_mm(mesh: Mesh) -> float:
-    """Twice the volume over the area of the wall, which is the radius of a tube; 0 for a surface without inside."""
+    """Compute twice the volume over the area of the wall, which is the radius of a tube.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Surface in mm.
+
+    Returns
+    -------
+    float
+        Radius in mm, 0 for a surface without inside.
+    """
     area_mm2 = float(mesh.areas_mm2.sum())
     return 2 * abs(enclosed_volume_mm3(mesh)) / area_mm2 if area_mm2 > 0 else 0.0
 
 
 def to_millimetres(mesh: Mesh, units: str | None, name: str = "input") -> Mesh:
-    """Convert a mesh from ``units`` (mm, cm or m); None takes it as millimetres if it is of a vessel's size.
+    """Convert a mesh to millimetres.
 
-    Raises InputError, with the unit that would make a vessel of it, for a model whose diagonal or typical radius is
-    no vessel's. A wide vessel in centimetres looks like a narrow one in millimetres (radius 12 mm and 1.2 mm): that no
-    rule can tell.
+    Parameters
+    ----------
+    mesh : Mesh
+        Surface in the file's unit.
+    units : {'mm', 'cm', 'm'} or None
+        Unit; None takes the mesh as mm if it is of a vessel's size.
+    name : str, optional
+        Name of the file, for messages.
+
+    Returns
+    -------
+    Mesh
+        Surface in mm.
+
+    Raises
+    ------
+    InputError
+        If the unit is unknown, or without one the diagonal or the typical radius is no vessel's; the message
+        names the unit that would make a vessel of it.
+
+    Notes
+    -----
+    A wide vessel in centimetres looks like a narrow one in millimetres (radius 12 mm and 1.2 mm): no rule can
+    tell these apart.
     """
     if units not in (None, *MM_PER_UNIT):
         raise InputError(f"units: expected one of {', '.join(MM_PER_UNIT)}, received {units!r}")
@@ -52,7 +84,20 @@ def to_millimetres(mesh: Mesh, units: str | None, name: str = "input") -> Mesh:
 
 
 def suspected_unit(diagonal: float, radius: float) -> str | None:
-    """The unit in which a model of that size would be a vessel (nearest to the usual radius), or None."""
+    """Find the unit in which a model of some size would be a vessel, nearest to the usual radius.
+
+    Parameters
+    ----------
+    diagonal : float
+        Diagonal of the bounding box in the file's unit.
+    radius : float
+        Typical radius in the file's unit.
+
+    Returns
+    -------
+    str or None
+        Unit, or None where none makes a vessel of it.
+    """
     fitting = [
         unit
         for unit, scale in MM_PER_UNIT.items()

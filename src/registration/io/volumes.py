@@ -56,18 +56,44 @@ class _Copy:
 
 
 def volume_suffix(path: Path) -> str:
-    """The suffix of a volume's file in small letters (``.nii.gz`` is one), empty if it is none that is read."""
+    """Return the suffix of a volume's file in small letters (``.nii.gz`` is one).
+
+    Parameters
+    ----------
+    path : Path
+        File.
+
+    Returns
+    -------
+    str
+        Suffix, empty if it is none that is read.
+    """
     name = Path(path).name.lower()
     return next((suffix for suffix in sorted(READERS, key=len, reverse=True) if name.endswith(suffix)), "")
 
 
 def read_volume(path: Path, units: str | None = None, nifti_form: str | None = None) -> Any:
-    """Read a file as SimpleITK's image, its lengths in millimetres.
+    """Read a volume by SimpleITK, its lengths in millimetres.
 
-    ``units`` (mm, cm, m or um) is what the file's numbers are, in place of what its header states (mm where it states
-    nothing). ``nifti_form`` (qform or sform) chooses where a NIfTI file's two transforms differ. Raises InputError for
-    a file that is missing, unreadable, or cut short, whose transforms differ without a choice, or whose unit is not
-    known.
+    Parameters
+    ----------
+    path : Path
+        NIfTI, NRRD or MetaImage file.
+    units : {'mm', 'cm', 'm', 'um'}, optional
+        Unit of the file's lengths in place of the one that its header states (mm where it states none).
+    nifti_form : {'qform', 'sform'}, optional
+        Which of two transforms of a NIfTI file counts where they differ.
+
+    Returns
+    -------
+    SimpleITK.Image
+        Image in LPS and mm.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, unreadable or cut short, its transforms differ without a choice, or its unit
+        is not known.
     """
     import SimpleITK
 

@@ -7,7 +7,6 @@ end has no counterpart there: a partial sweep's two-sided distance measures cove
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float64
@@ -15,6 +14,7 @@ from jaxtyping import Bool, Float64
 from registration.checks import require_count
 from registration.errors import InputError
 from registration.geometry.mesh_topology import borders
+from registration.geometry.open3d_bridge import TriangleScene
 from registration.geometry.shapes import Mesh
 
 # A nearest point whose weights on the corners away from a rim add up to less lies on the rim.
@@ -60,8 +60,8 @@ class Counterparts:
     """
 
     points_mm: Float64[np.ndarray, "n 3"]
-    apart_mm: Float64[np.ndarray, "n"]
-    covered: Bool[np.ndarray, "n"]
+    apart_mm: Float64[np.ndarray, " n"]
+    covered: Bool[np.ndarray, " n"]
 
 
 def surface_agreement(first: Mesh, second: Mesh, *, samples: int = 10_000, seed: int = 0) -> SurfaceAgreement:
@@ -118,30 +118,13 @@ def counterparts(points_mm: Float64[np.ndarray, "n 3"], surface: Mesh) -> Counte
     Counterparts
         Nearest places, distances and coverage.
     """
-    open3d = _open3d()
-    # Single precision: coordinates are counted from the surface's middle.
-    middle_mm = surface.vertices_mm.mean(axis=0)
-    scene = open3d.t.geometry.RaycastingScene()
-    scene.add_triangles(
-        open3d.core.Tensor((surface.vertices_mm - middle_mm).astype(np.float32)),
-        open3d.core.Tensor(surface.triangles.astype(np.uint32)),
-    )
-    queried_mm = (points_mm - middle_mm).astype(np.float32)
-    found = scene.compute_closest_points(open3d.core.Tensor(queried_mm))
-    places_mm = found["points"].numpy().astype(np.float64)
-    apart_mm = np.linalg.norm(places_mm - queried_mm, axis=1)
+    found = TriangleScene(surface).closest(points_mm)
+    apart_mm = np.linalg.norm(found.offsets_mm, axis=1)
     on_rim = np.zeros(len(surface.vertices_mm), dtype=bool)
     for border in borders(surface):
         on_rim[border.edges] |= border.is_end
-    second, third = found["primitive_uvs"].numpy().astype(np.float64).T
+    second, third = found.second_third.T
     weights = np.stack([1 - second - third, second, third], axis=1)
-    corners = surface.triangles[found["primitive_ids"].numpy().astype(np.int64)]
+    corners = surface.triangles[found.triangles]
     away = (weights * ~on_rim[corners]).sum(axis=1)
-    return Counterparts(places_mm + middle_mm, apart_mm, away > ON_RIM)
-
-
-def _open3d() -> Any:
-    """Open3D, imported only where triangles are measured: it takes a second, and its type stubs are not right."""
-    import open3d
-
-    return open3d
+    return Counterparts(found.places_mm, apart_mm, away > ON_RIM)

@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 from registration import transforms
 from registration.checks import require_count, require_positive
 from registration.errors import InputError
+from registration.geometry.open3d_bridge import TriangleScene
 from registration.geometry.shapes import Mesh, Surface, require_cloud
 
 # A mesh, or the points of a cloud; the axis has no name, because two surfaces differ in size.
@@ -43,23 +44,17 @@ class SurfaceDistance:
     """
 
     def __init__(self, surface: Surface) -> None:
-        self._scene: Any = None
+        self._scene: TriangleScene | None = None
         self._tree: Any = None
         if not isinstance(surface, Mesh):
             self._tree = cKDTree(require_cloud(surface, "surface"))
             return
         if not len(surface.triangles):
             raise InputError("surface: expected a mesh with triangles, received none")
-        open3d = _open3d()
         used_mm = surface.vertices_mm[np.unique(surface.triangles)]
-        self._centre_mm = 0.5 * (used_mm.min(axis=0) + used_mm.max(axis=0))
-        self._scene = open3d.t.geometry.RaycastingScene()
-        self._scene.add_triangles(
-            open3d.core.Tensor((surface.vertices_mm - self._centre_mm).astype(np.float32)),
-            open3d.core.Tensor(surface.triangles.astype(np.uint32)),
-        )
+        self._scene = TriangleScene(surface, 0.5 * (used_mm.min(axis=0) + used_mm.max(axis=0)))
 
-    def __call__(self, points_mm: Float64[np.ndarray, "m 3"]) -> Float64[np.ndarray, "m"]:
+    def __call__(self, points_mm: Float64[np.ndarray, "m 3"]) -> Float64[np.ndarray, " m"]:
         """Measure the distance of each point to the surface.
 
         Parameters
@@ -79,11 +74,9 @@ class SurfaceDistance:
         """
         if not np.isfinite(points_mm).all():
             raise InputError("points_mm: expected finite coordinates, received NaN or infinity")
-        if self._tree is not None:
-            return np.asarray(self._tree.query(points_mm)[0], dtype=np.float64)
-        open3d = _open3d()
-        queried = open3d.core.Tensor((points_mm - self._centre_mm).astype(np.float32))
-        return self._scene.compute_distance(queried).numpy().astype(np.float64)
+        if self._scene is not None:
+            return self._scene.distance_mm(points_mm)
+        return np.asarray(self._tree.query(points_mm)[0], dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -244,7 +237,7 @@ def pose_error(
     )
 
 
-def rms(distances_mm: Float64[np.ndarray, "n"]) -> float:
+def rms(distances_mm: Float64[np.ndarray, " n"]) -> float:
     """Compute the root mean square.
 
     Parameters
@@ -267,7 +260,7 @@ def rms(distances_mm: Float64[np.ndarray, "n"]) -> float:
     return float(np.sqrt((distances_mm**2).mean()))
 
 
-def trimmed_rms(distances_mm: Float64[np.ndarray, "n"], keep: float) -> float:
+def trimmed_rms(distances_mm: Float64[np.ndarray, " n"], keep: float) -> float:
     """Compute the root mean square of the smallest distances.
 
     Parameters
@@ -290,13 +283,6 @@ def trimmed_rms(distances_mm: Float64[np.ndarray, "n"], keep: float) -> float:
     require_positive("keep", keep, 1.0)
     count = max(int(np.ceil(keep * len(distances_mm) - 1e-9)), 1)
     return rms(np.sort(distances_mm)[:count])
-
-
-def _open3d() -> Any:
-    """Open3D, imported only where triangles are measured: it takes a second, and its type stubs are not right."""
-    import open3d
-
-    return open3d
 
 
 def _moved(surface: Surface, fixed_T_moving: np.ndarray) -> Surface:

@@ -20,7 +20,7 @@ def target_points(
     surface : Mesh or ndarray, shape (n, 3)
         The fixed surface, in mm in its own coordinate frame.
     centerline : Centerline, optional
-        Its centerline in the same frame. Its points at even arc length are taken where it is given.
+        Its centerline in the same coordinate frame. Its points at even arc length are taken where it is given.
     seed : int, optional
         Of the points drawn on the surface where there is no centerline: fixed, and no setting of a run, so that
         two results are measured at the same places.
@@ -29,6 +29,11 @@ def target_points(
     -------
     ndarray, shape (t, 3)
         At most ``MAX_TARGETS`` points, in mm in the coordinate frame of ``surface``.
+
+    Examples
+    --------
+    >>> target_points(np.arange(9.0).reshape(3, 3)).shape
+    (3, 3)
     """
     if centerline is not None:
         return centerline.even_points(MAX_TARGETS)

@@ -39,7 +39,7 @@ def loss_of(missing: str, trial: int) -> str:
     return CONTIGUOUS if trial % 2 else SCATTERED
 
 
-def seen(
+def in_kept_frames(
     frame: Int64[np.ndarray, "n"], missing_share: float, loss: str, rng: np.random.Generator
 ) -> Bool[np.ndarray, "n"]:
     """Select the points that lie in frames that are left.

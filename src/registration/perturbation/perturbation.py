@@ -17,7 +17,7 @@ from registration.checks import require_at_least, require_count, require_positiv
 from registration.errors import InputError
 from registration.geometry.shapes import Mesh, Surface
 from registration.geometry.vessel_axis import AlongVessel
-from registration.perturbation.frame_dropout import ALTERNATING, loss_of, seen
+from registration.perturbation.frame_dropout import ALTERNATING, in_kept_frames, loss_of
 from registration.perturbation.random_pose import ANY, ROTATIONS, PoseRange
 
 PLACES = ("middle", "start", "end")
@@ -164,8 +164,8 @@ class Perturbation:
             if getattr(self, name) >= 1:
                 raise InputError(f"{name}: expected below 1, received {getattr(self, name):g}")
         loss_of(self.missing, 0)
-        for name, least in (("moving_points", 3), ("fixed_points", 3), ("sweep_frames", 1)):
-            require_count(name, getattr(self, name), least)
+        for name, minimum in (("moving_points", 3), ("fixed_points", 3), ("sweep_frames", 1)):
+            require_count(name, getattr(self, name), minimum)
 
     @property
     def poses(self) -> PoseRange:
@@ -229,11 +229,12 @@ class Perturbation:
         frame = along.slab(drawn_mm, self.sweep_frames)
         fixed_mm = draw(fixed, self.fixed_points, Piece(), streams[2])
         loss = loss_of(self.missing, trial)
-        kept = seen(frame, self.missing_share, loss, streams[3])
+        kept = in_kept_frames(frame, self.missing_share, loss, streams[3])
         moving_mm = self._disturb(drawn_mm, streams[1])[kept]
         fixed_mm = fixed_mm + self.noise_mm * streams[2].standard_normal(fixed_mm.shape)
         moved_T_moving = transforms.compose(
-            transforms.translation(pose.shift_mm), transforms.rotate_about(pose.turn, moving_mm.mean(axis=0))
+            transforms.translation(pose.shift_mm),
+            transforms.rotate_about(pose.rotation, moving_mm.mean(axis=0)),
         )
         return Trial(
             moving_mm=transforms.apply(moved_T_moving, moving_mm),

@@ -25,19 +25,19 @@ class PerturbedPose:
 
     Parameters
     ----------
-    turn : scipy.spatial.transform.Rotation
+    rotation : scipy.spatial.transform.Rotation
         Rotation about the cloud's centroid.
     shift_mm : ndarray, shape (3,)
         Translation in mm.
     """
 
-    turn: Rotation
+    rotation: Rotation
     shift_mm: Float64[np.ndarray, "3"]
 
     @property
     def angle_deg(self) -> float:
         """Angle of the rotation in degrees."""
-        return float(np.rad2deg(self.turn.magnitude()))
+        return float(np.rad2deg(self.rotation.magnitude()))
 
     @property
     def translation_mm(self) -> float:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Float32, Float64, Int64
 
+from registration.geometry.open3d_bridge import TriangleScene
 from registration.geometry.shapes import Mesh
 
 
@@ -119,28 +120,18 @@ def distance_grid(mesh: Mesh, pitch_mm: float = 0.5, far_mm: float = 2.2) -> Dis
     DistanceGrid
         Distances at the nodes.
     """
-    import open3d as o3d
-
-    scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(
-        o3d.core.Tensor.from_numpy(mesh.vertices_mm.astype(np.float32)),
-        o3d.core.Tensor.from_numpy(mesh.triangles.astype(np.uint32)),
-    )
+    scene = TriangleScene(mesh, np.zeros(3))
     low_mm = mesh.vertices_mm.min(axis=0) - far_mm
     counts = np.ceil((mesh.vertices_mm.max(axis=0) + far_mm - low_mm) / (4 * pitch_mm)).astype(int) + 1
     coarse = _nodes(low_mm, counts, 4 * pitch_mm)
-    coarse_mm = scene.compute_distance(o3d.core.Tensor.from_numpy(coarse)).numpy()
+    coarse_mm = scene.distance_mm(coarse)
     # A node is at most half a coarse diagonal from a coarse node, and distance changes no faster than place.
     reach_mm = far_mm + 2 * pitch_mm * np.sqrt(3.0)
     near = np.repeat(np.repeat(np.repeat(coarse_mm <= reach_mm, 4, 0), 4, 1), 4, 2)
     fine = _nodes(low_mm - 2 * pitch_mm + 0.5 * pitch_mm, 4 * counts, pitch_mm)
-    sign = np.where(
-        scene.compute_occupancy(o3d.core.Tensor.from_numpy(fine), nsamples=3).numpy() > 0, -1.0, 1.0
-    )
+    sign = np.where(scene.occupied(fine), -1.0, 1.0)
     values_mm = np.full(near.shape, far_mm, dtype=np.float32)
-    values_mm[near] = np.minimum(
-        scene.compute_distance(o3d.core.Tensor.from_numpy(fine[near])).numpy(), far_mm
-    )
+    values_mm[near] = np.minimum(scene.distance_mm(fine[near]), far_mm)
     return DistanceGrid(
         values_mm=(values_mm * sign).astype(np.float32),
         origin_mm=fine[0, 0, 0].astype(np.float64),

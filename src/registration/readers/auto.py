@@ -20,8 +20,18 @@ from registration.sweep import TrackedSweep
 class AutoReader:
     """Read a plain folder, a PLUS sequence file or a ROS 2 bag, each by the reader given for it.
 
-    The default for bags takes the topics that this project writes; other bags need ``acquisition=ros2`` with topics.
-    A folder that holds nothing but a sweep under the name ``sweep`` (as ``study=convert`` leaves it) stands for that.
+    A folder that holds nothing but a sweep under the name ``sweep`` (as ``study=convert`` leaves it) stands
+    for that.
+
+    Parameters
+    ----------
+    folder : FolderReader, optional
+        Reader for plain folders.
+    plus : PlusReader, optional
+        Reader for PLUS sequence files.
+    ros2 : RosbagReader, optional
+        Reader for bags; the default takes the topics that this project writes, other bags need
+        ``acquisition=ros2`` with topics.
     """
 
     folder: FolderReader = field(default_factory=FolderReader)
@@ -31,7 +41,23 @@ class AutoReader:
     )
 
     def __call__(self, path: Path) -> TrackedSweep:
-        """Read the sweep. Raises InputError for a path that is none of the three, or that its reader refuses."""
+        """Read a sweep.
+
+        Parameters
+        ----------
+        path : Path
+            Folder, sequence file or bag.
+
+        Returns
+        -------
+        TrackedSweep
+            Frames and poses as recorded.
+
+        Raises
+        ------
+        InputError
+            If the path is none of the three, or its reader refuses it.
+        """
         try:
             return self._read(path)
         except InputError as refusal:

@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 
 from registration import transforms
 from registration.errors import InputError
-from registration.io.atomic import whole_folder
+from registration.io.atomic import atomic_folder
 from registration.readers.plus.calibration_file import calibration_from, calibration_yaml, read_yaml
 from registration.readers.plus.sequence import to_mf
 from registration.readers.streams.checks import distinct_times
@@ -38,7 +38,7 @@ POSE_COLUMNS = ("timestamp_s", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
 FRAME_COLUMNS = ("file", "timestamp_s")
 UNLISTED = "image without a row in frames.csv"
 # A lever between end effector and probe is either nothing or longer than a millimetre.
-_LEAST_LEVER_MM = 1.0
+_MIN_LEVER_MM = 1.0
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,24 @@ class FolderReader:
     """Read a tracked sweep from a plain folder (see the module's description of it)."""
 
     def __call__(self, path: Path) -> TrackedSweep:
-        """Read the sweep. Each refusal names the file, what was expected and what was found."""
+        """Read a sweep.
+
+        Parameters
+        ----------
+        path : Path
+            Folder of the sweep.
+
+        Returns
+        -------
+        TrackedSweep
+            Frames and poses as recorded.
+
+        Raises
+        ------
+        InputError
+            If a file is missing or is not what it must be; the message names the file, what was expected and
+            what was found.
+        """
         if not path.is_dir():
             raise InputError(f"{path}: expected a folder with frames/, poses.csv and sweep.yaml, found none")
         settings_path = path / "sweep.yaml"
@@ -71,9 +88,22 @@ class FolderReader:
 
 
 def write_folder(path: Path, sweep: TrackedSweep) -> None:
-    """Write a sweep as a plain folder; both streams keep their own times, nothing is lost but what was dropped."""
+    """Write a sweep as a plain folder; both streams keep their own times.
+
+    Parameters
+    ----------
+    path : Path
+        Folder, which must be absent or empty.
+    sweep : TrackedSweep
+        Sweep; all of it is written but the counts of what was dropped.
+
+    Raises
+    ------
+    InputError
+        If there is a folder with content, or the frames differ in calibration.
+    """
     sweep.require_one_calibration("a plain folder")
-    with whole_folder(path) as stage:
+    with atomic_folder(path) as stage:
         (stage / "frames").mkdir()
         names = [f"{index:06d}.png" for index in range(len(sweep.images))]
         for name, image in zip(names, sweep.images, strict=True):
@@ -88,9 +118,17 @@ def write_folder(path: Path, sweep: TrackedSweep) -> None:
 
 
 def frame_names(path: Path) -> tuple[str, ...] | None:
-    """The names, without suffix, of a sweep's frames in their order; None where the sweep is not a plain folder.
+    """List the names, without suffix, of a sweep's frames in their order.
 
-    A folder that holds a sweep under the name ``sweep`` stands for that.
+    Parameters
+    ----------
+    path : Path
+        Plain folder, or one that holds a sweep under the name ``sweep``.
+
+    Returns
+    -------
+    tuple of str or None
+        Names; None where the sweep is not a plain folder.
     """
     for folder in (path, path / "sweep"):
         if (folder / "sweep.yaml").is_file():
@@ -103,7 +141,7 @@ def frame_names(path: Path) -> tuple[str, ...] | None:
 
 def _require_lever(calibration: ProbeCalibration, path: Path) -> None:
     lever_mm = float(np.linalg.norm(calibration.ee_T_probe[:3, 3]))
-    if 0 < lever_mm < _LEAST_LEVER_MM:
+    if 0 < lever_mm < _MIN_LEVER_MM:
         raise InputError(
             f"{path}: expected ee_T_probe in millimetres, found a lever of {lever_mm:.3g} mm "
             "(was it metres? say units: m, or units: mm)"
@@ -117,7 +155,7 @@ def _scaled(calibration: ProbeCalibration, scale: float) -> ProbeCalibration:
     return replace(calibration, ee_T_probe=ee_T_probe)
 
 
-def _read_poses(path: Path, scale: float) -> tuple[Float64[np.ndarray, "m"], Float64[np.ndarray, "m 4 4"]]:
+def _read_poses(path: Path, scale: float) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, "m 4 4"]]:
     rows = _read_csv(path, POSE_COLUMNS)
     try:
         values = np.array([[parse_number(entry) for entry in row] for row in rows], dtype=np.float64)
@@ -140,8 +178,8 @@ def _read_poses(path: Path, scale: float) -> tuple[Float64[np.ndarray, "m"], Flo
 
 
 def _frame_times(
-    path: Path, settings: dict[str, Any], pose_times_s: Float64[np.ndarray, "m"]
-) -> tuple[list[Path], Float64[np.ndarray, "n"], int]:
+    path: Path, settings: dict[str, Any], pose_times_s: Float64[np.ndarray, " m"]
+) -> tuple[list[Path], Float64[np.ndarray, " n"], int]:
     """The image files, the time of each, and how many images have no row in frames.csv."""
     table = path / "frames.csv"
     if table.exists():
@@ -161,7 +199,7 @@ def _frame_times(
     return files, pose_times_s.copy(), 0
 
 
-def _listed_frames(table: Path) -> tuple[list[Path], Float64[np.ndarray, "n"]]:
+def _listed_frames(table: Path) -> tuple[list[Path], Float64[np.ndarray, " n"]]:
     rows = _read_csv(table, FRAME_COLUMNS)
     try:
         times_s = np.array([parse_number(row[1]) for row in rows], dtype=np.float64)

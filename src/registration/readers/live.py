@@ -30,7 +30,17 @@ _POLL_S = 0.1
 
 @dataclass(frozen=True)
 class Interruption:
-    """A time without connection, by the recorder's clock from its start, and whether a message was cut in two."""
+    """A time without connection.
+
+    Parameters
+    ----------
+    began_s : float
+        When it began, in s by the recorder's clock from its start.
+    ended_s : float
+        When it ended.
+    message_cut : bool
+        Whether a message was cut in two.
+    """
 
     began_s: float
     ended_s: float
@@ -39,7 +49,17 @@ class Interruption:
 
 @dataclass(frozen=True)
 class Recording:
-    """A recorded sweep, the interruptions of its connection, and messages received by kind and device."""
+    """A recorded sweep and how the recording went.
+
+    Parameters
+    ----------
+    sweep : TrackedSweep
+        Frames and poses.
+    interruptions : tuple of Interruption
+        Times without connection.
+    received : dict of str to int
+        Messages received by kind and device.
+    """
 
     sweep: TrackedSweep
     interruptions: tuple[Interruption, ...]
@@ -63,13 +83,29 @@ class _Streams:
 
 @dataclass(frozen=True)
 class LiveRecorder:
-    """Connect to ``host``:``port`` and record images of ``image_device`` with poses of ``pose_device``.
+    """Connect to an OpenIGTLink server and record images with poses.
 
-    ``pose_device`` sends TRANSFORM messages that map the end effector to the world, in mm (``ProbeToReference``).
-    ``calibration`` is a YAML or XML file, ``orientation`` that of the images sent. A lost connection is taken up
-    again as often as needed; after ``give_up_s`` without any message (a server that stays away, or a cable that was
-    pulled) the recording ends. Frames that were missed while the connection was lost are estimated from the frame
-    rate and counted in ``sweep.dropped``.
+    A lost connection is taken up again as often as needed. Frames that were missed while the connection was
+    lost are estimated from the frame rate and counted in ``sweep.dropped``.
+
+    Parameters
+    ----------
+    image_device : str
+        Device that sends the images.
+    pose_device : str
+        Device that sends TRANSFORM messages that map the end effector to the world, in mm
+        (``ProbeToReference``).
+    calibration : str or Path
+        YAML or XML file of the probe's calibration.
+    host : str, optional
+        Name or address of the server.
+    port : int, optional
+        Port of the server.
+    orientation : str, optional
+        Orientation of the images sent, as PLUS names it.
+    give_up_s : float, optional
+        Time in s without any message (a server that stays away, a cable that was pulled) after which the
+        recording ends.
     """
 
     image_device: str
@@ -96,10 +132,29 @@ class LiveRecorder:
         stop: threading.Event | None = None,
         on_frame: Callable[[int], None] | None = None,
     ) -> Recording:
-        """Record until ``duration_s``, ``max_frames`` or ``stop``, whichever comes first; one must be given.
+        """Record until a time, a number of frames or an event, whichever comes first; one must be given.
 
-        ``on_frame`` is called with the number of frames after each. Raises InputError where no connection was made
-        at all, the stream is no OpenIGTLink, or it ended without a frame or a pose.
+        Parameters
+        ----------
+        duration_s : float, optional
+            Length of the recording in s.
+        max_frames : int, optional
+            Largest number of frames.
+        stop : threading.Event, optional
+            Event that ends the recording.
+        on_frame : callable, optional
+            Called with the number of frames after each.
+
+        Returns
+        -------
+        Recording
+            Sweep and how the recording went.
+
+        Raises
+        ------
+        InputError
+            If no end was given, no connection was made at all, the stream is no OpenIGTLink, or it ended
+            without a frame or a pose.
         """
         if duration_s is None and max_frames is None and stop is None:
             raise InputError(

@@ -16,13 +16,27 @@ from pyigtl.messages import MessageBase  # type: ignore[import-untyped]
 from registration.errors import InputError
 
 _HEADER_BYTES = 58
-_LARGEST_BODY_BYTES = 1 << 28
+_MAX_BODY_BYTES = 1 << 28
 _RECEIVED_AT_ONCE = 1 << 20
 
 
 @dataclass(frozen=True)
 class Arrival:
-    """One whole message: its kind (``IMAGE``, ``TRANSFORM``, ...), the device it is of, its time, its bytes."""
+    """One whole message.
+
+    Parameters
+    ----------
+    kind : str
+        Kind of message: ``IMAGE``, ``TRANSFORM``, ...
+    device : str
+        Device that it is of.
+    time_s : float
+        Its time in s.
+    header : bytes
+        Header as sent.
+    body : bytes
+        Body as sent.
+    """
 
     kind: str
     device: str
@@ -31,9 +45,21 @@ class Arrival:
     body: bytes
 
     def decoded(self) -> tuple[np.ndarray, str]:
-        """The pixels (slices, rows, columns, ...) of an image or the 4x4 matrix of a transform, and its status.
+        """Decode an image or a transform.
 
-        PLUS sends the status of a tool with its transform, in the meta data of header version 2; else it is OK.
+        PLUS sends the status of a tool with its transform, in the meta data of header version 2.
+
+        Returns
+        -------
+        content : ndarray
+            Pixels (slices, rows, columns, ...) of an image, or the 4x4 matrix of a transform.
+        status : str
+            Status of the tool, OK where none is sent.
+
+        Raises
+        ------
+        InputError
+            If the message does not decode.
         """
         message = MessageBase.create_message(self.kind)
         try:
@@ -48,7 +74,13 @@ class Arrival:
 
 @dataclass(frozen=True)
 class ConnectionEnded:
-    """There is no further message: the connection or the recording ended, in the middle of a message or not."""
+    """The connection or the recording ended: there is no further message.
+
+    Parameters
+    ----------
+    message_cut : bool
+        Whether it ended in the middle of a message.
+    """
 
     message_cut: bool
 
@@ -56,9 +88,26 @@ class ConnectionEnded:
 def next_message(
     connection: socket.socket, ended: Callable[[], bool], name: str
 ) -> Arrival | ConnectionEnded:
-    """Wait for a message; ``ended`` is asked whenever the socket's timeout passes, ``name`` is the server's.
+    """Wait for a message.
 
-    Raises InputError for a stream that is no OpenIGTLink.
+    Parameters
+    ----------
+    connection : socket.socket
+        Connection with a timeout.
+    ended : callable
+        Asked whenever the timeout passes; True ends the waiting.
+    name : str
+        Name of the server, for messages.
+
+    Returns
+    -------
+    Arrival or ConnectionEnded
+        Message, or the end of the connection.
+
+    Raises
+    ------
+    InputError
+        If the stream is no OpenIGTLink.
     """
     header, whole = _read(connection, _HEADER_BYTES, ended)
     if not whole:
@@ -67,7 +116,7 @@ def next_message(
         fields = MessageBase.parse_header(header)
     except (struct.error, UnicodeDecodeError) as failure:
         raise InputError(f"{name}: expected OpenIGTLink messages, found others") from failure
-    if fields["header_version"] not in (1, 2) or fields["body_size"] > _LARGEST_BODY_BYTES:
+    if fields["header_version"] not in (1, 2) or fields["body_size"] > _MAX_BODY_BYTES:
         raise InputError(f"{name}: expected OpenIGTLink messages, found others")
     body, whole = _read(connection, int(fields["body_size"]), ended)
     if not whole:

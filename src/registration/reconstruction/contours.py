@@ -18,13 +18,24 @@ CONFIDENCE_REACH_PX = 2.0
 
 @dataclass(frozen=True)
 class ContourCloud(OrientedCloud):
-    """Contour points of many frames in the world.
+    """Contour points of all masks of a sweep, in world coordinates.
 
-    ``points_mm`` (p, 3); ``normals`` (p, 3) of unit length, in each frame's image plane, pointing out of the vessel;
-    ``frame_index`` (p,) says which mask a point comes from, ``contour_index`` (p,) which contour, numbered through all
-    frames. ``is_open`` (p,) marks contours that the picture's edge cuts. ``confidence`` (p,), 0 to 1, is how much the
-    probability falls across the contour within two pixels on both sides; 1 for binary masks. ``world_A_pixel``
-    (m, 4, 4) holds the transforms of all frames, those without a vessel too.
+    ``points_mm`` (p, 3) are in mm; ``normals`` (p, 3) of unit length lie in each image's plane and point out
+    of the vessel.
+
+    Parameters
+    ----------
+    frame_index : ndarray of int, shape (p,)
+        Mask that each point comes from.
+    contour_index : ndarray of int, shape (p,)
+        Contour that each point comes from, numbered through all masks.
+    is_open : ndarray of bool, shape (p,)
+        Points of contours that are cut by the image border.
+    confidence : ndarray, shape (p,)
+        Fall of the probability across the contour within two pixels on both sides, 0 to 1; 1 for binary
+        masks.
+    world_A_pixel : ndarray, shape (m, 4, 4)
+        Affine matrices from pixels to world mm of all masks, including those without a vessel.
     """
 
     frame_index: Int64[np.ndarray, "p"]
@@ -36,12 +47,26 @@ class ContourCloud(OrientedCloud):
 
 @dataclass(frozen=True)
 class ContourExtractor:
-    """Marching squares on each mask (Lorensen and Cline, SIGGRAPH 1987, in two dimensions).
+    """Vessel contours by marching squares on each mask.
 
-    ``level`` is the value on the contour of a probability map. ``smoothing_px`` is the deviation of a Gaussian that
-    takes the staircase off a binary mask; a circle of radius r pixels shrinks by about ``smoothing_px**2 / (2 r)``.
-    Probability maps are smooth already and are left as they are. Contours of fewer than ``min_points`` points are left
-    out.
+    Parameters
+    ----------
+    level : float, optional
+        Value of a probability map on the contour, between 0 and 1.
+    smoothing_px : float, optional
+        Standard deviation in px of the Gaussian that smooths a binary mask's staircase; probability maps are
+        not smoothed. A circle of radius r px shrinks by about ``smoothing_px**2 / (2 r)``.
+    min_points : int, optional
+        Contours of fewer points are discarded; at least 3.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
+
+    References
+    ----------
+    W. E. Lorensen and H. E. Cline, SIGGRAPH 1987 (in two dimensions).
     """
 
     level: float = 0.5
@@ -61,11 +86,25 @@ class ContourExtractor:
         masks: Bool[np.ndarray, "k height width"] | Float[np.ndarray, "k height width"],
         world_A_pixel: Float64[np.ndarray, "m 4 4"],
     ) -> ContourCloud:
-        """Contours of the k masks (or probability maps), mapped by one affine transform each.
+        """Extract the contours of all masks and map them to the world.
 
-        ``world_A_pixel`` maps ``(column, row, 0, 1)`` to mm. A frame may show any number of vessels. Where one leaves
-        the picture its contour stays open: points on the picture's border are dropped. No vessel at all gives an empty
-        cloud. Raises InputError when masks and transforms differ in number.
+        Parameters
+        ----------
+        masks : ndarray of bool or float, shape (k, height, width)
+            Masks or probability maps; each may show any number of vessels, or none.
+        world_A_pixel : ndarray, shape (k, 4, 4)
+            Affine matrix of each mask from ``(column, row, 0, 1)`` in px to world mm.
+
+        Returns
+        -------
+        ContourCloud
+            All contour points; empty without any vessel. A contour that leaves the image stays open: its
+            points on the image border are dropped.
+
+        Raises
+        ------
+        InputError
+            If masks and matrices differ in number, or a matrix is not affine.
         """
         if len(masks) != len(world_A_pixel):
             raise InputError(
@@ -95,9 +134,18 @@ class ContourExtractor:
     def contours_px(
         self, mask: Bool[np.ndarray, "height width"] | Float[np.ndarray, "height width"]
     ) -> list[Float64[np.ndarray, "p 2"]]:
-        """Contours of one mask as (column, row) in pixels, closed ones with the first point repeated at the end.
+        """Extract the contours of one mask in pixels.
 
-        Seen in the picture (rows downwards), the vessel lies on the right of the direction of travel.
+        Parameters
+        ----------
+        mask : ndarray of bool or float, shape (height, width)
+            Mask or probability map.
+
+        Returns
+        -------
+        list of ndarray, shape (p, 2)
+            Points as (column, row) in px; closed contours repeat the first point at the end. Seen in the
+            image (rows downwards), the vessel lies on the right of the direction of travel.
         """
         from skimage.measure import find_contours
 

@@ -1,4 +1,4 @@
-"""Masks of a tracked sweep that disagree with their neighbours: found by place, size and shape in the world."""
+"""Outlier masks of a tracked sweep: masks whose position, size or shape differs from the neighbours'."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ REASONS = (POSITION, SIZE, SHAPE)
 # How many times the test is repeated at most with the masks found so far left out of the comparison.
 ROUNDS = 8
 # With fewer masks than this on a side there is no line through them.
-LEAST_SIDE = 3
+MIN_MASKS_A_SIDE = 3
 # Of a normal distribution's absolute values.
 DEVIATION_PER_MEDIAN = 1.4826
 # A mask at the sweep's end has neighbours on one side only, from which its place is extrapolated.
@@ -25,12 +25,22 @@ END_SLACK = 1.5
 
 @dataclass(frozen=True)
 class MaskCheck:
-    """Which masks disagree with their neighbours, and in what.
+    """Masks of a sweep without the outliers, and why each outlier was rejected.
 
-    ``reason`` (k,) is position, size or shape, or empty for a mask that agrees; ``excess`` (k,) is by what factor the
-    limit was passed. ``specks`` (k,) marks masks of which a part was taken out that is far from all parts of their
-    neighbours. ``empty`` (k,) marks masks without a vessel between others that show it. ``undecided`` is the share of
-    masks that disagreed where it was so large that none of them was rejected, else 0.
+    Parameters
+    ----------
+    masks : ndarray of bool or float, shape (k, height, width)
+        Masks or probability maps; rejected ones are empty.
+    reason : tuple of str
+        "position", "size" or "shape" for a rejected mask, empty for one that agrees with its neighbours.
+    excess : ndarray, shape (k,)
+        Factor by which a rejected mask exceeds its limit; 0 for the others.
+    specks : ndarray of bool, shape (k,)
+        Masks from which a part far from all parts of the neighbouring masks was removed.
+    empty : ndarray of bool, shape (k,)
+        Masks without a vessel between others that show it.
+    undecided : float, optional
+        Share of outliers where that was too large for any to be rejected, else 0.
     """
 
     masks: Bool[np.ndarray, "k height width"] | Float[np.ndarray, "k height width"]
@@ -48,18 +58,43 @@ class MaskCheck:
 
 @dataclass(frozen=True)
 class MaskOutliers:
-    """Leave out masks whose vessel lies, or is, unlike what the masks before and after it show.
+    """Outlier rejection for masks that disagree with the masks before and after them.
 
-    Each mask is described by its middle in the world, the radius of a circle of its area, and its shape around its
-    middle. Lines through the ``window`` masks before, through those after, and through both (by medians of slopes:
-    Theil, 1950, and Sen, J. Am. Stat. Assoc. 63, 1968) predict middle and radius; the prediction that fits best counts,
-    so that a vessel that branches, ends or jumps in view agrees with one side. Limits are in radii of the neighbours
-    for ``position`` and ``size``, and a share of pixels for ``shape``; where a whole sweep scatters, ``deviations``
-    robust standard deviations are allowed. Masks found are left out of the lines and the test is repeated.
+    Parameters
+    ----------
+    window : int, optional
+        Number of masks on each side that predict a mask, at least 3.
+    position : float, optional
+        Largest distance of a mask's centroid from the prediction, in radii of the neighbours.
+    size : float, optional
+        Largest difference of a mask's radius from the prediction, in radii of the neighbours.
+    shape : float, optional
+        Largest share of pixels (1 - DSC) that differ from the neighbours' shape.
+    deviations : float, optional
+        Number of robust standard deviations that are allowed where the whole sweep varies more than these
+        limits.
+    max_share : float, optional
+        Largest share of masks that may be rejected, 0 to 1; where it is exceeded none is, because the
+        neighbours are then no reference.
+    enabled : bool, optional
+        Whether masks are compared; if not, all are kept.
 
-    A part of a mask far from all parts of its neighbours is a speck and is taken out alone. Where more than
-    ``most_share`` of all masks would be rejected, none is: then the neighbours are no standard. Where it is not
-    ``enabled``, all masks are kept.
+    Raises
+    ------
+    InputError
+        If a value is out of range.
+
+    Notes
+    -----
+    Each mask is described by its centroid in the world, the radius of a circle of its area, and its shape
+    around the centroid. Theil-Sen lines through the masks before, those after, and both predict centroid and
+    radius. The best of the three predictions counts, so that a vessel that branches, ends or jumps in view
+    agrees with one side. Rejected masks are excluded from the lines and the test is repeated. A part of a
+    mask far from all parts of its neighbours is removed alone.
+
+    References
+    ----------
+    H. Theil, Proc. KNAW 53, 1950; P. K. Sen, J. Am. Stat. Assoc. 63, 1968.
     """
 
     window: int = 6
@@ -67,14 +102,14 @@ class MaskOutliers:
     size: float = 0.25
     shape: float = 0.3
     deviations: float = 6.0
-    most_share: float = 0.35
+    max_share: float = 0.35
     enabled: bool = True
 
     def __post_init__(self) -> None:
-        require_count("window", self.window, LEAST_SIDE)
+        require_count("window", self.window, MIN_MASKS_A_SIDE)
         for name in ("position", "size", "shape", "deviations"):
             require_positive(name, getattr(self, name))
-        require_positive("most_share", self.most_share, 1.0)
+        require_positive("max_share", self.max_share, 1.0)
 
     def __call__(
         self,
@@ -82,56 +117,67 @@ class MaskOutliers:
         world_A_pixel: Float64[np.ndarray, "k 4 4"],
         level: float = 0.5,
     ) -> MaskCheck:
-        """Compare each mask, bool or probability (a vessel from ``level`` on), with its neighbours along the sweep.
+        """Reject the masks that disagree with their neighbours along the sweep.
 
-        Masks come in the order in which the probe moved. The masks that are returned are empty where they were
-        rejected; nothing is copied where there is nothing to leave out.
+        Parameters
+        ----------
+        masks : ndarray of bool or float, shape (k, height, width)
+            Masks or probability maps in the order of acquisition; they are not changed.
+        world_A_pixel : ndarray, shape (k, 4, 4)
+            Affine matrix of each mask from pixels to world mm.
+        level : float, optional
+            Probability from which on a pixel is vessel.
+
+        Returns
+        -------
+        MaskCheck
+            The masks, rejected ones empty, and the reasons. Masks are copied only where something is removed.
         """
-        seen = MaskSeries.of(masks, world_A_pixel, level)
-        reason, excess, undecided = self._judge(seen)
+        series = MaskSeries.of(masks, world_A_pixel, level)
+        reason, excess, undecided = self._reject(series)
         rejected = np.array([one != "" for one in reason], dtype=bool)
-        lone = specks(seen, ~rejected, self.window) if self.enabled else {}
-        if rejected.any() or lone:
+        speck_pixels = specks(series, ~rejected, self.window) if self.enabled else {}
+        if rejected.any() or speck_pixels:
             masks = masks.copy()
             masks[rejected] = 0
-            for frame, own in lone.items():
+            for frame, own in speck_pixels.items():
                 masks[frame][own] = 0
-        shown = np.flatnonzero(seen.shown)
-        empty = ~seen.shown
+        shown = np.flatnonzero(series.shown)
+        empty = ~series.shown
         if len(shown):
             empty[: shown[0]] = empty[shown[-1] + 1 :] = False
-        spotted = np.isin(np.arange(len(masks)), list(lone))
-        return MaskCheck(masks, reason, excess, spotted, empty, undecided)
+        with_specks = np.isin(np.arange(len(masks)), list(speck_pixels))
+        return MaskCheck(masks, reason, excess, with_specks, empty, undecided)
 
-    def _judge(self, seen: MaskSeries) -> tuple[tuple[str, ...], np.ndarray, float]:
-        count = len(seen.shown)
+    def _reject(self, series: MaskSeries) -> tuple[tuple[str, ...], np.ndarray, float]:
+        count = len(series.shown)
         none = ("",) * count, np.zeros(count), 0.0
-        if not self.enabled or seen.shown.sum() < 2 * LEAST_SIDE:
+        if not self.enabled or series.shown.sum() < 2 * MIN_MASKS_A_SIDE:
             return none
-        good = seen.shown.copy()
+        good = series.shown.copy()
         factors = np.zeros((count, 3))
         for _ in range(ROUNDS):
-            factors = self._factors(seen, good)
-            found = seen.shown & ~(factors.max(axis=1) > 1)
+            factors = self._factors(series, good)
+            found = series.shown & ~(factors.max(axis=1) > 1)
             if (found == good).all():
                 break
             # Were most masks unlike the others, there would be nothing left to compare with.
-            if found.sum() < 2 * LEAST_SIDE:
+            if found.sum() < 2 * MIN_MASKS_A_SIDE:
                 break
             good = found
-        bad = seen.shown & (factors.max(axis=1) > 1)
-        share = float(bad.sum() / seen.shown.sum())
-        if share > self.most_share:
+        bad = series.shown & (factors.max(axis=1) > 1)
+        share = float(bad.sum() / series.shown.sum())
+        if share > self.max_share:
             return none[0], none[1], share
         worst = factors.argmax(axis=1)
         reason = tuple(REASONS[worst[frame]] if bad[frame] else "" for frame in range(count))
         return reason, np.where(bad, factors.max(axis=1), 0.0), 0.0
 
-    def _factors(self, seen: MaskSeries, good: Bool[np.ndarray, "k"]) -> Float64[np.ndarray, "k 3"]:
+    def _factors(self, series: MaskSeries, good: Bool[np.ndarray, "k"]) -> Float64[np.ndarray, "k 3"]:
         """By how many times its limit each mask is off in position, size and shape, by the side that fits best."""
         usable = np.flatnonzero(good)
         found = np.full((len(good), 3, 3), np.nan)
-        for frame in np.flatnonzero(seen.shown):
+        for frame in np.flatnonzero(series.shown):
             before = usable[usable < frame][-self.window :]
             after = usable[usable > frame][: self.window]
             near = min(self.window // 2, len(before)), min(self.window // 2, len(after))
@@ -139,8 +185,8 @@ class MaskOutliers:
             if not near[0] or not near[1]:
                 both = both[:0]
             for side, others in enumerate((before, after, both)):
-                if len(others) >= LEAST_SIDE:
-                    found[frame, side] = seen.apart(int(frame), others)
+                if len(others) >= MIN_MASKS_A_SIDE:
+                    found[frame, side] = series.differences(int(frame), others)
         ends = np.isnan(found[:, 2, 0])
         # A vessel that ends in a sweep, ends in a dome.
         found[ends, :, 1] = np.maximum(found[ends, :, 1], 0.0)

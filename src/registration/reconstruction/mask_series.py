@@ -1,4 +1,4 @@
-"""The masks of a tracked sweep as a series: what each shows in the world, and how far it is from the others."""
+"""Position, size and shape of each mask of a tracked sweep in the world, and differences between masks."""
 
 from __future__ import annotations
 
@@ -16,7 +16,25 @@ PIXELS = 400
 
 @dataclass(frozen=True)
 class MaskSeries:
-    """What each mask shows: middle and normal in the world, radius, the pixels, and the way of the probe."""
+    """Position, size and shape of each mask of a sweep.
+
+    Parameters
+    ----------
+    filled : ndarray of bool, shape (k, height, width)
+        Pixels of the vessel.
+    world_A_pixel : ndarray, shape (k, 4, 4)
+        Affine matrix of each mask from pixels to world mm.
+    shown : ndarray of bool, shape (k,)
+        Masks that show a vessel.
+    middle_mm : ndarray, shape (k, 3)
+        Centroids in world mm.
+    middle_px : ndarray, shape (k, 2)
+        Centroids as (column, row) in px.
+    radius_mm : ndarray, shape (k,)
+        Radii of circles of the masks' areas.
+    path_mm : ndarray, shape (k,)
+        Length of the path of the image centre from the first mask to each.
+    """
 
     filled: Bool[np.ndarray, "k height width"]
     world_A_pixel: Float64[np.ndarray, "k 4 4"]
@@ -24,10 +42,26 @@ class MaskSeries:
     middle_mm: Float64[np.ndarray, "k 3"]
     middle_px: Float64[np.ndarray, "k 2"]
     radius_mm: Float64[np.ndarray, "k"]
-    way_mm: Float64[np.ndarray, "k"]
+    path_mm: Float64[np.ndarray, "k"]
 
     @classmethod
     def of(cls, masks: np.ndarray, world_A_pixel: np.ndarray, level: float) -> MaskSeries:
+        """Describe the masks of a sweep.
+
+        Parameters
+        ----------
+        masks : ndarray of bool or float, shape (k, height, width)
+            Masks or probability maps in the order of acquisition.
+        world_A_pixel : ndarray, shape (k, 4, 4)
+            Affine matrix of each mask from pixels to world mm.
+        level : float
+            Probability from which on a pixel is vessel.
+
+        Returns
+        -------
+        MaskSeries
+            The series.
+        """
         filled = masks if masks.dtype == np.bool_ else masks >= level
         pixels = filled.sum(axis=(1, 2))
         weight = np.maximum(pixels, 1)
@@ -51,18 +85,18 @@ class MaskSeries:
 
     @cached_property
     def normals(self) -> Float64[np.ndarray, "k 3"]:
-        """Of each picture."""
+        """Unit normal of each image plane."""
         facing = np.cross(self.world_A_pixel[:, :3, 0], self.world_A_pixel[:, :3, 1])
         return facing / np.linalg.norm(facing, axis=1, keepdims=True)
 
     @cached_property
     def pixel_mm(self) -> Float64[np.ndarray, "k 2"]:
-        """The sizes of a pixel along columns and rows."""
+        """Size of a pixel along columns and rows in mm."""
         return np.linalg.norm(self.world_A_pixel[:, :3, :2], axis=1)
 
     @cached_property
     def drawn_mm(self) -> list[Float64[np.ndarray, "p 2"]]:
-        """Some pixels of each mask, evenly drawn, in mm from its middle along columns and rows."""
+        """Evenly drawn pixels of each mask, as offsets in mm from its centroid along columns and rows."""
         found = []
         for frame, own in enumerate(self.filled):
             row, column = np.nonzero(own)
@@ -71,22 +105,37 @@ class MaskSeries:
             found.append(offset_px * self.pixel_mm[frame])
         return found
 
-    def apart(self, frame: int, others: Int64[np.ndarray, "n"]) -> tuple[float, float, float]:
-        """How far a mask is from what others predict: place and radius in their radii, and the share of its shape.
+    def differences(self, frame: int, others: Int64[np.ndarray, "n"]) -> tuple[float, float, float]:
+        """Compute how far a mask is from the prediction by others.
 
-        The radius has a sign: it is below 0 for a mask that is too small.
+        Parameters
+        ----------
+        frame : int
+            Number of the mask.
+        others : ndarray of int, shape (n,)
+            Numbers of the masks that predict it, at least two.
+
+        Returns
+        -------
+        position : float
+            Distance in the image plane of the centroid from the prediction, in median radii of the others.
+        size : float
+            Difference of the radius from the prediction, in median radii of the others; negative for a
+            smaller mask.
+        shape : float
+            Share of the shape that differs (1 - DSC after alignment of centroid and area), 0 to 1.
         """
-        usual_mm = float(np.median(self.radius_mm[others]))
+        median_radius_mm = float(np.median(self.radius_mm[others]))
         values = np.column_stack([self.middle_mm[others], self.radius_mm[others]])
-        expected = _line_at(self.way_mm[others], values, float(self.way_mm[frame]))
+        expected = _line_at(self.path_mm[others], values, float(self.path_mm[frame]))
         offset_mm = self.middle_mm[frame] - expected[:3]
-        beside_mm = offset_mm - (offset_mm @ self.normals[frame]) * self.normals[frame]
+        in_plane_mm = offset_mm - (offset_mm @ self.normals[frame]) * self.normals[frame]
         wider_mm = float(self.radius_mm[frame] - expected[3])
         # Two of the others need agree: shapes change fast where branches part, but not from one mask to the next.
-        shape = sorted(self._unlike(frame, int(other)) for other in others)[1]
-        return float(np.linalg.norm(beside_mm)) / usual_mm, wider_mm / usual_mm, shape
+        shape = sorted(self._shape_difference(frame, int(other)) for other in others)[1]
+        return float(np.linalg.norm(in_plane_mm)) / median_radius_mm, wider_mm / median_radius_mm, shape
 
-    def _unlike(self, frame: int, other: int) -> float:
+    def _shape_difference(self, frame: int, other: int) -> float:
         """The share of two masks that do not cover each other, once their middles and areas are the same (1 - DSC)."""
         scale = self.radius_mm[other] / self.radius_mm[frame]
         place = self.middle_px[other] + scale * self.drawn_mm[frame] / self.pixel_mm[other]
@@ -100,13 +149,13 @@ class MaskSeries:
 
 
 def _line_at(
-    way_mm: Float64[np.ndarray, "n"], values: Float64[np.ndarray, "n d"], place_mm: float
+    path_mm: Float64[np.ndarray, "n"], values: Float64[np.ndarray, "n d"], place_mm: float
 ) -> Float64[np.ndarray, "d"]:
     """Values at a place by the line of median slope through others."""
-    first, second = np.triu_indices(len(way_mm), 1)
-    run_mm = way_mm[second] - way_mm[first]
+    first, second = np.triu_indices(len(path_mm), 1)
+    run_mm = path_mm[second] - path_mm[first]
     moving = run_mm > 1e-6
     if not moving.any():
         return np.asarray(np.median(values, axis=0))
     slope = np.median((values[second[moving]] - values[first[moving]]) / run_mm[moving, None], axis=0)
-    return np.asarray(np.median(values + (place_mm - way_mm)[:, None] * slope, axis=0))
+    return np.asarray(np.median(values + (place_mm - path_mm)[:, None] * slope, axis=0))

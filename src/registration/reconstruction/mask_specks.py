@@ -1,4 +1,4 @@
-"""Parts of masks that no part of their neighbours comes near."""
+"""Connected parts of masks that are far from all parts of the neighbouring masks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from registration import transforms
 from registration.reconstruction.mask_series import MaskSeries
 
 # With fewer neighbours than this a part may be the first or last of its branch.
-LEAST_NEIGHBOURS = 3
+MIN_NEIGHBOURS = 3
 
 
 @dataclass(frozen=True)
@@ -24,46 +24,60 @@ class _Parts:
     labels: Int64[np.ndarray, "height width"] | None
 
     @classmethod
-    def of(cls, seen: MaskSeries, frame: int) -> _Parts:
-        found, count = label(seen.filled[frame])
-        middle_px, numbered = seen.middle_px[[frame]], None
+    def of(cls, series: MaskSeries, frame: int) -> _Parts:
+        found, count = label(series.filled[frame])
+        middle_px, numbered = series.middle_px[[frame]], None
         if count > 1:
             numbered = found.astype(np.int64)
             places = [np.argwhere(found == one)[:, ::-1].mean(axis=0) for one in range(1, count + 1)]
             middle_px = np.array(places)
         sizes = np.bincount(found.reshape(-1), minlength=count + 1)[1:]
-        middle_mm = transforms.apply(seen.world_A_pixel[frame], np.pad(middle_px, ((0, 0), (0, 1))))
-        return cls(middle_mm, np.sqrt(sizes * seen.pixel_mm[frame].prod() / np.pi), numbered)
+        middle_mm = transforms.apply(series.world_A_pixel[frame], np.pad(middle_px, ((0, 0), (0, 1))))
+        return cls(middle_mm, np.sqrt(sizes * series.pixel_mm[frame].prod() / np.pi), numbered)
 
-    def meets(self, one: int, other: _Parts, way_mm: float) -> bool:
+    def meets(self, one: int, other: _Parts, path_mm: float) -> bool:
         """Whether a part comes within its radius of a part of another mask, or as near as the masks are."""
         apart_mm = np.linalg.norm(other.middle_mm - self.middle_mm[one], axis=1)
-        return bool((apart_mm <= 2 * self.radius_mm[one] + other.radius_mm + way_mm).any())
+        return bool((apart_mm <= 2 * self.radius_mm[one] + other.radius_mm + path_mm).any())
 
 
 def specks(
-    seen: MaskSeries, good: Bool[np.ndarray, "k"], window: int
+    series: MaskSeries, good: Bool[np.ndarray, "k"], window: int
 ) -> dict[int, Bool[np.ndarray, "height width"]]:
-    """The pixels of parts far from all parts of the neighbours, by mask; a mask's largest part is never one.
+    """Find parts of masks that are far from all parts of the neighbouring masks.
 
-    Only masks that are ``good`` are looked at, ``window`` of them around each.
+    Parameters
+    ----------
+    series : MaskSeries
+        The masks of a sweep.
+    good : ndarray of bool, shape (k,)
+        Masks that are compared with one another.
+    window : int
+        Number of neighbouring masks that a part is compared with.
+
+    Returns
+    -------
+    dict of int to ndarray of bool, shape (height, width)
+        Pixels of these parts by number of the mask; a mask's largest part is never among them.
     """
-    usable = np.flatnonzero(good & seen.shown)
-    parts = {frame: _Parts.of(seen, frame) for frame in usable.tolist()}
+    usable = np.flatnonzero(good & series.shown)
+    parts = {frame: _Parts.of(series, frame) for frame in usable.tolist()}
     found = {}
     for place, (frame, own) in enumerate(parts.items()):
         near = usable[max(place - window // 2, 0) : place + window // 2 + 1].tolist()
-        if own.labels is None or len(near) <= LEAST_NEIGHBOURS:
+        if own.labels is None or len(near) <= MIN_NEIGHBOURS:
             continue
-        way_mm = {
-            other: abs(float(seen.way_mm[other] - seen.way_mm[frame])) for other in near if other != frame
+        path_mm = {
+            other: abs(float(series.path_mm[other] - series.path_mm[frame]))
+            for other in near
+            if other != frame
         }
-        lone = [
+        isolated = [
             one + 1
             for one in range(len(own.radius_mm))
             if one != own.radius_mm.argmax()
-            and not any(own.meets(one, parts[other], way_mm[other]) for other in way_mm)
+            and not any(own.meets(one, parts[other], path_mm[other]) for other in path_mm)
         ]
-        if lone:
-            found[frame] = np.isin(own.labels, lone)
+        if isolated:
+            found[frame] = np.isin(own.labels, isolated)
     return found

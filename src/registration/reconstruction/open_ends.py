@@ -1,7 +1,7 @@
-"""Where a closed reconstruction goes beyond what was measured, and how it is cut off there.
+"""Open ends of a closed reconstruction, cut where the measured points end.
 
-A Poisson surface is closed: it bulges out of every open end. Cutting by the density of points takes wall and bulge
-alike. Here the surface is cut along the line where the measured points end.
+A Poisson surface is closed: it bulges out of every open end. Cutting by the density of points removes wall
+and bulge alike. Here the surface is cut along the line where the measured points end.
 """
 
 from __future__ import annotations
@@ -17,20 +17,39 @@ from registration.geometry.shapes import Mesh
 from registration.reconstruction.outlier_filters import VoxelDownsampling
 
 # A wall's points count for a piece of surface that faces within 60 degrees of them: the bulge's middle does not.
-LEAST_COSINE = 0.5
+MIN_COSINE = 0.5
 # A cloud denser than this many points along a bridge is thinned: wide bridges would otherwise see it all at once.
 CELLS_A_BRIDGE = 12
 # What is kept although nothing was measured there counts as just inside.
 SHALLOW_MM = 1e-6
-# Vertices asked at a time, which bounds the memory.
+# Vertices queried at a time, which bounds the memory.
 BLOCK = 2000
 
 
 def measured_part(mesh: Mesh, cloud: OrientedCloud, bridge_mm: float) -> Mesh:
-    """Cut a reconstruction off where the points it was made from end (see ``beyond_mm``).
+    """Cut a reconstruction where the points that it was made from end (see ``beyond_mm``).
 
-    A piece beyond them that closes a hole no wider than ``bridge_mm`` in the middle of a wall stays: contours pass
-    around the crotch of a fork, and the surface there is right all the same.
+    A part beyond the points that closes a hole no wider than ``bridge_mm`` in the middle of a wall is kept:
+    contours pass around the crotch of a bifurcation, and the surface there is right all the same.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Reconstructed surface.
+    cloud : OrientedCloud
+        Points with normals that the surface was made from, in the same coordinate frame.
+    bridge_mm : float
+        Width in mm of the widest gap between points that stays closed.
+
+    Returns
+    -------
+    Mesh
+        The surface, open where the points end.
+
+    Raises
+    ------
+    InputError
+        If ``bridge_mm`` is not positive.
     """
     past_mm = beyond_mm(mesh, cloud, bridge_mm)
     out = past_mm > 0
@@ -46,12 +65,34 @@ def measured_part(mesh: Mesh, cloud: OrientedCloud, bridge_mm: float) -> Mesh:
 
 
 def beyond_mm(mesh: Mesh, cloud: OrientedCloud, bridge_mm: float) -> Float64[np.ndarray, "v"]:
-    """How far each vertex lies past the last measured points, along the surface; negative inside the measured part.
+    """Compute how far each vertex lies past the last measured points, along the surface.
 
-    Around each vertex, the points of the cloud within ``bridge_mm`` that face the same way are laid on their mean
-    plane. The way from their mean to the vertex is the way out; how far the farthest of them lies past the vertex on
-    that way is how far the vertex is inside. So gaps up to ``bridge_mm`` wide at least, measured on both sides, are
-    inside, and the value at the last ring of points is 0. Where no points are near it is ``bridge_mm``.
+    Parameters
+    ----------
+    mesh : Mesh
+        Reconstructed surface.
+    cloud : OrientedCloud
+        Points with normals that the surface was made from, in the same coordinate frame.
+    bridge_mm : float
+        Radius in mm within which points around a vertex count.
+
+    Returns
+    -------
+    ndarray, shape (v,)
+        Distances in mm; negative inside the measured part, 0 at its last ring of points, ``bridge_mm`` where
+        no points are near.
+
+    Raises
+    ------
+    InputError
+        If ``bridge_mm`` is not positive.
+
+    Notes
+    -----
+    Around each vertex, the points of the cloud within ``bridge_mm`` that face the same way are projected to
+    their mean plane. The direction from their mean to the vertex points outwards; how far the farthest of
+    them lies past the vertex in that direction is how far the vertex is inside. So gaps of up to
+    ``bridge_mm``, measured on both sides, are inside.
     """
     require_positive("bridge_mm", bridge_mm)
     cloud = VoxelDownsampling(bridge_mm / CELLS_A_BRIDGE)(cloud).cloud
@@ -65,7 +106,7 @@ def beyond_mm(mesh: Mesh, cloud: OrientedCloud, bridge_mm: float) -> Float64[np.
             continue
         owner = np.repeat(np.arange(len(block)), sizes)
         points = np.concatenate([np.array(found, dtype=np.int64) for found in near])
-        facing = np.einsum("pi,pi->p", cloud.normals[points], normals[block][owner]) >= LEAST_COSINE
+        facing = np.einsum("pi,pi->p", cloud.normals[points], normals[block][owner]) >= MIN_COSINE
         owner, points = owner[facing], points[facing]
         offset_mm = cloud.points_mm[points] - mesh.vertices_mm[block][owner]
         found_mm[block] = _past_mm(offset_mm, cloud.normals[points], owner, len(block), bridge_mm)
@@ -80,9 +121,9 @@ def _past_mm(
     # The plane is the wall's and not the surface's: a bulge turns in, and would see the far side of the rim ahead.
     outwards = _unit(_sums(weights[:, None] * facing, owner, count))[owner]
     along_mm = offset_mm - np.einsum("pi,pi->p", offset_mm, outwards)[:, None] * outwards
-    way_out = -_unit(_sums(weights[:, None] * along_mm, owner, count))
+    outward = -_unit(_sums(weights[:, None] * along_mm, owner, count))
     reach_mm = np.full(count, -float(bridge_mm))
-    np.maximum.at(reach_mm, owner, np.einsum("pi,pi->p", along_mm, way_out[owner]))
+    np.maximum.at(reach_mm, owner, np.einsum("pi,pi->p", along_mm, outward[owner]))
     return -reach_mm
 
 
@@ -95,18 +136,44 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
 
 
 def vertex_normals(mesh: Mesh) -> Float64[np.ndarray, "v 3"]:
-    """Unit normals, the mean over the triangles at a vertex weighted by area; zero where there are none."""
+    """Compute the unit normal at each vertex, the mean over its triangles weighted by area.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Surface.
+
+    Returns
+    -------
+    ndarray, shape (v, 3)
+        Unit normals; zero at a vertex without triangles.
+    """
     a, b, c = np.moveaxis(mesh.corners_mm, 1, 0)
     facing = np.repeat(np.cross(b - a, c - a), 3, axis=0)
     return _unit(_sums(facing, mesh.triangles.reshape(-1), len(mesh.vertices_mm)))
 
 
-def clip(mesh: Mesh, values: Float64[np.ndarray, "v"], most: float = 0.0) -> Mesh:
-    """Keep the part of the mesh where ``values`` (one a vertex, linear between them) are at most ``most``.
+def clip(mesh: Mesh, values: Float64[np.ndarray, "v"], max_value: float = 0.0) -> Mesh:
+    """Keep the part of a mesh where a function on its vertices does not exceed a value.
 
-    Triangles across the border are cut on it, and neighbours share the new corners, so the border is one line.
+    Triangles across the border are cut on it, and neighbours share the new vertices, so the border is one
+    line.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Surface.
+    values : ndarray, shape (v,)
+        Value of the function at each vertex; it is linear in between.
+    max_value : float, optional
+        Largest value that is kept.
+
+    Returns
+    -------
+    Mesh
+        The part that is kept.
     """
-    inside = values <= most
+    inside = values <= max_value
     count = inside[mesh.triangles].sum(axis=1)
     cut = (count == 1) | (count == 2)
     # Turn each cut triangle until its odd corner comes first: the one that is alone on its side.
@@ -117,7 +184,7 @@ def clip(mesh: Mesh, values: Float64[np.ndarray, "v"], most: float = 0.0) -> Mes
     ends = directed_edges(mesh)[first]
     crossed = inside[ends[:, 0]] != inside[ends[:, 1]]
     numbers, ends = numbers[crossed], ends[crossed]
-    share = (most - values[ends[:, 0]]) / (values[ends[:, 1]] - values[ends[:, 0]])
+    share = (max_value - values[ends[:, 0]]) / (values[ends[:, 1]] - values[ends[:, 0]])
     added_mm = mesh.vertices_mm[ends[:, 0]] + share[:, None] * (
         mesh.vertices_mm[ends[:, 1]] - mesh.vertices_mm[ends[:, 0]]
     )

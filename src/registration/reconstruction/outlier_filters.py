@@ -1,4 +1,4 @@
-"""Points left out of a cloud: those too dense, and those that lie alone. Each filter says which."""
+"""Filters for point clouds: downsampling and removal of outliers, each reporting which points it removed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,15 @@ from registration.geometry.point_cloud import AnyCloud, take
 
 @dataclass(frozen=True)
 class Filtered(Generic[AnyCloud]):
-    """What a filter left: ``cloud``, and ``removed`` (r,), the places of the others in the cloud it was given."""
+    """Result of a filter.
+
+    Parameters
+    ----------
+    cloud : AnyCloud
+        The points that are left.
+    removed : ndarray of int, shape (r,)
+        Indices of the removed points in the cloud that was filtered.
+    """
 
     cloud: AnyCloud
     removed: Int64[np.ndarray, "r"]
@@ -24,9 +32,19 @@ class Filtered(Generic[AnyCloud]):
 
 @dataclass(frozen=True)
 class VoxelDownsampling:
-    """Keep one point of each cube of ``cell_mm``: the one nearest to the mean of the points in it.
+    """Downsampling to one point in each cubic cell: the point nearest to the mean of those in it.
 
-    A point that is kept stays as it was measured, with its own frame and normal.
+    A point that is kept stays as it was measured, with its own mask and normal.
+
+    Parameters
+    ----------
+    cell_mm : float
+        Edge length of the cells in mm.
+
+    Raises
+    ------
+    InputError
+        If ``cell_mm`` is not positive.
     """
 
     cell_mm: float
@@ -35,7 +53,23 @@ class VoxelDownsampling:
         require_positive("cell_mm", self.cell_mm)
 
     def __call__(self, cloud: AnyCloud) -> Filtered[AnyCloud]:
-        """Thin the cloud; the order of the points is kept."""
+        """Downsample a cloud.
+
+        Parameters
+        ----------
+        cloud : AnyCloud
+            Points, with or without normals.
+
+        Returns
+        -------
+        Filtered
+            The cloud, its points in their order, and the removed indices.
+
+        Raises
+        ------
+        InputError
+            If a coordinate is not finite.
+        """
         points_mm = _finite(cloud)
         if not len(points_mm):
             return Filtered(cloud, np.empty(0, dtype=np.int64))
@@ -53,10 +87,25 @@ class VoxelDownsampling:
 
 @dataclass(frozen=True)
 class StatisticalOutlierRemoval:
-    """Leave out points whose mean distance to their ``neighbours`` nearest is unlike that of the others.
+    """Removal of points whose mean distance to their nearest neighbours is large within the cloud.
 
-    The limit is the mean over the cloud plus ``deviations`` standard deviations (Rusu et al., Robot. Auton. Syst.
-    56(11), 2008).
+    The limit is the mean over the cloud plus ``deviations`` standard deviations.
+
+    Parameters
+    ----------
+    neighbours : int, optional
+        Number of nearest neighbours, at least 1.
+    deviations : float, optional
+        Number of standard deviations above the mean.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
+
+    References
+    ----------
+    R. B. Rusu et al., Robot. Auton. Syst. 56(11), 2008.
     """
 
     neighbours: int = 16
@@ -67,7 +116,23 @@ class StatisticalOutlierRemoval:
         require_positive("deviations", self.deviations)
 
     def __call__(self, cloud: AnyCloud) -> Filtered[AnyCloud]:
-        """Leave out the outliers; a cloud of no more points than ``neighbours`` is returned whole."""
+        """Remove the outliers of a cloud.
+
+        Parameters
+        ----------
+        cloud : AnyCloud
+            Points, with or without normals; one of no more than ``neighbours`` points is returned complete.
+
+        Returns
+        -------
+        Filtered
+            The cloud, its points in their order, and the removed indices.
+
+        Raises
+        ------
+        InputError
+            If a coordinate is not finite.
+        """
         points_mm = _finite(cloud)
         if len(points_mm) <= self.neighbours:
             return Filtered(cloud, np.empty(0, dtype=np.int64))
@@ -77,7 +142,20 @@ class StatisticalOutlierRemoval:
 
 @dataclass(frozen=True)
 class RadiusOutlierRemoval:
-    """Leave out points with fewer than ``neighbours`` others within ``radius_mm``."""
+    """Removal of isolated points.
+
+    Parameters
+    ----------
+    radius_mm : float
+        Radius in mm within which neighbours are counted.
+    neighbours : int, optional
+        Points with fewer neighbours are removed; at least 1.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
+    """
 
     radius_mm: float
     neighbours: int = 4
@@ -87,11 +165,27 @@ class RadiusOutlierRemoval:
         require_count("neighbours", self.neighbours, 1)
 
     def __call__(self, cloud: AnyCloud) -> Filtered[AnyCloud]:
-        """Leave out the outliers."""
+        """Remove the isolated points of a cloud.
+
+        Parameters
+        ----------
+        cloud : AnyCloud
+            Points, with or without normals.
+
+        Returns
+        -------
+        Filtered
+            The cloud, its points in their order, and the removed indices.
+
+        Raises
+        ------
+        InputError
+            If a coordinate is not finite.
+        """
         points_mm = _finite(cloud)
         if not len(points_mm):
             return Filtered(cloud, np.empty(0, dtype=np.int64))
-        # The distance to the last neighbour that must be near answers the question without listing the others.
+        # The distance to the last neighbour that must be near is enough, without a list of the others.
         wanted = min(self.neighbours + 1, len(points_mm))
         apart_mm = cKDTree(points_mm).query(points_mm, [wanted])[0][:, 0]
         enough = len(points_mm) > self.neighbours

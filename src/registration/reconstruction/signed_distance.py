@@ -1,4 +1,4 @@
-"""A surface by way of a volume: distances to the contours of each frame, blended from frame to frame."""
+"""Surfaces by way of a volume: signed distances to the contours of each mask, interpolated between masks."""
 
 from __future__ import annotations
 
@@ -20,18 +20,37 @@ from registration.reconstruction.open_ends import measured_part
 
 # The volume goes on this many cells past the outermost contours, so that the surface closes nowhere too early.
 MARGIN_CELLS = 3
-MOST_CELLS = 2e8
+MAX_CELLS = 2e8
 
 
 @dataclass(frozen=True)
 class SignedDistanceSurface:
-    """Marching cubes on signed distances that are measured in each frame and blended between frames.
+    """Marching cubes on signed distances measured in each image plane and interpolated between planes.
 
-    Each cell between two frames takes the distances to the contours of both, each in its own plane, weighted by how
-    near the planes are (shape-based interpolation: Raya and Udupa, IEEE TMI 9(1), 1990; of freehand frames: Treece et
-    al., Med. Image Anal. 4, 2000). No normals between frames are assumed, and vessels may join and part. Frames farther
-    apart than ``bridge_mm`` are not blended. Past the first and the last frame and past the picture's edge the surface
-    is cut as for ``PoissonSurface``. The surface is found by Lewiner's marching cubes (J. Graph. Tools 8(2), 2003).
+    Parameters
+    ----------
+    cell_mm : float
+        Edge length of the cells of the volume in mm.
+    bridge_mm : float
+        Planes farther apart in mm are not interpolated; ends are cut as by ``PoissonSurface``.
+    largest : bool, optional
+        Whether only the largest connected piece is kept.
+
+    Raises
+    ------
+    InputError
+        If a length is not positive.
+
+    Notes
+    -----
+    Each cell between two image planes takes the distances to the contours of both, each in its own plane,
+    weighted by how near the planes are. No normals between planes are assumed, and vessels may join and part.
+    Past the first and the last plane and past the image border the surface is cut.
+
+    References
+    ----------
+    S. P. Raya and J. K. Udupa, IEEE TMI 9(1), 1990; G. M. Treece et al., Med. Image Anal. 4, 2000 (freehand
+    sweeps); T. Lewiner et al., J. Graph. Tools 8(2), 2003 (marching cubes).
     """
 
     cell_mm: float
@@ -43,9 +62,23 @@ class SignedDistanceSurface:
         require_positive("bridge_mm", self.bridge_mm)
 
     def __call__(self, cloud: OrientedCloud) -> Mesh:
-        """The surface in the world, wound outwards, in one piece if ``largest``.
+        """Reconstruct the surface of the vessel.
 
-        Raises InputError for a cloud without frames, from fewer than two frames, or too large for its cell.
+        Parameters
+        ----------
+        cloud : OrientedCloud
+            Contours with the masks they come from, a ``ContourCloud``.
+
+        Returns
+        -------
+        Mesh
+            The surface in world mm, oriented outwards.
+
+        Raises
+        ------
+        InputError
+            If the cloud is no ``ContourCloud``, has contours of fewer than two masks or without an inside, or
+            is too large for its cells.
         """
         from skimage.measure import marching_cubes
 
@@ -151,8 +184,8 @@ class _Volume:
         points_mm = np.concatenate([piece.points_mm for piece in slices])
         low_mm = points_mm.min(axis=0) - MARGIN_CELLS * cell_mm
         shape = np.ceil((points_mm.max(axis=0) - low_mm) / cell_mm).astype(int) + MARGIN_CELLS + 1
-        if shape.prod() > MOST_CELLS:
-            raise InputError(f"cell_mm: expected at most {MOST_CELLS:g} cells, received {shape.prod():g}")
+        if shape.prod() > MAX_CELLS:
+            raise InputError(f"cell_mm: expected at most {MAX_CELLS:g} cells, received {shape.prod():g}")
         total_mm, weight = np.zeros(shape), np.zeros(shape, dtype=np.int64)
         return cls(total_mm, weight, low_mm, cell_mm, slices[0].sweep_T_world)
 

@@ -1,4 +1,4 @@
-"""Surfaces through clouds of points with normals: Poisson reconstruction and ball pivoting behind one call."""
+"""Surfaces through oriented point clouds: screened Poisson reconstruction and ball pivoting."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from registration.checks import require_at_least, require_positive
 from registration.errors import InputError
 from registration.geometry.mesh_topology import keep_triangles, largest_piece
+from registration.geometry.open3d_bridge import import_open3d, point_body
 from registration.geometry.point_cloud import OrientedCloud, require_oriented, with_surface_normals
 from registration.geometry.shapes import Mesh
 from registration.reconstruction.open_ends import measured_part
@@ -18,21 +19,50 @@ from registration.reconstruction.open_ends import measured_part
 
 @runtime_checkable
 class SurfaceMethod(Protocol):
-    """What every reconstruction is: a call from a cloud to a surface."""
+    """A method of surface reconstruction."""
 
     def __call__(self, cloud: OrientedCloud) -> Mesh:
-        """Reconstruct the surface that the points lie on."""
+        """Reconstruct the surface that the points lie on.
+
+        Parameters
+        ----------
+        cloud : OrientedCloud
+            Points with outward unit normals.
+
+        Returns
+        -------
+        Mesh
+            The surface in the cloud's coordinate frame.
+        """
 
 
 @dataclass(frozen=True)
 class PoissonSurface:
-    """Screened Poisson reconstruction (Kazhdan and Hoppe, ACM Trans. Graph. 32(3), 2013), open where the vessel is.
+    """Screened Poisson reconstruction, open where the measured points end.
 
-    ``cell_mm`` is the size of the finest cell. ``bridge_mm`` is the widest gap that is closed between measured points:
-    past the last of them the surface is cut along the line where they end, instead of bulging out. 0 leaves the
-    surface closed. ``trim_share`` takes off the vertices of least density, as is usual; it cannot tell a bulge from a
-    thinly measured wall. ``normal_reach_mm`` fits normals to the points around each before (0 takes them as they
-    are).
+    Parameters
+    ----------
+    cell_mm : float
+        Edge length of the finest cells in mm.
+    bridge_mm : float
+        Widest gap in mm between measured points that is closed; past the last points the surface is cut
+        instead of bulging out. 0 leaves the surface closed.
+    normal_reach_mm : float, optional
+        Radius in mm within which normals are fitted to the points before; 0 takes them as they are.
+    trim_share : float, optional
+        Share of vertices of lowest density that is removed, below 1; it cannot distinguish a bulge from a
+        sparsely measured wall.
+    largest : bool, optional
+        Whether only the largest connected piece is kept.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
+
+    References
+    ----------
+    M. Kazhdan and H. Hoppe, ACM Trans. Graph. 32(3), 2013.
     """
 
     cell_mm: float
@@ -49,14 +79,27 @@ class PoissonSurface:
             raise InputError(f"trim_share: expected a share below 1, received {self.trim_share:g}")
 
     def __call__(self, cloud: OrientedCloud) -> Mesh:
-        """The surface in the cloud's frame, wound outwards, in one piece if ``largest``.
+        """Reconstruct the surface that the points lie on.
 
-        Raises InputError for a cloud without unit normals or that spans no surface.
+        Parameters
+        ----------
+        cloud : OrientedCloud
+            Points with outward unit normals.
+
+        Returns
+        -------
+        Mesh
+            The surface in the cloud's coordinate frame, oriented outwards.
+
+        Raises
+        ------
+        InputError
+            If normals are not of unit length or the points span no surface.
         """
         require_oriented(cloud)
         if self.normal_reach_mm > 0:
             cloud = with_surface_normals(cloud, self.normal_reach_mm)
-        open3d = _open3d()
+        open3d = import_open3d()
         middle_mm = cloud.points_mm.mean(axis=0)
         body = _body(cloud, middle_mm)
         found, density = open3d.geometry.TriangleMesh.create_from_point_cloud_poisson(
@@ -77,10 +120,26 @@ class PoissonSurface:
 
 @dataclass(frozen=True)
 class BallPivotingSurface:
-    """Triangles that a ball of each radius rests on, rolled over the points (Bernardini et al., IEEE TVCG 5(4), 1999).
+    """Ball pivoting: triangles that a ball rolled over the points rests on.
 
-    ``radii_mm`` go from small to large; a gap wider than the largest ball stays open, so ends do too. The points
-    themselves become vertices: noise is not averaged, and thinning the cloud first makes the triangles even.
+    The points become vertices: noise is not averaged, and downsampling the cloud first makes the triangles
+    even.
+
+    Parameters
+    ----------
+    radii_mm : sequence of float
+        Radii of the balls in mm. A gap wider than the largest ball stays open, so open ends do too.
+    largest : bool, optional
+        Whether only the largest connected piece is kept.
+
+    Raises
+    ------
+    InputError
+        If there is no radius or one is not positive.
+
+    References
+    ----------
+    F. Bernardini et al., IEEE TVCG 5(4), 1999.
     """
 
     radii_mm: Sequence[float]
@@ -94,12 +153,25 @@ class BallPivotingSurface:
             require_positive("radii_mm", radius_mm)
 
     def __call__(self, cloud: OrientedCloud) -> Mesh:
-        """The surface in the cloud's frame, in one piece if ``largest``.
+        """Reconstruct the surface that the points lie on.
 
-        Raises InputError for a cloud without unit normals or whose points no ball rests on.
+        Parameters
+        ----------
+        cloud : OrientedCloud
+            Points with outward unit normals.
+
+        Returns
+        -------
+        Mesh
+            The surface in the cloud's coordinate frame.
+
+        Raises
+        ------
+        InputError
+            If normals are not of unit length or no ball rests on three points.
         """
         require_oriented(cloud)
-        open3d = _open3d()
+        open3d = import_open3d()
         middle_mm = cloud.points_mm.mean(axis=0)
         found = open3d.geometry.TriangleMesh.create_from_point_cloud_ball_pivoting(
             _body(cloud, middle_mm), open3d.utility.DoubleVector(sorted(self.radii_mm))
@@ -111,19 +183,9 @@ class BallPivotingSurface:
 
 
 def _body(cloud: OrientedCloud, middle_mm: np.ndarray) -> Any:
-    open3d = _open3d()
-    body = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(cloud.points_mm - middle_mm))
-    body.normals = open3d.utility.Vector3dVector(cloud.normals)
-    return body
+    return point_body(cloud.points_mm - middle_mm, cloud.normals)
 
 
 def _mesh(found: Any, middle_mm: np.ndarray) -> Mesh:
     vertices_mm = np.asarray(found.vertices, dtype=np.float64).reshape(-1, 3) + middle_mm
     return Mesh(vertices_mm, np.asarray(found.triangles, dtype=np.int64).reshape(-1, 3))
-
-
-def _open3d() -> Any:
-    """Open3D, imported only where a surface is made: it takes a second, and its type stubs are not right."""
-    import open3d
-
-    return open3d

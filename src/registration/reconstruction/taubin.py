@@ -1,4 +1,4 @@
-"""Smoothing of triangle meshes that keeps their volume, or says by how much it did not."""
+"""Smoothing of triangle meshes that keeps their volume, or reports by how much it did not."""
 
 from __future__ import annotations
 
@@ -16,7 +16,17 @@ from registration.geometry.shapes import Mesh
 
 @dataclass(frozen=True)
 class Smoothed:
-    """A smoothed mesh, ``volume_change`` as a share of the volume before, and how far vertices moved at most."""
+    """Result of smoothing a mesh.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The smoothed mesh.
+    volume_change : float
+        Change of the enclosed volume as a share of the volume before.
+    moved_max_mm : float
+        Largest displacement of a vertex in mm.
+    """
 
     mesh: Mesh
     volume_change: float
@@ -25,11 +35,30 @@ class Smoothed:
 
 @dataclass(frozen=True)
 class TaubinSmoothing:
-    """Low-pass filter without shrinkage (Taubin, SIGGRAPH 1995): a step in, a slightly larger step out, repeated.
+    """Low-pass filter of a mesh without shrinkage: repeated steps inwards and slightly larger ones outwards.
 
-    ``shrink`` is the factor of the step towards the neighbours' mean and ``pass_band`` the frequency that is kept: the
-    step back has the factor ``1 / (pass_band - 1 / shrink)``. A vertex on a border moves along the border alone, so
-    open ends stay where they are. A volume that changes by more than ``volume_tolerance`` is an error.
+    A vertex on a border moves along the border only, so open ends stay where they are.
+
+    Parameters
+    ----------
+    iterations : int, optional
+        Number of pairs of steps.
+    shrink : float, optional
+        Factor of the step towards the mean of the neighbours, above 0 and at most 1.
+    pass_band : float, optional
+        Frequency that is kept, above 0 and below ``1 / shrink``; the step back has the factor
+        ``1 / (pass_band - 1 / shrink)``.
+    volume_tolerance : float, optional
+        Largest change of the volume as a share of it.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
+
+    References
+    ----------
+    G. Taubin, SIGGRAPH 1995.
     """
 
     iterations: int = 10
@@ -48,7 +77,23 @@ class TaubinSmoothing:
             )
 
     def __call__(self, mesh: Mesh) -> Smoothed:
-        """Smooth the mesh; its triangles stay. Raises InputError where the volume changes too much."""
+        """Smooth a mesh.
+
+        Parameters
+        ----------
+        mesh : Mesh
+            Surface, open or closed.
+
+        Returns
+        -------
+        Smoothed
+            The mesh with the same triangles, and how much it changed.
+
+        Raises
+        ------
+        InputError
+            If the mesh has no triangles or its volume changes by more than ``volume_tolerance``.
+        """
         if not len(mesh.triangles):
             raise InputError("mesh: expected triangles to smooth, received none")
         means = _neighbour_means(mesh)

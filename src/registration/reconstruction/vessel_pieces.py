@@ -1,4 +1,4 @@
-"""The pieces of a surface that belong to one vessel, where a gap in a sweep has parted it, and those that do not."""
+"""Connected pieces of a surface that belong to one vessel, where a gap in a sweep has divided it."""
 
 from __future__ import annotations
 
@@ -12,18 +12,28 @@ from registration.geometry.shapes import Mesh
 from registration.metrics.surface_distance import SurfaceDistance
 
 # Ends face each other within 60 degrees.
-LEAST_OPPOSED = 0.5
+MIN_OPPOSING_COSINE = 0.5
 # An end lies on the axis of another to within its radius and this share of the gap, about 30 degrees.
 BEND_SHARE = 0.6
 # How far the widths of two ends may differ: where a vessel divides in a gap, a branch follows the trunk.
-MOST_RATIO = 3.0
+MAX_RADIUS_RATIO = 3.0
 # The end of a branch lies so many of its radii from the wall that it came from, at most, and the branch is as long.
 BRANCH_RADII = 2.0
 
 
 @dataclass(frozen=True)
 class KeptPieces:
-    """The pieces of one vessel as ``mesh``, how many they are, and what was left out, by number and area."""
+    """Result of selecting the pieces of one vessel.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The pieces that were kept.
+    kept, dropped : int
+        Numbers of pieces.
+    area_mm2, area_dropped_mm2 : float
+        Areas in mm^2 of the pieces that were kept and of the others.
+    """
 
     mesh: Mesh
     kept: int
@@ -33,42 +43,77 @@ class KeptPieces:
 
     @property
     def share_dropped(self) -> float:
-        """The share of all area that was left out."""
+        """Share of the area that was dropped, 0 to 1."""
         return self.area_dropped_mm2 / max(self.area_mm2 + self.area_dropped_mm2, 1e-300)
 
 
 @dataclass(frozen=True)
 class VesselPieces:
-    """Keep the largest piece and all that continue it; leave out the others.
+    """Selection of the largest piece of a surface and all pieces that continue it.
 
-    A piece continues another where an open end of one faces an open end of the other: on its axis, of a like width, at
-    most ``gap_radii`` radii away. So does a branch whose open end lies close before the wall of the other. A piece of
-    less than ``least_share`` of the whole area, or shorter than half its radius, is a speck.
+    A piece continues another where an open end of one faces an open end of the other: on its axis, of similar
+    width and near. So does a branch whose open end lies close before the wall of the other.
+
+    Parameters
+    ----------
+    gap_radii : float, optional
+        Widest gap between two open ends that face each other, in their radii.
+    min_area_share : float, optional
+        Pieces of a smaller share of the total area are dropped, as are those shorter than half their radius.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range.
     """
 
     gap_radii: float = 12.0
-    least_share: float = 0.01
+    min_area_share: float = 0.01
 
     def __post_init__(self) -> None:
         require_positive("gap_radii", self.gap_radii)
-        require_at_least("least_share", self.least_share, 0.0)
+        require_at_least("min_area_share", self.min_area_share, 0.0)
 
     def __call__(self, mesh: Mesh) -> KeptPieces:
-        """Part the mesh in pieces that belong and pieces that do not."""
+        """Keep the pieces of one vessel.
+
+        Parameters
+        ----------
+        mesh : Mesh
+            Surface of any number of pieces.
+
+        Returns
+        -------
+        KeptPieces
+            The pieces that were kept, and what was dropped.
+        """
         parts = self.parts(mesh)
-        whole_mm2 = float(mesh.areas_mm2.sum())
+        total_mm2 = float(mesh.areas_mm2.sum())
         kept = parts[0] if len(parts) == 1 else _together(parts)
         area_mm2 = float(kept.areas_mm2.sum())
-        return KeptPieces(kept, len(parts), pieces(mesh)[0] - len(parts), area_mm2, whole_mm2 - area_mm2)
+        return KeptPieces(kept, len(parts), pieces(mesh)[0] - len(parts), area_mm2, total_mm2 - area_mm2)
 
     def parts(self, mesh: Mesh) -> list[Mesh]:
-        """The pieces that belong to one vessel, the largest first."""
+        """Find the pieces of one vessel.
+
+        Parameters
+        ----------
+        mesh : Mesh
+            Surface of any number of pieces.
+
+        Returns
+        -------
+        list of Mesh
+            The pieces, the largest first.
+        """
         count, of_triangle = pieces(mesh)
         if count < 2:
             return [mesh]
         areas_mm2 = np.bincount(of_triangle, weights=mesh.areas_mm2)
         order = [
-            int(one) for one in np.argsort(-areas_mm2) if areas_mm2[one] >= self.least_share * areas_mm2.sum()
+            int(one)
+            for one in np.argsort(-areas_mm2)
+            if areas_mm2[one] >= self.min_area_share * areas_mm2.sum()
         ]
         found = [_Piece.of(keep_triangles(mesh, of_triangle == one)) for one in order]
         kept, left = found[:1], found[1:]
@@ -94,9 +139,9 @@ class VesselPieces:
     def _faces(self, end: Border, other: Border) -> bool:
         """Whether two open ends are those of one vessel, on both sides of a gap."""
         radius_mm = max(end.radius_mm, other.radius_mm)
-        if radius_mm > MOST_RATIO * min(end.radius_mm, other.radius_mm):
+        if radius_mm > MAX_RADIUS_RATIO * min(end.radius_mm, other.radius_mm):
             return False
-        if end.normal @ other.normal > -LEAST_OPPOSED:
+        if end.normal @ other.normal > -MIN_OPPOSING_COSINE:
             return False
         way_mm = end.centre_mm - other.centre_mm
         gap_mm = float(np.linalg.norm(way_mm))
@@ -104,8 +149,8 @@ class VesselPieces:
             return False
         for place_mm, normal in ((way_mm, other.normal), (-way_mm, end.normal)):
             ahead_mm = float(place_mm @ normal)
-            beside_mm = float(np.linalg.norm(place_mm - ahead_mm * normal))
-            if ahead_mm < -0.5 * radius_mm or beside_mm > 0.5 * radius_mm + BEND_SHARE * gap_mm:
+            across_mm = float(np.linalg.norm(place_mm - ahead_mm * normal))
+            if ahead_mm < -0.5 * radius_mm or across_mm > 0.5 * radius_mm + BEND_SHARE * gap_mm:
                 return False
         return True
 

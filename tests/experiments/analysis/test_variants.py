@@ -6,17 +6,17 @@ from pathlib import Path
 from typing import Any
 
 from experiments.analysis.variants import names_of_files, told_apart, varying_choices
-from experiments.outcome import CellResult
+from experiments.outcome import JobResult
 
 
-def cell(choices: dict[str, str], **config: Any) -> CellResult:
-    return CellResult(config, {}, None, Path(), choices=choices)
+def result(choices: dict[str, str], **config: Any) -> JobResult:
+    return JobResult(config, {}, None, Path(), choices=choices)
 
 
 def test_only_choices_that_vary_under_a_name_become_part_of_it() -> None:
-    cells = [cell({"augmentation": name, "trainer": "cpu"}) for name in ("none", "strong")]
-    cells.append(cell({"augmentation": "none", "trainer": "cpu"}))
-    assert told_apart(cells, ["unet", "unet", "other"]) == [
+    results = [result({"augmentation": name, "trainer": "cpu"}) for name in ("none", "strong")]
+    results.append(result({"augmentation": "none", "trainer": "cpu"}))
+    assert told_apart(results, ["unet", "unet", "other"]) == [
         "unet augmentation=none",
         "unet augmentation=strong",
         "other",
@@ -24,15 +24,15 @@ def test_only_choices_that_vary_under_a_name_become_part_of_it() -> None:
 
 
 def test_repetitions_and_how_a_job_is_run_tell_nothing_apart() -> None:
-    cells = [
-        cell({"seed": str(k), "resume": str(k), "dataset.cache": str(k), "workers": str(k)}) for k in (0, 1)
+    results = [
+        result({"seed": str(k), "resume": str(k), "dataset.cache": str(k), "workers": str(k)}) for k in (0, 1)
     ]
-    assert told_apart(cells, ["unet", "unet"], ("seed",)) == ["unet", "unet"]
+    assert told_apart(results, ["unet", "unet"], ("seed",)) == ["unet", "unet"]
 
 
 def test_a_seed_of_the_data_is_no_repetition() -> None:
-    cells = [cell({"dataset.seed": str(k)}) for k in (0, 1)]
-    assert varying_choices(cells, ["unet", "unet"], ("seed",)) == [
+    results = [result({"dataset.seed": str(k)}) for k in (0, 1)]
+    assert varying_choices(results, ["unet", "unet"], ("seed",)) == [
         {"dataset.seed": "0"},
         {"dataset.seed": "1"},
     ]

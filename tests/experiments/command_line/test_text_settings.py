@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import yaml
 
-from experiments.cli import compose_points
+from experiments.cli import compose_sweep
 from experiments.command_line.text_settings import TEXT, is_text, loader_with_text, quoted_override
 from experiments.errors import InputError
 from experiments.splits.group_splits import GroupSplits
@@ -33,7 +33,7 @@ NAMES = [
 
 
 def composed(*overrides: str, **more: Any) -> dict[str, Any]:
-    ((config, _),) = compose_points(["study=inspect_dataset", *overrides], **more)
+    ((config, _),) = compose_sweep(["study=inspect_dataset", *overrides], **more)
     return dict(config)
 
 
@@ -77,7 +77,7 @@ def test_names_and_paths_of_one_value_are_text_and_null_is_none(tmp_path: Path) 
 
 
 def test_a_sweep_over_names_keeps_them_apart() -> None:
-    points = compose_points(
+    points = compose_sweep(
         [
             "study=inspect_dataset",
             "dataset=san_raffaele",
@@ -100,7 +100,7 @@ def test_a_sweep_over_names_keeps_them_apart() -> None:
         ("dataset.root=${oc.env:HOME}", "dataset.root=${oc.env:HOME}"),
         ("++split={test_groups:[1.10],folds:3}", "++split={test_groups:['1.10'],folds:3}"),
         ("split.folds=10", "split.folds=10"),
-        ("dataset.stand_in.subjects=10", "dataset.stand_in.subjects=10"),
+        ("dataset.substitute.subjects=10", "dataset.substitute.subjects=10"),
         ("~out", "~out"),
     ],
 )

@@ -14,7 +14,7 @@ from drawn_sweeps import draw_sweeps
 
 from experiments.datasets.carotid import Carotid, subject_groups
 from experiments.datasets.protocol import reported_name
-from experiments.datasets.simulated import StandIn
+from experiments.datasets.simulated import SimulatedSubstitute
 from experiments.errors import InputError
 
 FIRST, SECOND, THIRD = "202201121748100022VAS", "202201121755300023EM VASCULAR", "202202010900000001VAS"
@@ -182,10 +182,10 @@ def test_refuses_empty_masks_and_names_of_another_kind(tmp_path) -> None:
         Carotid("x", group_by="person")
 
 
-def test_the_stand_in_has_the_real_sets_names_and_groups(tmp_path, monkeypatch) -> None:
+def test_the_substitute_has_the_real_sets_names_and_groups(tmp_path, monkeypatch) -> None:
     draw_sweeps(monkeypatch)
-    maker = StandIn(subjects=2, recordings=2, frames=2, size_px=32, cache=str(tmp_path))
-    dataset = Carotid(str(tmp_path / "none"), simulate=True, stand_in=maker)
+    maker = SimulatedSubstitute(subjects=2, recordings=2, frames=2, size_px=32, cache=str(tmp_path))
+    dataset = Carotid(str(tmp_path / "none"), simulate=True, substitute=maker)
     frames = dataset()
     assert dataset.require_root() is None and dataset.name == "carotid" and frames.simulated
     assert frames.groups == ("subject_01",) * 4 + ("subject_02",) * 4
@@ -195,5 +195,5 @@ def test_the_stand_in_has_the_real_sets_names_and_groups(tmp_path, monkeypatch) 
         "200001011005000002EM VASCULAR_slice_0",
     )
     assert dataset.notes()[0].startswith("Simulated: no image of carotid was used")
-    by_recording = Carotid("x", group_by="recording", simulate=True, stand_in=maker)()
+    by_recording = Carotid("x", group_by="recording", simulate=True, substitute=maker)()
     assert len(set(by_recording.groups)) == 4

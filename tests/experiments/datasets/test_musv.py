@@ -7,7 +7,7 @@ from drawn_sweeps import draw_sweeps
 
 from experiments.datasets import vessel_pair
 from experiments.datasets.musv import LABELS, MusV
-from experiments.datasets.simulated import StandIn
+from experiments.datasets.simulated import SimulatedSubstitute
 from experiments.errors import InputError
 
 SEQUENCES = {"002": ("train", 3, (12, 10)), "001": ("valid", 2, (9, 14)), "010": ("train", 2, (12, 10))}
@@ -152,10 +152,12 @@ def test_refuses_settings() -> None:
         MusV("x", "vein", district="neck")
 
 
-def test_the_stand_in_shows_both_vessels_in_both_districts(tmp_path, monkeypatch) -> None:
+def test_the_substitute_shows_both_vessels_in_both_districts(tmp_path, monkeypatch) -> None:
     draw_sweeps(monkeypatch)
-    maker = StandIn(subjects=2, recordings=1, frames=2, size_px=48, strength=0.3, cache=str(tmp_path))
-    artery, vein = (MusV("none", target, simulate=True, stand_in=maker) for target in ("artery", "vein"))
+    maker = SimulatedSubstitute(
+        subjects=2, recordings=1, frames=2, size_px=48, strength=0.3, cache=str(tmp_path)
+    )
+    artery, vein = (MusV("none", target, simulate=True, substitute=maker) for target in ("artery", "vein"))
     frames, veins = artery(), vein()
     assert frames.simulated and artery.require_root() is None
     assert frames.groups == ("volunteer_01",) * 4 + ("volunteer_02",) * 4
@@ -165,7 +167,7 @@ def test_the_stand_in_shows_both_vessels_in_both_districts(tmp_path, monkeypatch
         assert one[8:12, 4:7].all() and one.sum() == 12 and two[2:5, 3:9].all() and two.sum() == 18
     assert {"artery": vessel_pair.ARTERY, "vein": vessel_pair.VEIN} == LABELS
     # No table is needed to know the district of what is simulated.
-    groin = MusV("none", "artery", district="femoral", simulate=True, stand_in=maker)()
+    groin = MusV("none", "artery", district="femoral", simulate=True, substitute=maker)()
     assert groin.case_ids == ("002_000", "002_001", "004_000", "004_001")
     np.testing.assert_array_equal(groin.images[0], frames.images[2])
     assert artery.notes()[0].startswith("Simulated: no image of musv_artery was used")

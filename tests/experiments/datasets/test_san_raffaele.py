@@ -7,7 +7,7 @@ from drawn_sweeps import draw_sweeps
 
 from experiments.datasets.exclusion_report import write_report
 from experiments.datasets.san_raffaele import SanRaffaele
-from experiments.datasets.simulated import StandIn
+from experiments.datasets.simulated import SimulatedSubstitute
 from experiments.errors import InputError
 
 ROWS = [
@@ -157,11 +157,11 @@ def test_refuses_settings(settings: dict, message: str) -> None:
         SanRaffaele("x", **settings)
 
 
-def test_the_stand_in_goes_through_the_same_configurations(tmp_path, monkeypatch) -> None:
+def test_the_substitute_goes_through_the_same_configurations(tmp_path, monkeypatch) -> None:
     draw_sweeps(monkeypatch)
-    maker = StandIn(subjects=4, recordings=2, frames=2, size_px=32, cache=str(tmp_path))
+    maker = SimulatedSubstitute(subjects=4, recordings=2, frames=2, size_px=32, cache=str(tmp_path))
     sets = [
-        SanRaffaele("none", subset, blocks=2, gap_frames=1, simulate=True, stand_in=maker)
+        SanRaffaele("none", subset, blocks=2, gap_frames=1, simulate=True, substitute=maker)
         for subset in SUBSETS
     ]
     for dataset in sets:

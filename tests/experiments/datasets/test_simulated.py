@@ -14,7 +14,7 @@ from experiments import registry
 from experiments.datasets.carotid import Carotid
 from experiments.datasets.musv import MusV
 from experiments.datasets.san_raffaele import SanRaffaele
-from experiments.datasets.simulated import StandIn
+from experiments.datasets.simulated import SimulatedSubstitute
 from experiments.datasets.usgra import Usgra
 from experiments.errors import InputError
 from experiments.paths import conf_dir
@@ -23,9 +23,9 @@ from registration.errors import InputError as PhantomInputError
 REAL_SETS = ("carotid", "musv_artery", "musv_vein", "san_raffaele", "usgra")
 
 
-def small(tmp_path: Path, **changes: object) -> StandIn:
+def small(tmp_path: Path, **changes: object) -> SimulatedSubstitute:
     settings = {"subjects": 2, "recordings": 1, "frames": 2, "size_px": 32, "cache": str(tmp_path)}
-    return StandIn(**{**settings, **changes})  # type: ignore[arg-type]
+    return SimulatedSubstitute(**{**settings, **changes})  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("name", REAL_SETS)
@@ -39,13 +39,15 @@ def test_every_real_set_reads_unless_asked_to_simulate(name: str, tmp_path) -> N
         dataset.require_root()
 
 
-def test_stand_ins_are_marked_and_the_same_from_the_cache(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_simulated_substitutes_are_marked_and_the_same_from_the_cache(
+    tmp_path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     draw_sweeps(monkeypatch)
     maker = small(tmp_path)
     sets = [
-        lambda maker: Carotid("none", simulate=True, stand_in=maker),
-        lambda maker: MusV("none", "vein", simulate=True, stand_in=maker),
-        lambda maker: Usgra("none", simulate=True, stand_in=maker),
+        lambda maker: Carotid("none", simulate=True, substitute=maker),
+        lambda maker: MusV("none", "vein", simulate=True, substitute=maker),
+        lambda maker: Usgra("none", simulate=True, substitute=maker),
     ]
     first = [make(maker)() for make in sets]
     monkeypatch.setattr(
@@ -58,12 +60,12 @@ def test_stand_ins_are_marked_and_the_same_from_the_cache(tmp_path, monkeypatch:
         assert all(spacing is not None for spacing in one.spacing_mm)
 
 
-def test_usgra_has_groups_of_near_twins_and_no_nerve(tmp_path, monkeypatch) -> None:
+def test_usgra_has_groups_of_near_duplicates_and_no_nerve(tmp_path, monkeypatch) -> None:
     draw_sweeps(monkeypatch)
-    dataset = Usgra("none", simulate=True, stand_in=small(tmp_path, frames=3))
+    dataset = Usgra("none", simulate=True, substitute=small(tmp_path, frames=3))
     frames = dataset()
     assert frames.case_ids == ("0000", "0001", "0002", "0003", "0004", "0005")
-    assert frames.groups == ("twins_000",) * 3 + ("twins_001",) * 3
+    assert frames.groups == ("near_duplicates_000",) * 3 + ("near_duplicates_001",) * 3
     assert dataset.notes()[0].startswith("Simulated: no image of usgra was used")
     with pytest.raises(InputError, match="target: expected vessel where simulate=true, received 'nerve'"):
         Usgra("none", target="nerve", simulate=True)
@@ -115,13 +117,13 @@ def test_another_seed_is_other_subjects(tmp_path) -> None:
 )
 def test_bad_settings_are_named(setting: dict) -> None:
     with pytest.raises(PhantomInputError, match=next(iter(setting))):
-        StandIn(**setting)
+        SimulatedSubstitute(**setting)
 
 
 def test_san_raffaele_varies_and_marks_poor_sessions(tmp_path, monkeypatch) -> None:
     draw_sweeps(monkeypatch)
     maker = small(tmp_path, subjects=4, recordings=2)
-    dataset = SanRaffaele("none", subset="pruned", blocks=2, gap_frames=1, simulate=True, stand_in=maker)
+    dataset = SanRaffaele("none", subset="pruned", blocks=2, gap_frames=1, simulate=True, substitute=maker)
     frames, sessions = dataset(), dataset.report()["sessions"]
     assert frames.simulated and list(sessions["frames"]) == [8] + [2] * 7
     assert list(sessions["excluded"] > 0) == [False, False, False, True, False, False, True, False]

@@ -74,8 +74,8 @@ def test_refuses_files_by_name(tmp_path) -> None:
 def test_refuses_settings() -> None:
     with pytest.raises(InputError, match="target: expected one of nerve, vessel, received 'bone'"):
         Usgra("x", target="bone")
-    with pytest.raises(InputError, match=r"twin_correlation: expected above 0 to 1, received 1\.5"):
-        Usgra("x", twin_correlation=1.5)
+    with pytest.raises(InputError, match=r"duplicate_correlation: expected above 0 to 1, received 1\.5"):
+        Usgra("x", duplicate_correlation=1.5)
 
 
 def test_the_real_set_has_what_is_published_of_it(real_data) -> None:

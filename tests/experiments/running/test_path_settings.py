@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from experiments import registry
-from experiments.cli import compose_points
+from experiments.cli import compose_sweep
 from experiments.running import jobs
 from experiments.running.path_settings import is_path, named_paths, words_of
 
@@ -142,7 +142,7 @@ def test_every_path_in_a_studys_configuration_is_found(study: str) -> None:
         for path in sorted((CONF / group.split("@")[0]).glob("*.yaml"))
     ]
     for option in options or [[]]:
-        ((config, _),) = compose_points([f"study={study}", *mandatory, *option])
+        ((config, _),) = compose_sweep([f"study={study}", *mandatory, *option])
         config = filled(config, OF_STUDIES.get(study, set()))
         module = jobs.study_module(study)
         takers = [getattr(module, name) for name in ("run", "check") if hasattr(module, name)]
@@ -157,7 +157,7 @@ def test_a_word_is_no_path_whatever_lies_in_the_current_folder(
     for name in ("moving.ply", "fixed.ply"):
         (home / name).write_text("ply")
     words = ["study=register", "moving=moving.ply", "fixed=fixed.ply", "moving_centerline=none"]
-    ((config, _),) = compose_points(words)
+    ((config, _),) = compose_sweep(words)
     before = jobs.hash_now(config)
     for name in ("plane", "none", "mm", "lps", "register"):
         (home / name).write_text("a file that happens to be called so")

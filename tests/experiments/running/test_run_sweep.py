@@ -1,4 +1,4 @@
-"""The shell: jobs tracked as parent and children, failures that lose nothing, resume, exit codes."""
+"""The sweep runner: jobs tracked as parent and children, failures that lose nothing, resume, exit codes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def runs_of(store: Store, kind: str) -> list:
     return [run for run in store.runs(["counting"]) if run.data.tags["ctus.kind"] == kind]
 
 
-def test_one_call_gives_a_parent_and_a_child_a_cell(counting_study: ModuleType, home: Path, capsys) -> None:
+def test_one_call_gives_a_parent_and_a_child_a_job(counting_study: ModuleType, home: Path, capsys) -> None:
     assert main(["study=counting", "seed=0", f"out={home / 'result'}"]) == 0
 
     store = Store()
@@ -175,7 +175,7 @@ def test_a_dead_runs_are_reaped_and_living_ones_left(counting_study: ModuleType,
         ended.wait()
     dead.tags({"ctus.pid": str(ended.pid)})
 
-    assert store.reap("counting") == [dead.run_id]
+    assert store.mark_orphans_failed("counting") == [dead.run_id]
     assert store.client().get_run(dead.run_id).info.status == "FAILED"
     assert store.client().get_run(living.run_id).info.status == "RUNNING"
     living.end("FINISHED")
@@ -187,7 +187,7 @@ def test_a_silent_run_of_another_machine_is_reaped(home: Path) -> None:
     beating = store.start("counting", "beating", {"ctus.kind": "job"})
     silent.tags({"ctus.host": "elsewhere", "ctus.heartbeat": f"{time.time() - 3600:.0f}"})
     beating.tags({"ctus.host": "elsewhere"})
-    assert store.reap("counting") == [silent.run_id]
+    assert store.mark_orphans_failed("counting") == [silent.run_id]
     silent.end("FAILED")
     beating.end("FINISHED")
 
@@ -195,9 +195,9 @@ def test_a_silent_run_of_another_machine_is_reaped(home: Path) -> None:
 def test_sigterm_ends_the_run_as_failed(home: Path, repository: Path) -> None:
     program = (
         "import sys, time, signal\n"
-        "from experiments import shell\n"
+        "from experiments.running import run_sweep\n"
         "from experiments.tracking import Store, ending\n"
-        "with shell.stoppable():\n"
+        "with run_sweep.stoppable():\n"
         "    with ending(Store().start('counting', 'slow', {'ctus.kind': 'job'})) as run:\n"
         "        print(run.run_id, flush=True)\n"
         "        time.sleep(60)\n"

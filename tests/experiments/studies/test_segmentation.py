@@ -12,7 +12,7 @@ import torch
 from drawn_vessels import drawn_frames
 
 from experiments.errors import InputError
-from experiments.outcome import CellResult, Outcome, Silent
+from experiments.outcome import JobResult, Outcome, Silent
 from experiments.splits.group_splits import GroupSplits
 from experiments.splits.split import Split
 from experiments.studies import segmentation
@@ -79,13 +79,13 @@ def project_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 @pytest.fixture(scope="module")
-def sweep(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[CellResult, Outcome]]:
-    """All three folds, as the shell would run them."""
+def sweep(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[JobResult, Outcome]]:
+    """All three folds, as the sweep runner would run them."""
     results = []
-    for cell in segmentation.cells(config()):
+    for job in segmentation.jobs(config()):
         workspace = tmp_path_factory.mktemp("fold")
-        outcome = run_fold(workspace, **cell)
-        results.append((CellResult(cell, outcome.metrics, outcome.cases, workspace), outcome))
+        outcome = run_fold(workspace, **job)
+        results.append((JobResult(job, outcome.metrics, outcome.cases, workspace), outcome))
     return results
 
 
@@ -95,17 +95,17 @@ def config(**changes: object) -> dict[str, object]:
     return {"split": split, "dataset": dataset, "outer_fold": None, "fold": None, **changes}
 
 
-def test_cells_are_all_folds_or_the_one_named() -> None:
-    assert segmentation.cells(config()) == [{"fold": 0}, {"fold": 1}, {"fold": 2}]
-    assert segmentation.cells(config(fold=2)) == [{"fold": 2}]
+def test_jobs_are_all_folds_or_the_one_named() -> None:
+    assert segmentation.jobs(config()) == [{"fold": 0}, {"fold": 1}, {"fold": 2}]
+    assert segmentation.jobs(config(fold=2)) == [{"fold": 2}]
 
 
-def test_cells_of_nested_folds() -> None:
+def test_jobs_of_nested_folds() -> None:
     split = {"_target_": "experiments.splits.group_splits.GroupSplits", "folds": 2, "outer_folds": 3}
     pairs = [{"outer_fold": outer, "fold": fold} for outer in range(3) for fold in range(2)]
-    assert segmentation.cells(config(split=split)) == pairs
-    assert segmentation.cells(config(split=split, outer_fold=1)) == pairs[2:4]
-    assert segmentation.cells(config(split=split, outer_fold=2, fold=0)) == pairs[4:5]
+    assert segmentation.jobs(config(split=split)) == pairs
+    assert segmentation.jobs(config(split=split, outer_fold=1)) == pairs[2:4]
+    assert segmentation.jobs(config(split=split, outer_fold=2, fold=0)) == pairs[4:5]
 
 
 @pytest.mark.parametrize(
@@ -119,15 +119,15 @@ def test_cells_of_nested_folds() -> None:
 )
 def test_refuses_folds_that_are_none(changes: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        segmentation.cells(config(**changes))
+        segmentation.jobs(config(**changes))
 
 
 def test_a_missing_folder_is_refused_once_before_any_fold(tmp_path) -> None:
     node = {"_target_": "experiments.datasets.usgra.Usgra", "root": str(tmp_path / "none")}
     with pytest.raises(InputError, match=r"expected the folder of data set usgra .* pass dataset\.root="):
-        segmentation.cells(config(dataset=node))
+        segmentation.jobs(config(dataset=node))
     (tmp_path / "none").mkdir()
-    assert len(segmentation.cells(config(dataset=node))) == 3
+    assert len(segmentation.jobs(config(dataset=node))) == 3
 
 
 def test_an_image_size_that_does_not_fit_is_refused_before_any_fold() -> None:
@@ -294,7 +294,7 @@ def test_what_was_left_out_as_unpaired_stands_in_every_table_and_figure(tmp_path
 
     folds = [run_fold(tmp_path / str(fold), fold=fold, dataset=Incomplete()) for fold in (0, 1)]
     results = [
-        CellResult(config(fold=fold), outcome.metrics, outcome.cases, tmp_path / str(fold))
+        JobResult(config(fold=fold), outcome.metrics, outcome.cases, tmp_path / str(fold))
         for fold, outcome in enumerate(folds)
     ]
     for outcome in (*folds, segmentation.summarise(results)):

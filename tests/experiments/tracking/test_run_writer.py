@@ -12,7 +12,7 @@ from mlflow.exceptions import MlflowException
 from mlflow.tracking import MlflowClient
 
 from experiments.cli import main
-from experiments.tracking import ORIGIN_TAG, Store, loggable, run_writer, store, unanswered
+from experiments.tracking import ORIGIN_TAG, Store, loggable, run_writer, server_unreachable, store
 from experiments.tracking.archive import read_archive
 
 NO_ANSWER = MlflowException(
@@ -118,7 +118,7 @@ def test_no_server_at_the_start_is_said_in_one_sentence(counting_study: ModuleTy
     ],
 )
 def test_what_means_that_a_server_did_not_answer(error: Exception, silent: bool) -> None:
-    assert unanswered(error) is silent
+    assert server_unreachable(error) is silent
 
 
 def test_numbers_that_the_tracker_cannot_hold_become_counts() -> None:

@@ -7,10 +7,10 @@ from lightning.pytorch import Trainer
 from torch import nn
 
 from models.preprocessing.preprocessing import Preprocessing
-from models.training import callback
 from models.training.augmentation import Augmentation
 from models.training.callback import TrainingCourse
 from models.training.datamodule import FoldData
+from models.training.fold import callback
 from models.training.losses import DiceCrossEntropy
 from models.training.phase import Phase
 from models.training.segmenter import Segmenter
@@ -32,7 +32,7 @@ class Course:
         self.saved: list[tuple[int, float]] = []
         self.seen: list[dict[str, float]] = []
         self.module = Segmenter(nn.Conv2d(1, 1, 1), DiceCrossEntropy(), SETTINGS, lambda step: 0.1)
-        self.optimiser = self.module.configure_optimizers()
+        self.optimiser = self.module.configure_optimizers()["optimizer"]
         self.trainer = Mock(spec=Trainer, optimizers=[self.optimiser], should_stop=False)
         self.trainer.precision_plugin.state_dict.return_value = {"scale": 2.0}
         self.course = TrainingCourse(
@@ -47,6 +47,7 @@ class Course:
     def epoch(self, dsc: float) -> None:
         self.course.on_train_epoch_start(self.trainer, self.module)
         for batch in range(2):
+            self.course.on_train_batch_start(self.trainer, self.module, [], batch)
             self.course.on_train_batch_end(self.trainer, self.module, None, [torch.zeros(2, 1, 8, 8)], batch)
         self.module.take_measures = lambda: {"validation_loss": 0.3, "validation_dsc": dsc}
         self.course.on_train_epoch_end(self.trainer, self.module)
@@ -58,7 +59,7 @@ def test_the_best_weights_are_saved_and_each_epoch_is_told() -> None:
         led.epoch(dsc)
     assert led.saved == [(0, 0.2), (1, 0.5)]
     assert led.seen == led.course.history and len(led.seen) == 4
-    assert led.seen[0]["images_per_s"] > 0 and led.seen[0]["learning_rate"] == 0.5
+    assert led.seen[0]["images_per_s"] > 0 and led.seen[0]["learning_rate"] == 0.05
     assert not led.trainer.should_stop
     led.epoch(0.1)
     assert led.trainer.should_stop

@@ -4,11 +4,11 @@ import torch
 from drawn_vessels import drawn_frames
 
 from models.preprocessing.preprocessing import Preprocessing
-from models.training.augmentation import PROBABILITIES, Augmentation
+from models.training.augmentation import Augmentation
 from models.training.datamodule import FoldData, prepared
 
 STAGE = Preprocessing(32)
-NOTHING = Augmentation(**dict.fromkeys(PROBABILITIES, 0.0))
+NOTHING = Augmentation(())
 
 
 def fold_data(seed: int = 0, augmentation: Augmentation = NOTHING) -> FoldData:

@@ -7,7 +7,7 @@ from drawn_vessels import drawn_frames
 from models.errors import InputError
 from models.networks.unet import UNet
 from models.preprocessing.preprocessing import Preprocessing
-from models.training.augmentation import Augmentation
+from models.training.augmentation import DEFAULT_TRANSFORMS, Augmentation, Contrast, Flip, Gamma
 from models.training.losses import DiceCrossEntropy
 from models.training.settings import TrainerSettings
 from models.training.spec import FoldTraining
@@ -38,7 +38,9 @@ def test_the_fingerprint_tells_every_other_training_apart() -> None:
         training(validation=drawn_frames(3, seed=2)),
         training(train=drawn_frames(6).subset([0, 1, 2, 3, 5, 4])),
         training(preprocessing=Preprocessing(32, normalisation="unit")),
-        training(augmentation=Augmentation(flip=0.4)),
+        training(augmentation=Augmentation((Flip(), *DEFAULT_TRANSFORMS[2:]))),
+        training(augmentation=Augmentation((Gamma(0.5, 0.2),))),
+        training(augmentation=Augmentation((Contrast(0.5, 0.2),))),
         training(loss=DiceCrossEntropy(smooth=2.0)),
         training(seed=1),
         training(fold=1),

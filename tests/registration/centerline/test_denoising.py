@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tubes import helix, straight, tube
 
-from registration.centerline.denoising import smoothed_if_rough
+from registration.centerline.denoising import smooth_if_rough
 from registration.geometry.shapes import Mesh
 from registration.metrics.surface_distance import SurfaceDistance, rms
 
@@ -20,7 +20,7 @@ def noisy(mesh: Mesh, noise_mm: float) -> Mesh:
 def test_noise_as_large_as_the_triangles_goes(noise_mm: float) -> None:
     exact = tube(helix(), 4.0, around=48)
     rough = noisy(exact, noise_mm)
-    smooth = smoothed_if_rough(rough, 0.01)
+    smooth = smooth_if_rough(rough, 0.01)
     distance = SurfaceDistance(exact)
     assert rms(distance(smooth.vertices_mm)) < 0.4 * rms(distance(rough.vertices_mm))
     # Folded triangles made the area larger: noise of 0.5 mm by more than half of it.
@@ -30,14 +30,14 @@ def test_noise_as_large_as_the_triangles_goes(noise_mm: float) -> None:
 
 def test_a_smooth_wall_stays_and_so_does_one_whose_roughness_is_allowed() -> None:
     exact = tube(straight(), 4.0)
-    assert smoothed_if_rough(exact, 0.01) is exact
+    assert smooth_if_rough(exact, 0.01) is exact
     rough = noisy(exact, 0.1)
-    assert smoothed_if_rough(rough, 0.01) is not rough
-    assert smoothed_if_rough(rough, 0.1) is rough
+    assert smooth_if_rough(rough, 0.01) is not rough
+    assert smooth_if_rough(rough, 0.1) is rough
 
 
 def test_coarse_triangles_are_no_noise() -> None:
     coarse = tube(straight(40.0, 4.0), 4.0, around=6)
-    assert smoothed_if_rough(coarse, 0.01) is coarse
+    assert smooth_if_rough(coarse, 0.01) is coarse
     empty = Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64))
-    assert smoothed_if_rough(empty, 0.01) is empty
+    assert smooth_if_rough(empty, 0.01) is empty

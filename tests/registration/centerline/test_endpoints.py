@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from registration.centerline.endpoints import Summit, summits
+from registration.centerline.endpoints import BranchEnd, branch_ends
 from registration.centerline.medial_axis import MedialAxis
 
 NONE = np.zeros(0, dtype=np.int64)
@@ -33,9 +33,9 @@ def test_a_branch_counts_from_so_many_radii_of_the_trunk_on() -> None:
     # Tooth at 10 reaches 5 mm, tooth at 20 reaches 7: 1.5 radii of the trunk are 6.
     axis, away_mm = comb({10: 5, 20: 7})
     main = np.ones(len(away_mm), dtype=bool)
-    assert summits(axis, main, away_mm, 1.5, NONE) == (Summit(40, ()), Summit(52, ()))
-    assert [found.node for found in summits(axis, main, away_mm, 1.0, NONE)] == [40, 52, 45]
-    assert [found.node for found in summits(axis, main, away_mm, 3.0, NONE)] == [40]
+    assert branch_ends(axis, main, away_mm, 1.5, NONE) == (BranchEnd(40, ()), BranchEnd(52, ()))
+    assert [found.node for found in branch_ends(axis, main, away_mm, 1.0, NONE)] == [40, 52, 45]
+    assert [found.node for found in branch_ends(axis, main, away_mm, 3.0, NONE)] == [40]
 
 
 def test_only_main_spheres_are_ends() -> None:
@@ -43,13 +43,13 @@ def test_only_main_spheres_are_ends() -> None:
     main = np.ones(len(away_mm), dtype=bool)
     main[43:] = False
     # Of the tooth's nine spheres only two are main: they do not reach far enough.
-    assert [found.node for found in summits(axis, main, away_mm, 1.5, NONE)] == [40]
+    assert [found.node for found in branch_ends(axis, main, away_mm, 1.5, NONE)] == [40]
 
 
 def test_marked_spheres_go_with_their_branch() -> None:
     axis, away_mm = comb({10: 5, 20: 7})
     main = np.ones(len(away_mm), dtype=bool)
-    top, tooth = summits(axis, main, away_mm, 1.5, np.array([45, 51, 39]))
+    top, tooth = branch_ends(axis, main, away_mm, 1.5, np.array([45, 51, 39]))
     # The mark on the short tooth goes to what the tooth hangs on.
     assert sorted(top.marked) == [39, 45]
     assert tooth.marked == (51,)
@@ -57,13 +57,13 @@ def test_marked_spheres_go_with_their_branch() -> None:
 
 def test_a_farther_branch_takes_the_trunks_place() -> None:
     axis, away_mm = comb({30: 25})
-    found = summits(axis, np.ones(len(away_mm), dtype=bool), away_mm, 1.5, NONE)
-    assert [summit.node for summit in found] == [65, 40]
+    found = branch_ends(axis, np.ones(len(away_mm), dtype=bool), away_mm, 1.5, NONE)
+    assert [branch_end.node for branch_end in found] == [65, 40]
 
 
 @pytest.mark.parametrize("length_mm, ends", [(5.0, 0), (7.0, 1)])
 def test_what_is_not_longer_than_wide_has_no_end(length_mm: float, ends: int) -> None:
     centres_mm = np.array([[0.0, 0, 0], [0, 0, length_mm]])
     axis = MedialAxis(centres_mm, np.array([4.0, 4.0]), csr_array(([length_mm], ([0], [1])), shape=(2, 2)))
-    found = summits(axis, np.ones(2, dtype=bool), np.array([0.0, length_mm]), 1.5, NONE)
+    found = branch_ends(axis, np.ones(2, dtype=bool), np.array([0.0, length_mm]), 1.5, NONE)
     assert len(found) == ends

@@ -64,7 +64,7 @@ def test_long_triangles_get_points_and_dense_ones_lose_some() -> None:
 def test_a_wall_of_very_many_points_is_thinned(monkeypatch: pytest.MonkeyPatch) -> None:
     dense = tube(straight(40.0, 0.1), 4.0, around=128)
     many = len(sample_evenly(dense, 4.0))
-    monkeypatch.setattr("registration.centerline.medial_axis.MOST_POINTS", many // 4)
+    monkeypatch.setattr("registration.centerline.medial_axis.MAX_POINTS", many // 4)
     few = sample_evenly(dense, 4.0)
     assert 0.1 * many < len(few) <= many // 4
     asked_mm = dense.sample(2000, np.random.default_rng(0))

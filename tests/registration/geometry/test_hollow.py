@@ -196,6 +196,6 @@ def test_a_sphere_count_too_large_is_thinned(monkeypatch: pytest.MonkeyPatch) ->
     walls = Walls(mesh, capped(mesh))
     assert len(borders(mesh)) == 2
     many = len(medial_axis.medial_axis(mesh, walls, 4.0).radius_mm)
-    monkeypatch.setattr(medial_axis, "MOST_SPHERES", many // 3)
+    monkeypatch.setattr(medial_axis, "MAX_SPHERES", many // 3)
     few = medial_axis.medial_axis(mesh, walls, 4.0)
     assert 0.05 * many < len(few.radius_mm) <= many // 3

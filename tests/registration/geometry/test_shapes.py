@@ -90,7 +90,7 @@ def test_centerlines_refuse_what_is_no_line() -> None:
         line((0, 0, 0), (0, 0, np.nan))
     with pytest.raises(InputError, match="radius_mm: expected finite radii"):
         Polyline(np.eye(3), np.array([1.0, -1.0, 1.0]))
-    with pytest.raises(InputError, match="most: expected at least 2"):
+    with pytest.raises(InputError, match="max_points: expected at least 2"):
         Centerline((line((0, 0, 0), (1, 0, 0)),)).even_points(1)
 
 

@@ -11,7 +11,7 @@ from vessels import bent_tube
 
 from registration.errors import InputError
 from registration.geometry.shapes import Mesh
-from registration.io.atomic import written_beside
+from registration.io.atomic import atomic_write
 from registration.io.surfaces import read_centerline, read_surface, write_surface
 
 TUBE = bent_tube(along=20, around=8)
@@ -145,7 +145,7 @@ def test_writing_refuses_what_the_format_does_not_hold(tmp_path: Path) -> None:
 
 def test_a_failure_while_writing_leaves_the_old_file(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("old")
-    with pytest.raises(RuntimeError), written_beside(tmp_path / "a.txt") as temporary:
+    with pytest.raises(RuntimeError), atomic_write(tmp_path / "a.txt") as temporary:
         temporary.write_text("half")
         raise RuntimeError
     assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from registration.errors import InputError
-from registration.io.truncation import require_file
+from registration.io.truncation import read_bytes, require_file
 
 
 def test_a_file_that_is_there(tmp_path: Path) -> None:
@@ -20,3 +20,10 @@ def test_folders_and_nothing_are_refused(tmp_path: Path) -> None:
         require_file(tmp_path)
     with pytest.raises(InputError, match=r"none\.ply: expected a file, received nothing there"):
         require_file(tmp_path / "none.ply")
+
+
+def test_content_is_read_whole_or_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.nrrd").write_bytes(b"NRRD\x00")
+    assert read_bytes(tmp_path / "a.nrrd") == b"NRRD\x00"
+    with pytest.raises(InputError, match=r"none\.nrrd: expected"):
+        read_bytes(tmp_path / "none.nrrd")

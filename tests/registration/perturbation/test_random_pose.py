@@ -32,14 +32,16 @@ def test_without_bins_there_is_one_and_a_flip_has_one_angle() -> None:
 
 def test_a_roll_is_about_the_axis() -> None:
     for pose in poses(PoseRange(180.0, 0.0, rotation="roll", angle_bin_deg=45.0), 8):
-        np.testing.assert_allclose(np.cross(pose.turn.as_rotvec(), AXIS), 0, atol=1e-9)
-        assert pose.turn.as_rotvec() @ AXIS > 0
+        np.testing.assert_allclose(np.cross(pose.rotation.as_rotvec(), AXIS), 0, atol=1e-9)
+        assert pose.rotation.as_rotvec() @ AXIS > 0
 
 
 def test_a_flip_is_half_a_turn_across_the_axis_in_any_direction() -> None:
     drawn = poses(PoseRange(180.0, 0.0, rotation="flip"), 300)
-    np.testing.assert_allclose([pose.turn.apply(AXIS) for pose in drawn], np.tile(-AXIS, (300, 1)), atol=1e-9)
-    across = np.array([pose.turn.as_rotvec() for pose in drawn])
+    np.testing.assert_allclose(
+        [pose.rotation.apply(AXIS) for pose in drawn], np.tile(-AXIS, (300, 1)), atol=1e-9
+    )
+    across = np.array([pose.rotation.as_rotvec() for pose in drawn])
     around = np.arctan2(across @ [0.0, 1, 0], across @ np.cross(AXIS, [0.0, 1, 0]))
     # A turn by 180 degrees has its axis but for the sign.
     assert kstest(around % np.pi, "uniform", (0, np.pi)).pvalue > 0.01

@@ -163,6 +163,6 @@ def test_few_masks_and_settings() -> None:
     masks, poses = sweep(20, lambda z: 3.0)
     masks[2] = np.roll(masks[2], 30, axis=0)
     assert not MaskOutliers(enabled=False)(masks, poses).rejected.any()
-    for wrong in ({"window": 2}, {"position": 0.0}, {"most_share": 1.5}):
+    for wrong in ({"window": 2}, {"position": 0.0}, {"max_share": 1.5}):
         with pytest.raises(InputError, match=next(iter(wrong))):
             MaskOutliers(**wrong)  # type: ignore[arg-type]

@@ -314,7 +314,7 @@ def compact_problem(seed: int, tilt_deg: float, length_widths: float, margin: fl
     outlier = np.zeros(len(moving), dtype=bool)
     fixed = fixed + rng.normal(scale=0.3, size=fixed.shape)
     return Trial(
-        transforms.apply(pose, moving), fixed, frames.invert_rigid(pose), 0.0, 0.0, outlier, frame, ""
+        transforms.apply(pose, moving), fixed, transforms.invert_rigid(pose), 0.0, 0.0, outlier, frame, ""
     )
 
 

@@ -41,7 +41,7 @@ def test_lists_and_other_numbers_give_what_arrays_give(method: Any) -> None:
     plain = method(moving, CLOUD, np.eye(4))
     for given in (moving.tolist(), [tuple(point) for point in moving], np.asfortranarray(moving)):
         found = method(given, CLOUD.tolist(), np.eye(4).tolist())
-        np.testing.assert_array_equal(found.fixed_T_moving, plain.fixed_T_moving)
+        np.testing.assert_allclose(found.fixed_T_moving, plain.fixed_T_moving, atol=1e-9)
     single = method(moving.astype(np.float32), CLOUD, np.eye(4))
     np.testing.assert_allclose(single.fixed_T_moving, plain.fixed_T_moving, atol=1e-2)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from experiments.analysis.variants import varying_choices, with_choices
 from experiments.errors import InputError
-from experiments.outcome import CellResult
+from experiments.outcome import JobResult
 from models.metrics.scoring import CaseScore
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ SIMULATED = " (simulated)"
 SMOKE = "smoke-trained "
 
 
-def pool(cells: Sequence[CellResult], factors: Sequence[str] = ()) -> pd.DataFrame:
+def pool(results: Sequence[JobResult], factors: Sequence[str] = ()) -> pd.DataFrame:
     """The cases of all jobs, with models and data sets named apart by what was chosen for them.
 
     Two widths of one network, or one network with two augmentations, become two models (``unet model.width=8``, ``unet
@@ -32,13 +32,13 @@ def pool(cells: Sequence[CellResult], factors: Sequence[str] = ()) -> pd.DataFra
     """
     import pandas as pd
 
-    kept = [cell for cell in cells if cell.cases is not None and len(cell.cases)]
+    kept = [result for result in results if result.cases is not None and len(result.cases)]
     if not kept:
-        raise InputError("cells: expected at least one job with cases, received none")
-    kinds = [_kind(_cases(cell)) for cell in kept]
+        raise InputError("results: expected at least one job with cases, received none")
+    kinds = [_kind(_cases(result)) for result in kept]
     varying = varying_choices(kept, kinds, (*REPETITION, *factors))
     return pd.concat(
-        [_named(_cases(cell), choices) for cell, choices in zip(kept, varying, strict=True)],
+        [_named(_cases(result), choices) for result, choices in zip(kept, varying, strict=True)],
         ignore_index=True,
     )
 
@@ -133,6 +133,6 @@ def once_each(cases: pd.DataFrame) -> pd.DataFrame:
     return cases.groupby(keys, sort=False, as_index=False, dropna=False)[scores(cases)].mean()
 
 
-def _cases(cell: CellResult) -> pd.DataFrame:
-    assert cell.cases is not None
-    return cell.cases
+def _cases(result: JobResult) -> pd.DataFrame:
+    assert result.cases is not None
+    return result.cases

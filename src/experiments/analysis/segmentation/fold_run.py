@@ -49,8 +49,8 @@ def require_fitting_size(model: NetworkRecipe, preprocessing: Preprocessing) -> 
     require_size(preprocessing.image_size_px, preprocessing.image_size_px, model.multiple)
 
 
-def fold_cells(split: GroupSplits, outer_fold: object, fold: object) -> list[dict[str, int]]:
-    """A cell for each fold of ``split``, or for those that ``outer_fold`` and ``fold`` name (null: all)."""
+def fold_jobs(split: GroupSplits, outer_fold: object, fold: object) -> list[dict[str, int]]:
+    """A job for each fold of ``split``, or for those that ``outer_fold`` and ``fold`` name (null: all)."""
     pairs = split.pairs()
     nested = any(outer is not None for outer, _ in pairs)
     if not nested and outer_fold is not None:

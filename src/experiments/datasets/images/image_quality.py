@@ -40,7 +40,7 @@ class Quality:
 MEASURES = tuple(field.name for field in fields(Quality))
 # A smaller deviation than this is never taken for the usual spread: were all frames but a few equal, any difference
 # would be an outlier. Five per cent of brightness, contrast, sharpness and grain, half a per cent of the pixels.
-LEAST_DEVIATION = Quality(0.05, 0.05, 0.05, 0.05, 0.005)
+MIN_DEVIATION = Quality(0.05, 0.05, 0.05, 0.05, 0.005)
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def robust_scores(values: Float64[np.ndarray, "n m"]) -> Float64[np.ndarray, "n 
     """The modified z-score of each value of its column; deviations below the least are raised to it."""
     apart = values - np.median(values, axis=0)
     deviation = DEVIATION_OF_MAD * np.median(np.abs(apart), axis=0)
-    return np.asarray(apart / np.maximum(deviation, astuple(LEAST_DEVIATION)))
+    return np.asarray(apart / np.maximum(deviation, astuple(MIN_DEVIATION)))
 
 
 def measure(image: UInt8[np.ndarray, "h w"]) -> Quality:

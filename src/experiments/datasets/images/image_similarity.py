@@ -15,14 +15,14 @@ THUMBNAIL_PX = 48
 # Rows of the matrix of all pairs that are in memory at once.
 BLOCK = 512
 # Two frames of unlike size are laid on each other if they then share this much of the larger one.
-LEAST_SHARED = 0.8
+MIN_SHARED = 0.8
 SMALLEST_NORM = 1e-6
 
 
-def likeness_blocks(images: Images, block: int = BLOCK) -> Iterator[tuple[int, Float[np.ndarray, "b n"]]]:
-    """Number of the first row and ``block`` rows of the matrix of likeness: memory grows with n, not its square.
+def similarity_blocks(images: Images, block: int = BLOCK) -> Iterator[tuple[int, Float[np.ndarray, "b n"]]]:
+    """Number of the first row and ``block`` rows of the similarity matrix: memory grows with n, not its square.
 
-    Likeness is the greater of two correlations: of the frames stretched to one size (see ``correlations``), and, for
+    Similarity is the greater of two correlations: of the frames stretched to one size (see ``correlations``), and, for
     frames of unlike size, of what they share when laid on each other at their top left corners without stretching.
     The second finds a picture that was saved twice with another margin at the right or below: in a set of 204 images
     it is 0.95 to 0.98 for 21 such pairs, of which the first leaves seven under 0.9, and 0.86 at most for all other
@@ -88,7 +88,7 @@ class _Overlaid:
         mine, other = self.size[rows], self.size
         shared = self.shared[mine][:, other]
         area = np.diag(self.shared)
-        enough = shared >= LEAST_SHARED * np.maximum.outer(area[mine], area[other])
+        enough = shared >= MIN_SHARED * np.maximum.outer(area[mine], area[other])
         my_total, their_total = self.total[rows][:, other], self.total[:, mine].T
         spread = (self.squares[rows][:, other] - my_total**2 / shared) * (
             self.squares[:, mine].T - their_total**2 / shared

@@ -10,39 +10,42 @@ from jaxtyping import Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from experiments.datasets.images.image_similarity import Images, likeness_blocks
+from experiments.datasets.images.image_similarity import Images, similarity_blocks
 
 
 @dataclass(frozen=True)
-class AcrossGroups:
+class CrossGroupDuplicates:
     """How alike frames of different groups are.
 
-    ``twins`` are the pairs (first < second) whose likeness is above the limit. ``closest`` is, for each frame, the one
-    of another group that is most like it, -1 where all are of one group, and ``likeness`` how much (then NaN).
+    ``pairs`` are the near-duplicates (first < second), whose similarity is above the limit. ``closest`` is, for each
+    frame, the one of another group that is most like it, -1 where all are of one group, and ``similarity`` how much
+    (then NaN).
     """
 
-    twins: Int[np.ndarray, "m 2"]
+    pairs: Int[np.ndarray, "m 2"]
     closest: Int[np.ndarray, " n"]
-    likeness: Float[np.ndarray, " n"]
+    similarity: Float[np.ndarray, " n"]
 
 
-def twin_groups(images: Images, limit: float) -> list[int]:
-    """A group number for each image: two with a likeness above ``limit`` share one, and so on.
+def near_duplicate_groups(images: Images, limit: float) -> list[int]:
+    """A group number for each image: two with a similarity above ``limit`` share one, and so on.
 
-    Twins of twins fall in one group (connected components).
+    Near-duplicates of near-duplicates fall in one group (connected components).
     """
-    pairs = [_above(block, limit, start) for start, block in likeness_blocks(images)]
+    pairs = [_above(block, limit, start) for start, block in similarity_blocks(images)]
     first, second = np.concatenate(pairs).T
     alike = coo_array((np.ones(len(first), dtype=bool), (first, second)), shape=(len(images),) * 2)
     return [int(label) for label in connected_components(alike, directed=False)[1]]
 
 
-def across_groups(images: Images, groups: Sequence[str], limit: float) -> AcrossGroups:
-    """Twins, and the closest frame of each, among frames of different groups."""
+def near_duplicates_across_groups(
+    images: Images, groups: Sequence[str], limit: float
+) -> CrossGroupDuplicates:
+    """Near-duplicates, and the closest frame of each, among frames of different groups."""
     member = np.unique(np.array(groups), return_inverse=True)[1]
     closest, highest = np.full(len(images), -1), np.full(len(images), np.nan)
-    twins: list[np.ndarray] = [np.zeros((0, 2), dtype=np.int64)]
-    for start, block in likeness_blocks(images):
+    pairs: list[np.ndarray] = [np.zeros((0, 2), dtype=np.int64)]
+    for start, block in similarity_blocks(images):
         rows = np.arange(start, start + len(block))
         block[member[rows, None] == member] = -np.inf
         best = block.argmax(axis=1)
@@ -50,8 +53,8 @@ def across_groups(images: Images, groups: Sequence[str], limit: float) -> Across
         known = np.isfinite(value)
         closest[rows[known]], highest[rows[known]] = best[known], value[known]
         found = _above(block, limit, start)
-        twins.append(found[found[:, 0] < found[:, 1]])
-    return AcrossGroups(np.concatenate(twins), closest, highest)
+        pairs.append(found[found[:, 0] < found[:, 1]])
+    return CrossGroupDuplicates(np.concatenate(pairs), closest, highest)
 
 
 def _above(block: np.ndarray, limit: float, start: int) -> np.ndarray:

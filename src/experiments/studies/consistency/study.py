@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.analysis.variants import told_apart
 from experiments.errors import InputError
-from experiments.outcome import CellResult, Outcome, Progress
+from experiments.outcome import JobResult, Outcome, Progress
 from experiments.paths import PathSetting
 from experiments.studies.consistency.repeats import common, pair, tried
 from experiments.studies.consistency.report import PAIR, describe, figures, metrics, tables
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 MASKS = ("exact", "model")
 
 
-def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """One cell for each phantom."""
+def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """One job for each phantom."""
     phantoms = config.get("phantoms")
     if not isinstance(phantoms, Sequence) or isinstance(phantoms, str) or not phantoms:
         raise InputError(f"phantoms: expected a list of phantoms, received {phantoms!r}")
@@ -118,15 +118,15 @@ def run(
     )
 
 
-def summarise(cells: list[CellResult]) -> Outcome:
+def summarise(results: list[JobResult]) -> Outcome:
     """Set all phantoms side by side."""
     import pandas as pd
 
-    kept = [cell for cell in cells if cell.cases is not None and len(cell.cases)]
+    kept = [result for result in results if result.cases is not None and len(result.cases)]
     if not kept:
         return Outcome(findings=("No job has sweeps to compare.",))
     # Sweeps of one phantom that were made or reconstructed otherwise are not repeats of each other.
-    tables_of = [cell.cases for cell in kept if cell.cases is not None]
+    tables_of = [result.cases for result in kept if result.cases is not None]
     phantoms = told_apart(kept, [str(rows["phantom"].iloc[0]) for rows in tables_of], ("phantoms",))
     cases = pd.concat(
         [rows.assign(phantom=phantom) for rows, phantom in zip(tables_of, phantoms, strict=True)],

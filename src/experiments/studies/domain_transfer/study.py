@@ -13,7 +13,7 @@ from experiments.analysis.segmentation.case_table import place_of, pool, smoke_n
 from experiments.analysis.segmentation.figures import training_curves
 from experiments.analysis.segmentation.fold_run import (
     FoldRun,
-    fold_cells,
+    fold_jobs,
     require_fitting_size,
     training_metrics,
 )
@@ -28,7 +28,7 @@ from experiments.datasets.protocol import (
     require_root,
 )
 from experiments.errors import InputError
-from experiments.outcome import CellResult, Outcome, Progress
+from experiments.outcome import JobResult, Outcome, Progress
 from experiments.splits.group_splits import GroupSplits
 from experiments.studies.domain_transfer.transfer_table import describe_transfer, transfer_map, transfer_table
 
@@ -42,8 +42,8 @@ if TYPE_CHECKING:
 DOMAINS = ("first", "second")
 
 
-def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """One cell for each data set to train on and each fold, or for those that ``train_on`` and ``fold`` name."""
+def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """One job for each data set to train on and each fold, or for those that ``train_on`` and ``fold`` name."""
     for domain in DOMAINS:
         if not isinstance(config[domain], Mapping):
             raise InputError(
@@ -56,9 +56,9 @@ def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
     if asked is not None and asked not in DOMAINS:
         raise InputError(f"train_on: expected first, second, or null for both, received {asked!r}")
     return [
-        {"train_on": domain, **cell}
+        {"train_on": domain, **job}
         for domain in (DOMAINS if asked is None else (asked,))
-        for cell in fold_cells(split, None, config.get("fold"))
+        for job in fold_jobs(split, None, config.get("fold"))
     ]
 
 
@@ -146,9 +146,9 @@ def run(
     )
 
 
-def summarise(cells: list[CellResult]) -> Outcome:
+def summarise(results: list[JobResult]) -> Outcome:
     """The table of train and test domain over all folds, as a figure too, and what the other domain costs."""
-    cases = pool(cells, factors=("train_on",))
+    cases = pool(results, factors=("train_on",))
     transfer = transfer_table(cases)
     several = len(set(transfer["model"])) > 1
     metrics = {}

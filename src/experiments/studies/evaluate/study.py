@@ -43,7 +43,7 @@ MASKS, TRANSFORMS = "masks", "transforms"
 PER_CASE = "evaluation.csv"
 
 
-def beside(config: Mapping[str, Any]) -> Iterator[Path]:
+def implicit_paths(config: Mapping[str, Any]) -> Iterator[Path]:
     """What is read though no setting names it: the cases that lie around the folder of their truth."""
     reference = Path(str(config["reference"])).expanduser()
     if reference.name == TRUTH:

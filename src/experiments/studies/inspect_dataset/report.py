@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, SupportsFloat
 
 import numpy as np
 
-from experiments.datasets.images.near_duplicates import AcrossGroups
+from experiments.datasets.images.near_duplicates import CrossGroupDuplicates
 from models.labelled_frames import LabelledFrames
 
 if TYPE_CHECKING:
@@ -27,8 +27,8 @@ ODDITIES = {
 }
 
 
-def metrics(cases: pd.DataFrame, alike: AcrossGroups, leaks: int | None) -> dict[str, float]:
-    """Counts and distributions; ``twins_leaking`` only where there is a split."""
+def metrics(cases: pd.DataFrame, alike: CrossGroupDuplicates, leaks: int | None) -> dict[str, float]:
+    """Counts and distributions; ``near_duplicates_leaking`` only where there is a split."""
     shown = cases[cases["vessel_px"] > 0]
     sizes = cases.groupby("group").size()
     numbers: dict[str, SupportsFloat] = {
@@ -45,9 +45,9 @@ def metrics(cases: pd.DataFrame, alike: AcrossGroups, leaks: int | None) -> dict
         "several_components": int((cases["components"] > 1).sum()),
         "with_holes": int((cases["holes"] > 0).sum()),
         "touching_edge": int(cases["touches_edge"].sum()),
-        "twins_across_groups": len(alike.twins),
-        "images_with_twin_elsewhere": len(np.unique(alike.twins)),
-        **({} if leaks is None else {"twins_leaking": leaks}),
+        "near_duplicates_across_groups": len(alike.pairs),
+        "images_with_near_duplicate_elsewhere": len(np.unique(alike.pairs)),
+        **({} if leaks is None else {"near_duplicates_leaking": leaks}),
     }
     return {name: float(value) for name, value in numbers.items()}
 
@@ -69,11 +69,14 @@ def overview(cases: pd.DataFrame, numbers: Mapping[str, float]) -> pd.DataFrame:
             f"median {numbers['group_size_median']:g}",
         ),
         *((what, _count(numbers, name)) for name, what in ODDITIES.items()),
-        ("images with a twin in another group", _count(numbers, "images_with_twin_elsewhere")),
-        ("pairs of twins across groups", f"{numbers['twins_across_groups']:.0f}"),
+        (
+            "images with a near-duplicate in another group",
+            _count(numbers, "images_with_near_duplicate_elsewhere"),
+        ),
+        ("pairs of near-duplicates across groups", f"{numbers['near_duplicates_across_groups']:.0f}"),
     ]
-    if "twins_leaking" in numbers:
-        lines.append(("of them seen in training and scored", f"{numbers['twins_leaking']:.0f}"))
+    if "near_duplicates_leaking" in numbers:
+        lines.append(("of them seen in training and scored", f"{numbers['near_duplicates_leaking']:.0f}"))
     return pd.DataFrame(lines, columns=["what", "value"])
 
 
@@ -101,18 +104,18 @@ def pair_table(cases: pd.DataFrame, rows: int) -> pd.DataFrame:
     return pd.DataFrame(list(pairs.values())[:rows], columns=columns)
 
 
-def describe(label: str, numbers: Mapping[str, float], twin_correlation: float) -> tuple[str, ...]:
+def describe(label: str, numbers: Mapping[str, float], duplicate_correlation: float) -> tuple[str, ...]:
     """Sentences on balance, groups, leakage and oddities."""
     odd = ", ".join(f"{numbers[name]:.0f} {what}" for name, what in ODDITIES.items() if numbers[name])
     leaks = ""
-    if "twins_leaking" in numbers:
-        leaks = f", {numbers['twins_leaking']:.0f} of them with one seen in training and the other scored"
+    if "near_duplicates_leaking" in numbers:
+        leaks = f", {numbers['near_duplicates_leaking']:.0f} of them with one seen in training and the other scored"
     return (
         f"{label}: {numbers['images']:.0f} images in {numbers['groups']:.0f} groups, "
         f"{_count(numbers, 'images_with_vessel')} with a vessel, which fills "
         f"{100 * numbers['vessel_share_median']:.1f} % of the image (median).",
-        f"Twins across groups (correlation above {twin_correlation:g}): "
-        f"{numbers['twins_across_groups']:.0f} pairs{leaks}.",
+        f"Near-duplicates across groups (correlation above {duplicate_correlation:g}): "
+        f"{numbers['near_duplicates_across_groups']:.0f} pairs{leaks}.",
         f"Odd masks: {odd or 'none'}.",
     )
 

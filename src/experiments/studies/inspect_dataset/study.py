@@ -9,7 +9,7 @@ import numpy as np
 
 from experiments.datasets.exclusion_report import write_report
 from experiments.datasets.images.mask_shape import mask_shape
-from experiments.datasets.images.near_duplicates import AcrossGroups, across_groups
+from experiments.datasets.images.near_duplicates import CrossGroupDuplicates, near_duplicates_across_groups
 from experiments.datasets.protocol import (
     DataSet,
     input_data,
@@ -39,11 +39,11 @@ if TYPE_CHECKING:
 SEEN = ("train", "validation")
 
 
-def check(*, dataset: DataSet, twin_correlation: float, worst_pairs: int, sheet_images: int) -> None:
+def check(*, dataset: DataSet, duplicate_correlation: float, worst_pairs: int, sheet_images: int) -> None:
     """Raise InputError for a data set that is not there or settings out of range."""
     require_root(dataset)
-    if not 0 < twin_correlation <= 1:
-        raise InputError(f"twin_correlation: expected above 0 to 1, received {twin_correlation}")
+    if not 0 < duplicate_correlation <= 1:
+        raise InputError(f"duplicate_correlation: expected above 0 to 1, received {duplicate_correlation}")
     for name, count in (("worst_pairs", worst_pairs), ("sheet_images", sheet_images)):
         if isinstance(count, bool) or not isinstance(count, int) or count < 1:
             raise InputError(f"{name}: expected a whole number of at least 1, received {count!r}")
@@ -53,7 +53,7 @@ def run(
     *,
     dataset: DataSet,
     split: GroupSplits,
-    twin_correlation: float,
+    duplicate_correlation: float,
     worst_pairs: int,
     sheet_images: int,
     seed: int,
@@ -63,14 +63,14 @@ def run(
     """Measure every image and pair of images; leaves ``splits.json``, where the data set can be divided so,
     and the tables of what the data set left out, where it has any.
 
-    Twins are images whose thumbnails correlate above ``twin_correlation`` (see ``likeness_blocks``). Raises InputError
-    for a data set that can't be read; one that can't be divided as ``split`` says is inspected all the same, and the
-    outcome says so.
+    Near-duplicates are images whose thumbnails correlate above ``duplicate_correlation`` (see ``similarity_blocks``).
+    Raises InputError for a data set that can't be read; one that can't be divided as ``split`` says is inspected all
+    the same, and the outcome says so.
     """
     progress.note(f"reading {name_of(dataset)}")
     frames = dataset()
     progress.note(f"comparing {len(frames)} images")
-    alike = across_groups(frames.images, frames.groups, twin_correlation)
+    alike = near_duplicates_across_groups(frames.images, frames.groups, duplicate_correlation)
     notes = list(notes_of(dataset))
     splits = None
     try:
@@ -92,16 +92,16 @@ def run(
             "most alike across groups": pair_table(cases, worst_pairs),
         },
         figures={"contact_sheet": contact_sheet(frames, label, sheet_images, seed)},
-        findings=(*describe(label, numbers, twin_correlation), *notes),
+        findings=(*describe(label, numbers, duplicate_correlation), *notes),
         tags={"dataset": name_of(dataset), "simulated": str(frames.simulated).lower()},
         inputs=(input_data(dataset, frames),),
     )
 
 
-def leaking(frames: LabelledFrames, splits: SplitSet, alike: AcrossGroups) -> int:
-    """How many pairs of twins have one seen in training and the other scored, in any fold."""
+def leaking(frames: LabelledFrames, splits: SplitSet, alike: CrossGroupDuplicates) -> int:
+    """How many pairs of near-duplicates have one seen in training and the other scored, in any fold."""
     number_of = {case: number for number, case in enumerate(frames.case_ids)}
-    first, second = alike.twins.T
+    first, second = alike.pairs.T
     leaks = np.zeros(len(first), dtype=bool)
     for split in splits:
         seen = np.zeros(len(frames), dtype=bool)
@@ -112,7 +112,7 @@ def leaking(frames: LabelledFrames, splits: SplitSet, alike: AcrossGroups) -> in
 
 
 def case_table(
-    frames: LabelledFrames, alike: AcrossGroups, splits: SplitSet | None, progress: Progress
+    frames: LabelledFrames, alike: CrossGroupDuplicates, splits: SplitSet | None, progress: Progress
 ) -> pd.DataFrame:
     """A row for each case: size, pixel size, mask, the most alike image of another group, the fold that tests it.
 
@@ -144,7 +144,7 @@ def case_table(
                 "touches_edge": shape.touches_edge,
                 "closest_case": "" if closest < 0 else frames.case_ids[closest],
                 "closest_group": "" if closest < 0 else frames.groups[closest],
-                "closest_correlation": alike.likeness[number],
+                "closest_correlation": alike.similarity[number],
             }
         )
     return pd.DataFrame(rows)

@@ -53,7 +53,7 @@ def run(
         findings=(
             f"{len(posed.kept)} of {len(recorded.images) + recorded.frames_dropped} frames have a pose; "
             f"dropped: {describe_dropped(posed.dropped)}. Open sweep.html in a browser.",
-            *recorded.remarks,
+            *recorded.notes,
         ),
     )
 

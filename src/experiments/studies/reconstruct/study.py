@@ -92,7 +92,7 @@ def run(
     told = record(found, posed, recorded, near_mm) | {
         "sweep": str(path),
         "masks": source.source,
-        "remarks": list(recorded.remarks),
+        "notes": list(recorded.notes),
     }
     text = json.dumps(told, indent=2, allow_nan=False)
     files.write_text(workspace / "reconstruction.json", text + "\n")
@@ -137,6 +137,6 @@ def _outcome(
         metrics=metrics(told),
         cases=table_of_frames,
         tables={"reconstruction": table(told)},
-        findings=(*told["remarks"], *remarks(found, told), WHERE),
+        findings=(*told["notes"], *remarks(found, told), WHERE),
         inputs=inputs,
     )

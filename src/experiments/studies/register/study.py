@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 CENTERLINE_POINTS = 300
 
 
-def beside(config: Mapping[str, Any]) -> Iterator[Path]:
+def implicit_paths(config: Mapping[str, Any]) -> Iterator[Path]:
     """The files that a job reads though no setting names them: centerlines that lie beside the surfaces."""
     for side in ("moving", "fixed"):
         if config.get(f"{side}_centerline") is None:

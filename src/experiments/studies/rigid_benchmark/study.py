@@ -18,7 +18,7 @@ from experiments.analysis.registration.benchmark.tables import benchmark_metrics
 from experiments.analysis.variants import told_apart
 from experiments.errors import InputError
 from experiments.inputs.surfaces import one_method
-from experiments.outcome import CellResult, InputData, Outcome, Progress
+from experiments.outcome import InputData, JobResult, Outcome, Progress
 from experiments.paths import project_root
 from experiments.process_pool import process_pool
 from experiments.studies.rigid_benchmark.trial import BenchmarkTrial
@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 PER_CASE = "rigid_benchmark.csv"
 
 
-def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """One cell for each method."""
+def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """One job for each method."""
     methods = config.get("rigid")
     if not isinstance(methods, Mapping) or not methods:
         raise InputError(f"rigid: expected at least one method, received {methods!r}")
@@ -90,14 +90,14 @@ def run(
     )
 
 
-def summarise(cells: list[CellResult]) -> Outcome:
+def summarise(results: list[JobResult]) -> Outcome:
     """Set all methods side by side."""
     import pandas as pd
 
-    kept = [cell for cell in cells if cell.cases is not None and len(cell.cases)]
+    kept = [result for result in results if result.cases is not None and len(result.cases)]
     if not kept:
         return Outcome(findings=("No job has cases to summarise.",))
-    tables = [cell.cases for cell in kept if cell.cases is not None]
+    tables = [result.cases for result in kept if result.cases is not None]
     # A method with other settings is another method.
     methods = told_apart(kept, [str(rows["method"].iloc[0]) for rows in tables], ("subset",))
     known = [rows.assign(method=method) for rows, method in zip(tables, methods, strict=True)]

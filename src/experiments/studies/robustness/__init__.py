@@ -1,5 +1,5 @@
 """How often a rigid method finds a known pose again, over rotations, overlap, noise, outliers and lost frames."""
 
-from experiments.studies.robustness.study import cells, check, run, summarise
+from experiments.studies.robustness.study import check, jobs, run, summarise
 
-__all__ = ["cells", "check", "run", "summarise"]
+__all__ = ["check", "jobs", "run", "summarise"]

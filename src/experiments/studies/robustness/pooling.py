@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from experiments.analysis.variants import names_of_files, told_apart
-from experiments.outcome import CellResult
+from experiments.outcome import JobResult
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 COLUMNS = ("target", "target_centerline", "overlaps", "places", "rotations", "factors", "seed")
 
 
-def pooled(cells: Sequence[CellResult]) -> pd.DataFrame:
+def pooled(results: Sequence[JobResult]) -> pd.DataFrame:
     """The rows of all jobs with their anatomies, methods and trials named apart.
 
     Surfaces whose files have one name are told apart by their folders, one method with two settings by what was chosen,
@@ -23,19 +23,19 @@ def pooled(cells: Sequence[CellResult]) -> pd.DataFrame:
     """
     import pandas as pd
 
-    tables = [cell.cases for cell in cells if cell.cases is not None]
-    targets = [str(cell.config.get("target")) for cell in cells]
+    tables = [result.cases for result in results if result.cases is not None]
+    targets = [str(result.config.get("target")) for result in results]
     known = list(dict.fromkeys(targets))
     anatomies = dict(zip(known, names_of_files(known), strict=True)) if len(known) > 1 else {}
-    methods = told_apart(cells, [str(table["method"].iloc[0]) for table in tables], COLUMNS)
-    seeds = list(dict.fromkeys(cell.config.get("seed") for cell in cells))
+    methods = told_apart(results, [str(table["method"].iloc[0]) for table in tables], COLUMNS)
+    seeds = list(dict.fromkeys(result.config.get("seed") for result in results))
     most = max(int(table["trial"].max()) for table in tables) + 1
     named = [
         table.assign(
             anatomy=anatomies.get(target, table["anatomy"].iloc[0]),
             method=method,
-            trial=table["trial"] + most * seeds.index(cell.config.get("seed")),
+            trial=table["trial"] + most * seeds.index(result.config.get("seed")),
         )
-        for table, target, method, cell in zip(tables, targets, methods, cells, strict=True)
+        for table, target, method, result in zip(tables, targets, methods, results, strict=True)
     ]
     return pd.concat(named, ignore_index=True)

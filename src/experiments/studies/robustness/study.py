@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.errors import InputError
 from experiments.inputs.surfaces import one_method
-from experiments.outcome import CellResult, Outcome, Progress
+from experiments.outcome import JobResult, Outcome, Progress
 from experiments.paths import PathSetting
 from experiments.provenance import COMMIT_TAG, environment_tags
 from experiments.statistics import summary
@@ -40,8 +40,8 @@ SUMMARISED = (
 )
 
 
-def cells(config: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """One cell for each method on each piece of each target, and for each method at each factor's levels."""
+def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """One job for each method on each piece of each target, and for each method at each factor's levels."""
     return job_changes(config)
 
 
@@ -131,9 +131,9 @@ def run(
     return _outcome(list(progress.track(rows, f"{name}, overlap {piece.share:g}", len(keys))), problem)
 
 
-def summarise(cells: list[CellResult]) -> Outcome:
+def summarise(results: list[JobResult]) -> Outcome:
     """Set all methods, pieces and factors side by side: tables, figures and what they say."""
-    kept = [cell for cell in cells if cell.cases is not None and len(cell.cases)]
+    kept = [result for result in results if result.cases is not None and len(result.cases)]
     if not kept:
         return Outcome(findings=("No job has trials to summarise.",))
     return shown(pooled(kept))

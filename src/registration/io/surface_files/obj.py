@@ -11,7 +11,23 @@ from registration.io.surface_files.polygons import Polygons, joined
 
 
 def read_obj(path: Path) -> Polygons:
-    """Read all objects of the file as one. Raises InputError, naming the line, for what is no vertex or no face."""
+    """Read all objects of an OBJ file as one.
+
+    Parameters
+    ----------
+    path : Path
+        File ending in ``.obj``.
+
+    Returns
+    -------
+    Polygons
+        Points and polygons.
+
+    Raises
+    ------
+    InputError
+        If a line, which is named, is no vertex or no face.
+    """
     # Names of materials may be in any encoding; numbers are not.
     text = path.read_text(encoding="utf-8-sig", errors="replace").replace("\\\n", " ")
     points: list[list[float]] = []

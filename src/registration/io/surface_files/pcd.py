@@ -14,7 +14,23 @@ _LONGEST_HEADER = 1 << 16
 
 
 def read_pcd(path: Path) -> Polygons:
-    """Read the fields x, y and z. Raises InputError for a broken header and a file shorter than it promises."""
+    """Read the fields x, y and z of a PCD file.
+
+    Parameters
+    ----------
+    path : Path
+        File ending in ``.pcd``.
+
+    Returns
+    -------
+    Polygons
+        Points without polygons.
+
+    Raises
+    ------
+    InputError
+        If the header is broken or the file shorter than it promises.
+    """
     data = path.read_bytes()
     place = data.find(b"\nDATA", 0, _LONGEST_HEADER)
     if place < 0:

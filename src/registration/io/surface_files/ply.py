@@ -37,7 +37,23 @@ class _Element:
 
 
 def read_ply(path: Path) -> Polygons:
-    """Read vertices and faces. Raises InputError for a broken header and a file that is shorter than it promises."""
+    """Read vertices and faces of a PLY file.
+
+    Parameters
+    ----------
+    path : Path
+        File ending in ``.ply``, text or binary.
+
+    Returns
+    -------
+    Polygons
+        Points and polygons.
+
+    Raises
+    ------
+    InputError
+        If the header is broken or the file shorter than it promises.
+    """
     data = path.read_bytes().removeprefix(_BOM)
     place = data.find(b"end_header", 0, _LONGEST_HEADER)
     if place < 0 or not data.startswith(b"ply"):
@@ -82,14 +98,14 @@ def _parsed(head: list[str]) -> tuple[str, list[_Element]]:
 def _text_body(path: Path, elements: list[_Element], body: bytes, _order: str) -> dict[str, dict]:
     words = body.split()
     # A face has three corners at least: exact for triangles, a lower bound for polygons.
-    least = sum(
+    minimum = sum(
         element.count * (4 if one.length and one.name in _CORNERS else 1)
         for element in elements
         for one in element.properties
     )
-    if len(words) < least:
+    if len(words) < minimum:
         raise InputError(
-            f"{path}: expected {least} numbers after the header, received {len(words)}: cut short"
+            f"{path}: expected {minimum} numbers after the header, received {len(words)}: cut short"
         )
     values = np.array(words, dtype=np.float64)
     found, at = {}, 0
@@ -116,7 +132,7 @@ def _text_body(path: Path, elements: list[_Element], body: bytes, _order: str) -
 
 
 def _binary_body(path: Path, elements: list[_Element], body: bytes, order: str) -> dict[str, dict]:
-    least = sum(
+    minimum = sum(
         element.count
         * (
             np.dtype(one.length or one.kind).itemsize
@@ -125,8 +141,10 @@ def _binary_body(path: Path, elements: list[_Element], body: bytes, order: str) 
         for element in elements
         for one in element.properties
     )
-    if len(body) < least:
-        raise InputError(f"{path}: expected {least} bytes after the header, received {len(body)}: cut short")
+    if len(body) < minimum:
+        raise InputError(
+            f"{path}: expected {minimum} bytes after the header, received {len(body)}: cut short"
+        )
     found, at = {}, 0
     for element in elements:
         table = _uniform(element, body, at, order)

@@ -13,19 +13,35 @@ from registration.errors import InputError
 
 @dataclass(frozen=True)
 class Polygons:
-    """Points ``points`` (n, 3) as the file has them, and polygons over them.
+    """Points as a file has them, and polygons over them.
 
-    The corners of polygon ``i`` are ``corners[offsets[i] : offsets[i + 1]]``; ``offsets`` (p + 1,) begins with 0.
+    Parameters
+    ----------
+    points : ndarray, shape (n, 3)
+        Points in the file's unit.
+    corners : ndarray, shape (c,), optional
+        Indices of all polygons' corners one after the other; those of polygon ``i`` are ``corners[offsets[i]
+        : offsets[i + 1]]``.
+    offsets : ndarray, shape (p + 1,), optional
+        Where each polygon begins, the first at 0.
     """
 
     points: Float64[np.ndarray, "n 3"]
-    corners: Int64[np.ndarray, "c"] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    offsets: Int64[np.ndarray, "o"] = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
+    corners: Int64[np.ndarray, " c"] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    offsets: Int64[np.ndarray, " o"] = field(default_factory=lambda: np.zeros(1, dtype=np.int64))
 
     def triangles(self) -> Int64[np.ndarray, "t 3"]:
-        """The polygons cut into triangles; those of fewer than three corners are lines and left out.
+        """Cut the polygons into triangles; those of fewer than three corners are lines and left out.
 
-        Raises InputError for corners that are no points, before any library is asked to follow them.
+        Returns
+        -------
+        ndarray, shape (t, 3)
+            Indices of corners.
+
+        Raises
+        ------
+        InputError
+            If a corner is no point, before any library is asked to follow it.
         """
         if len(self.corners) and not (0 <= self.corners.min() and self.corners.max() < len(self.points)):
             raise InputError(
@@ -41,8 +57,21 @@ class Polygons:
         return _cut(self.points, corners, offsets)
 
 
-def joined(rows: list[list[int]]) -> tuple[Int64[np.ndarray, "c"], Int64[np.ndarray, "o"]]:
-    """Corners and offsets of polygons given one by one."""
+def joined(rows: list[list[int]]) -> tuple[Int64[np.ndarray, " c"], Int64[np.ndarray, " o"]]:
+    """Join polygons given one by one.
+
+    Parameters
+    ----------
+    rows : list of list of int
+        Corners of each polygon.
+
+    Returns
+    -------
+    corners : ndarray, shape (c,)
+        Corners one after the other.
+    offsets : ndarray, shape (p + 1,)
+        Where each polygon begins.
+    """
     corners = np.array([corner for row in rows for corner in row], dtype=np.int64)
     return corners, np.concatenate([[0], np.cumsum([len(row) for row in rows])]).astype(np.int64)
 

@@ -19,16 +19,43 @@ _BOM = b"\xef\xbb\xbf"
 
 
 def is_text(data: bytes) -> bool:
-    """Whether an STL file is text: it begins with ``solid`` in any case, after blanks or not, and holds no zero byte.
+    """Tell whether an STL file is text: it begins with ``solid`` and holds no zero byte.
 
-    The number of triangles and the attributes of a binary file are full of zero bytes.
+    ``solid`` may be in any case and come after blanks. The number of triangles and the attributes of a binary
+    file are full of zero bytes.
+
+    Parameters
+    ----------
+    data : bytes
+        Content of the file.
+
+    Returns
+    -------
+    bool
+        Whether it is text.
     """
     head = data[:_TEXT_HEAD].removeprefix(_BOM)
     return head.lstrip()[:5].lower() == b"solid" and b"\0" not in head
 
 
 def read_stl(path: Path) -> Polygons:
-    """Read all solids of the file as one; equal corners become one vertex. Raises InputError for a file cut short."""
+    """Read all solids of an STL file as one; equal corners become one vertex.
+
+    Parameters
+    ----------
+    path : Path
+        File ending in ``.stl``, text or binary.
+
+    Returns
+    -------
+    Polygons
+        Points and triangles.
+
+    Raises
+    ------
+    InputError
+        If the file is cut short or a line of text is none of the format's.
+    """
     data = path.read_bytes()
     counted = len(data) >= _HEADER and len(data) == _HEADER + _RECORD * int.from_bytes(data[80:84], "little")
     corners = _text(path, data) if is_text(data) and not counted else _binary(path, data)

@@ -20,15 +20,28 @@ _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
 # x, x_mm, x[mm], x(mm), and the names of ParaView's tables.
 _AXIS = re.compile(r"([xyz])(?:[_ ]?[(\[]?mm[)\]]?)?|points[:_]([012])")
 # From so many rows on, a first column that counts them is not taken for x.
-_LEAST_COUNTED = 4
+_MIN_COUNTED_ROWS = 4
 
 
 def read_text_cloud(path: Path) -> Polygons:
     """Read rows of x y z, or of columns that a header names so; what follows in a row is left out.
 
-    Numbers are separated by blanks, semicolons or commas, and may have decimal commas where commas do not separate.
-    Raises InputError for rows of other numbers, and for commas that may stand for a decimal point, for thousands or
-    between numbers.
+    Parameters
+    ----------
+    path : Path
+        File of text, its numbers separated by blanks, semicolons or commas; they may have decimal commas
+        where commas do not separate.
+
+    Returns
+    -------
+    Polygons
+        Points without polygons.
+
+    Raises
+    ------
+    InputError
+        If rows are of other numbers, or commas may stand for a decimal point, for thousands or between
+        numbers.
     """
     lines = [line.strip() for line in read_text(path).splitlines()]
     lines = [line for line in lines if line]
@@ -146,8 +159,13 @@ def _refuse_whole(rows: list[list[str]]) -> None:
 
 def _refuse_counted(rows: list[list[str]], names: list[str]) -> None:
     """A first column that counts the rows is no x."""
-    if names or len(rows) < _LEAST_COUNTED or len(rows[0]) < 4 or not all(row[0].isdigit() for row in rows):
+    if (
+        names
+        or len(rows) < _MIN_COUNTED_ROWS
+        or len(rows[0]) < 4
+        or not all(row[0].isdigit() for row in rows)
+    ):
         return
-    first: Float64[np.ndarray, "n"] = np.array([row[0] for row in rows], dtype=np.float64)
+    first: Float64[np.ndarray, " n"] = np.array([row[0] for row in rows], dtype=np.float64)
     if first[0] in (0, 1) and (np.diff(first) == 1).all():
         raise ValueError("a first column that counts the rows (name the columns in a first line: id x y z)")

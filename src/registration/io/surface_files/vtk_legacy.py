@@ -72,7 +72,23 @@ class _Walk:
 
 
 def require_whole_legacy(path: Path) -> str:
-    """The kind of data set in the file; InputError if it is no surface, no VTK file at all, or cut short."""
+    """Read the kind of data set in a file of VTK's older format, which must be whole.
+
+    Parameters
+    ----------
+    path : Path
+        File ending in ``.vtk``.
+
+    Returns
+    -------
+    str
+        Kind of data set.
+
+    Raises
+    ------
+    InputError
+        If it is no surface, no VTK file at all, or cut short.
+    """
     data = path.read_bytes()
     if not data.lower().startswith(_MAGIC):
         raise InputError(

@@ -15,9 +15,22 @@ SUFFIXES = (".vtp", ".vtk")
 
 
 def read_polydata(path: Path) -> Any:
-    """VTK's own object for the file, every cell of which has points that are there.
+    """Read a VTK file, every cell of which has points that are there.
 
-    Raises InputError for a file that is broken or cut short, and for one that holds no surface.
+    Parameters
+    ----------
+    path : Path
+        File ending in ``.vtp`` or ``.vtk``.
+
+    Returns
+    -------
+    vtkPolyData
+        VTK's own object.
+
+    Raises
+    ------
+    InputError
+        If the file is broken or cut short, or holds no surface.
     """
     reader: Any = _legacy_reader(path) if path.suffix.lower() == ".vtk" else _xml_reader()
     errors: list[str] = []
@@ -44,7 +57,18 @@ def read_polydata(path: Path) -> Any:
 
 
 def read_vtk_surface(path: Path) -> Polygons:
-    """Read polygons and triangle strips; lines and single points are left out."""
+    """Read polygons and triangle strips of a VTK file; lines and single points are left out.
+
+    Parameters
+    ----------
+    path : Path
+        File ending in ``.vtp`` or ``.vtk``.
+
+    Returns
+    -------
+    Polygons
+        Points and polygons.
+    """
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkFiltersCore import vtkTriangleFilter
 

@@ -16,22 +16,33 @@ from registration import transforms
 from registration.errors import InputError
 
 # A recording has some ten transforms, most of them to one tracker: chains are few unless its names mean nothing.
-_MOST_CHAINS = 2000
-_MOST_STEPS = 200_000
+_MAX_CHAINS = 2000
+_MAX_STEPS = 200_000
 
 
 @dataclass(frozen=True)
 class Link:
-    """A transform from ``source`` to ``target``, one (4, 4), or (n, 4, 4) where it differs from frame to frame.
+    """A transform between two coordinate frames.
 
-    ``given`` says that a setting named it, ``valid`` (n,) in which frames it was measured, if it differs.
+    Parameters
+    ----------
+    source : str
+        Coordinate frame that it maps from.
+    target : str
+        Coordinate frame that it maps to.
+    matrix : ndarray, shape (4, 4) or (n, 4, 4)
+        Transform, one for all frames of the recording or one for each.
+    given : bool, optional
+        Whether a setting named it.
+    valid : ndarray of bool, shape (n,), optional
+        In which frames it was measured, if it differs from frame to frame.
     """
 
     source: str
     target: str
     matrix: Float64[np.ndarray, "*n 4 4"]
     given: bool = False
-    valid: Bool[np.ndarray, "n"] | None = None
+    valid: Bool[np.ndarray, " n"] | None = None
 
     @property
     def name(self) -> str:
@@ -46,7 +57,15 @@ class Link:
 
 @dataclass(frozen=True)
 class Chain:
-    """Links that lead from ``source`` to another frame one after the other, each forwards or backwards."""
+    """Links that lead from one coordinate frame to another one after the other, each forwards or backwards.
+
+    Parameters
+    ----------
+    source : str
+        Coordinate frame that the chain maps from.
+    links : tuple of Link
+        Links in order.
+    """
 
     source: str
     links: tuple[Link, ...]
@@ -90,28 +109,71 @@ class Chain:
 
 
 def calibration_order(chain: Chain) -> tuple[int, ...]:
-    """What is named comes first, then what holds for all frames; the recording's own word comes last."""
+    """Rank a chain as a calibration: what is named comes first, then what holds for all frames.
+
+    Parameters
+    ----------
+    chain : Chain
+        Chain.
+
+    Returns
+    -------
+    tuple of int
+        Key to sort by; what the recording itself states comes last.
+    """
     return (chain.dead, not chain.given, chain.moving, chain.recorded, len(chain.links))
 
 
 def pose_order(chain: Chain) -> tuple[int, ...]:
-    """What was tracked comes first: no constant of a device set replaces a measurement, but one of the recording."""
+    """Rank a chain as poses: what was tracked comes first.
+
+    No constant of a device set replaces a measurement, but one of the recording.
+
+    Parameters
+    ----------
+    chain : Chain
+        Chain.
+
+    Returns
+    -------
+    tuple of int
+        Key to sort by.
+    """
     return (chain.dead, not chain.moving, chain.recorded, len(chain.links))
 
 
 def chains(
     links: Sequence[Link], source: str, target: str, order: Callable[[Chain], tuple[int, ...]]
 ) -> list[Chain]:
-    """Every chain from ``source`` to ``target`` that passes no frame twice, the one that counts first.
+    """Find every chain between two coordinate frames that passes no coordinate frame twice.
 
-    Raises InputError where there is none, naming the transforms there are, or where there are more than can be meant.
+    Parameters
+    ----------
+    links : sequence of Link
+        Transforms there are.
+    source : str
+        Coordinate frame to map from.
+    target : str
+        Coordinate frame to map to.
+    order : callable
+        Key of a chain to sort by.
+
+    Returns
+    -------
+    list of Chain
+        Chains, the one that counts first.
+
+    Raises
+    ------
+    InputError
+        If there is none, naming the transforms there are, or more than can be meant.
     """
     found: list[Chain] = []
     for chain in _paths(links, source, target):
         found.append(Chain(source, chain))
-        if len(found) > _MOST_CHAINS:
+        if len(found) > _MAX_CHAINS:
             raise InputError(
-                f"transform {source}To{target}: expected a few chains of transforms, found more than {_MOST_CHAINS}"
+                f"transform {source}To{target}: expected a few chains of transforms, found more than {_MAX_CHAINS}"
             )
     if not found:
         known = ", ".join(dict.fromkeys(link.name for link in links)) or "none"
@@ -129,7 +191,7 @@ def _paths(links: Sequence[Link], source: str, target: str) -> Iterator[tuple[Li
     while waiting:
         at, passed, seen = waiting.pop()
         steps += 1
-        if steps > _MOST_STEPS:
+        if steps > _MAX_STEPS:
             raise InputError(
                 f"transform {source}To{target}: expected a few transforms between frames, found {len(links)}"
             )
@@ -145,9 +207,21 @@ def links_from(
     stacks: Mapping[tuple[str, str], tuple[np.ndarray, np.ndarray]],
     given: Mapping[tuple[str, str], np.ndarray],
 ) -> tuple[Link, ...]:
-    """The transforms of a recording, (n, 4, 4) each with where they are valid (n,), and those that a setting named.
+    """Collect the transforms of a recording and those that a setting named.
 
     A transform that is the same wherever it is valid counts as one matrix for all frames.
+
+    Parameters
+    ----------
+    stacks : mapping of (str, str) to (ndarray, ndarray)
+        By (from, to), the transforms of a recording, shape (n, 4, 4), and where they are valid, shape (n,).
+    given : mapping of (str, str) to ndarray
+        By (from, to), the transforms of a setting, shape (4, 4).
+
+    Returns
+    -------
+    tuple of Link
+        All of them.
     """
     found = [Link(*pair, np.asarray(matrix, dtype=np.float64), given=True) for pair, matrix in given.items()]
     for pair, (stack, valid) in stacks.items():

@@ -14,8 +14,16 @@ from registration.errors import InputError
 
 @dataclass(frozen=True)
 class TransformGraph:
-    """Transforms by (from, to): the matrix maps coordinates in ``from`` to ``to``, one (4, 4) or a stack (n, 4, 4).
+    """Transforms between named coordinate frames.
 
+    Parameters
+    ----------
+    edges : mapping of (str, str) to ndarray
+        By (from, to), the matrix that maps coordinates from one to the other, shape (4, 4) or a stack (n, 4,
+        4).
+
+    Examples
+    --------
     >>> graph = TransformGraph({("Probe", "Tracker"): np.eye(4), ("Reference", "Tracker"): np.eye(4)})
     >>> graph.chain("Probe", "Reference").shape
     (4, 4)
@@ -28,13 +36,39 @@ class TransformGraph:
             transforms.require_affine(matrix, f"{source}To{target}Transform")
 
     def joined(self, other: TransformGraph) -> TransformGraph:
-        """Both graphs' transforms; where both have one, that of ``self`` counts."""
+        """Join the transforms of two graphs.
+
+        Parameters
+        ----------
+        other : TransformGraph
+            The other graph; where both have a transform, that of ``self`` counts.
+
+        Returns
+        -------
+        TransformGraph
+            Graph with both graphs' transforms.
+        """
         return TransformGraph({**other.edges, **self.edges})
 
     def path(self, source: str, target: str) -> list[tuple[str, str]]:
-        """The links of the shortest chain from ``source`` to ``target``, each as it is stored.
+        """Find the links of the shortest chain between two coordinate frames.
 
-        Raises InputError where the two are not linked, naming the transforms there are.
+        Parameters
+        ----------
+        source : str
+            Coordinate frame to map from.
+        target : str
+            Coordinate frame to map to.
+
+        Returns
+        -------
+        list of (str, str)
+            Links in order, each as it is stored.
+
+        Raises
+        ------
+        InputError
+            If the two are not linked, naming the transforms there are.
         """
         reached: dict[str, list[tuple[str, str]]] = {source: []}
         waiting = [source]
@@ -53,7 +87,20 @@ class TransformGraph:
         return reached[target]
 
     def chain(self, source: str, target: str) -> Float64[np.ndarray, "*n 4 4"]:
-        """The transform from ``source`` to ``target`` along the shortest chain, inverting links where needed."""
+        """Compose the transforms along the shortest chain, inverting links where needed.
+
+        Parameters
+        ----------
+        source : str
+            Coordinate frame to map from.
+        target : str
+            Coordinate frame to map to.
+
+        Returns
+        -------
+        ndarray, shape (4, 4) or (n, 4, 4)
+            Transform from ``source`` to ``target``.
+        """
         chained: np.ndarray = np.eye(4)
         at = source
         for start, end in self.path(source, target):

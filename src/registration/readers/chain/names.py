@@ -11,8 +11,20 @@ Pair = tuple[str, str]
 
 
 def splits(name: str) -> list[Pair]:
-    """Every (from, to) that ``name`` may stand for: one for each "To" with text on both sides of it.
+    """List every (from, to) that the name of a transform may stand for.
 
+    Parameters
+    ----------
+    name : str
+        Name of a transform of PLUS, such as ``ToolToTracker``.
+
+    Returns
+    -------
+    list of (str, str)
+        One pair for each "To" with text on both sides of it.
+
+    Examples
+    --------
     >>> splits("ToolToTracker")
     [('Tool', 'Tracker')]
     """
@@ -21,11 +33,24 @@ def splits(name: str) -> list[Pair]:
 
 
 def resolve(names: Iterable[str], known: Collection[str] = ()) -> dict[str, Pair]:
-    """The frames that each transform links; names that stay ambiguous are left out.
+    """Find the coordinate frames that each transform links; names that stay ambiguous are left out.
 
-    A name is read as two frames of ``known`` (those that settings or a device set name) where it can be. Otherwise
-    the name of a frame begins with no small letter, as PLUS requires: TorsoToProbe has one "To", HandToEyeToWorld
-    two. Among several readings the one with more frames counts that ``known`` or the other names mention.
+    A name is read as two coordinate frames of ``known`` where it can be. Otherwise the name of a coordinate
+    frame begins with no small letter, as PLUS requires: TorsoToProbe has one "To", HandToEyeToWorld two.
+    Among several readings the one with more coordinate frames counts that ``known`` or the other names
+    mention.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Names of transforms.
+    known : collection of str, optional
+        Coordinate frames that settings or a device set name.
+
+    Returns
+    -------
+    dict of str to (str, str)
+        By name, the pair (from, to).
     """
     waiting = {name: splits(name) for name in dict.fromkeys(names)}
     found: dict[str, Pair] = {}
@@ -54,5 +79,5 @@ def resolve(names: Iterable[str], known: Collection[str] = ()) -> dict[str, Pair
 def _best(readings: list[Pair], mentioned: set[str]) -> Pair | None:
     """The reading with most frames that are mentioned elsewhere; None for none or several such."""
     counts = [sum(frame in mentioned for frame in pair) for pair in readings]
-    most = max(counts, default=0)
-    return readings[counts.index(most)] if most and counts.count(most) == 1 else None
+    highest = max(counts, default=0)
+    return readings[counts.index(highest)] if highest and counts.count(highest) == 1 else None

@@ -24,27 +24,65 @@ _SAME_MM, _SAME_DEG = 0.1, 0.5
 
 @dataclass(frozen=True)
 class ImagePlacement:
-    """From pixels to the tracked marker.
+    """Where the pixels lie on the tracked marker.
 
-    ``ee_A_pixel`` is that of the first frame with one; ``image_A_pixel`` (n, 4, 4) leads from each frame's pixels to
-    that frame's, None where all are the same. ``reasons`` (n,) say why a frame has none, ``remarks`` what contradicts.
+    Parameters
+    ----------
+    ee_A_pixel : ndarray, shape (4, 4)
+        Map from the pixels of the first frame with one to the marker, in mm.
+    image_A_pixel : ndarray, shape (n, 4, 4), or None
+        Map from each frame's pixels to that frame's; None where all are the same.
+    reasons : ndarray of str, shape (n,)
+        Why a frame has no map, empty where it has.
+    notes : tuple of str
+        What contradicts itself, in sentences.
     """
 
     ee_A_pixel: Float64[np.ndarray, "4 4"]
     image_A_pixel: Float64[np.ndarray, "n 4 4"] | None
     reasons: np.ndarray
-    remarks: tuple[str, ...]
+    notes: tuple[str, ...]
 
 
 def known_frames(defined: TransformGraph, known: tuple[str, ...]) -> set[str]:
-    """The frames that settings and a device set name."""
+    """Collect the coordinate frames that settings and a device set name.
+
+    Parameters
+    ----------
+    defined : TransformGraph
+        Transforms of the device set.
+    known : tuple of str
+        Coordinate frames that settings name.
+
+    Returns
+    -------
+    set of str
+        Names.
+    """
     return {*known, *(frame for pair in defined.edges for frame in pair)}
 
 
 def recorded_links(
     sequence: PlusSequence, defined: TransformGraph, known: tuple[str, ...], path: Path
 ) -> tuple[Link, ...]:
-    """The transforms of a recording and of a device set; ``known`` names frames that settings speak of."""
+    """Collect the transforms of a recording and of a device set.
+
+    Parameters
+    ----------
+    sequence : PlusSequence
+        Recording.
+    defined : TransformGraph
+        Transforms of the device set.
+    known : tuple of str
+        Coordinate frames that settings name.
+    path : Path
+        Name of the file, for messages.
+
+    Returns
+    -------
+    tuple of Link
+        All transforms.
+    """
     pairs = transform_names(sequence, known_frames(defined, known))
     stacks = {pair: frame_transform(sequence, *pair, str(path)) for pair in pairs}
     return links_from(stacks, defined.edges)
@@ -53,25 +91,76 @@ def recorded_links(
 def poses(
     links: tuple[Link, ...], ee: str, world: str, count: int, path: Path
 ) -> tuple[Float64[np.ndarray, "n 4 4"], np.ndarray, tuple[str, ...]]:
-    """The chain from ``ee`` to ``world`` in every frame, why it is not there (n,), and what contradicts it."""
+    """Compose the poses of every frame.
+
+    Parameters
+    ----------
+    links : tuple of Link
+        Transforms of the recording and the device set.
+    ee : str
+        PLUS's name of the end effector.
+    world : str
+        PLUS's name of the world.
+    count : int
+        Number of frames n.
+    path : Path
+        Name of the file, for messages.
+
+    Returns
+    -------
+    world_A_ee : ndarray, shape (n, 4, 4)
+        Poses as recorded, in mm.
+    reasons : ndarray of str, shape (n,)
+        Why a frame has no pose, empty where it has.
+    notes : tuple of str
+        What contradicts the poses, in sentences.
+
+    Raises
+    ------
+    InputError
+        If no chain of transforms leads from one to the other.
+    """
     try:
         found = chains(links, ee, world, pose_order)
         best = found[0]
         world_A_ee = np.array(np.broadcast_to(best.matrix, (count, 4, 4)))
         reasons = _reasons(best.links, count)
-        remarks = _pose_remarks(found, world_A_ee, reasons == "", path)
+        notes = _pose_notes(found, world_A_ee, reasons == "", path)
     except InputError as failure:
         raise InputError(f"{path}: {failure}") from failure
-    return world_A_ee, reasons, remarks
+    return world_A_ee, reasons, notes
 
 
 def image_placement(
     links: tuple[Link, ...], image: str, ee: str, sequence: PlusSequence, path: Path
 ) -> ImagePlacement:
-    """The chain from the pixels that the file holds to ``ee``. Raises InputError where there is none.
+    """Compose the calibration of every frame, from the pixels that the file holds to the tracked marker.
 
-    A frame that was cropped has the pixels of CroppedImage, not of Image. What a device set says comes before what
-    the recording says; where both say something else, the placement's remarks tell by how much.
+    A frame that was cropped has the pixels of CroppedImage, not of Image. What a device set states comes
+    before what the recording states; where the two differ, the notes report by how much.
+
+    Parameters
+    ----------
+    links : tuple of Link
+        Transforms of the recording and the device set.
+    image : str
+        PLUS's name of the image.
+    ee : str
+        PLUS's name of the tracked marker.
+    sequence : PlusSequence
+        Recording.
+    path : Path
+        Name of the file, for messages.
+
+    Returns
+    -------
+    ImagePlacement
+        Maps from pixels to the marker.
+
+    Raises
+    ------
+    InputError
+        If no chain of transforms leads from one to the other.
     """
     cropped = CROPPED + image
     is_cropped = any({link.source, link.target} == {image, cropped} for link in links)
@@ -85,7 +174,7 @@ def image_placement(
     if not len(valid):
         raise InputError(f"{path}: expected at least one frame with a valid {best.text}, found none")
     first = ee_A_pixel[valid[0]] if ee_A_pixel.ndim == 3 else ee_A_pixel
-    remarks = (
+    notes = (
         *_unused(links, best, path),
         *_image_remarks(found, ee_A_pixel, (height, width), reasons == "", path),
     )
@@ -94,7 +183,7 @@ def image_placement(
         ee_A_pixel=first,
         image_A_pixel=np.linalg.inv(first) @ ee_A_pixel if moving else None,
         reasons=reasons,
-        remarks=remarks,
+        notes=notes,
     )
 
 
@@ -117,8 +206,8 @@ def _reasons(links: tuple[Link, ...], count: int) -> np.ndarray:
     return reasons
 
 
-def _pose_remarks(
-    found: list[Chain], world_A_ee: np.ndarray, valid: Bool[np.ndarray, "n"], path: Path
+def _pose_notes(
+    found: list[Chain], world_A_ee: np.ndarray, valid: Bool[np.ndarray, " n"], path: Path
 ) -> tuple[str, ...]:
     """By how much another chain puts the end effector elsewhere, for the one that differs most."""
     worst_mm, worst_deg, other_text = 0.0, 0.0, ""
@@ -143,7 +232,7 @@ def _image_remarks(
     found: list[Chain],
     ee_A_pixel: np.ndarray,
     size: tuple[int, int],
-    valid: Bool[np.ndarray, "n"],
+    valid: Bool[np.ndarray, " n"],
     path: Path,
 ) -> tuple[str, ...]:
     """By how much another chain puts the image's corners elsewhere, for the one that differs most."""

@@ -16,13 +16,31 @@ from registration.sweep import ProbeCalibration
 from registration.text_files import read_text
 
 # Pixels of ultrasound images measure 0.02 to 0.5 mm. A thousandth of that was written in metres.
-_LEAST_PIXEL_MM = 2e-3
+_MIN_PIXEL_MM = 2e-3
 
 
 def read_calibration(path: Path, image: str = "Image", probe: str = "Probe") -> ProbeCalibration:
-    """Read a calibration from ``.yaml`` (keys ``probe_A_pixel`` and, by default the identity, ``ee_T_probe``) or XML.
+    """Read a calibration from YAML or from PLUS's XML.
 
-    From PLUS's XML the chain from ``image`` to ``probe`` is taken, and ``ee_T_probe`` is the identity.
+    Parameters
+    ----------
+    path : Path
+        YAML file with the keys ``probe_A_pixel`` and, by default the identity, ``ee_T_probe``; or XML, of
+        which the chain from ``image`` to ``probe`` is taken and ``ee_T_probe`` is the identity.
+    image : str, optional
+        PLUS's name of the image.
+    probe : str, optional
+        PLUS's name of the probe.
+
+    Returns
+    -------
+    ProbeCalibration
+        Where the image lies on the end effector.
+
+    Raises
+    ------
+    InputError
+        If the file is missing or of another kind, or holds no calibration.
     """
     if path.suffix.lower() == ".xml":
         try:
@@ -34,14 +52,32 @@ def read_calibration(path: Path, image: str = "Image", probe: str = "Probe") -> 
 
 
 def calibration_from(content: Mapping[str, Any], name: str) -> ProbeCalibration:
-    """The calibration in the keys of a YAML file; ``name`` is the file's, for messages."""
+    """Read the calibration in the keys of a YAML file.
+
+    Parameters
+    ----------
+    content : mapping of str to Any
+        Content of the file.
+    name : str
+        Name of the file, for messages.
+
+    Returns
+    -------
+    ProbeCalibration
+        Where the image lies on the end effector.
+
+    Raises
+    ------
+    InputError
+        If ``probe_A_pixel`` is missing, a matrix is not what it must be, or pixels are too small to be in mm.
+    """
     probe_A_pixel = matrix_from(content, "probe_A_pixel", name)
     try:
         probe_A_pixel = with_third_column(probe_A_pixel)
     except InputError as refusal:
         raise InputError(f"{name}: {refusal}") from refusal
     pixel_mm = float(np.linalg.norm(probe_A_pixel[:3, :2], axis=0).min())
-    if pixel_mm < _LEAST_PIXEL_MM:
+    if pixel_mm < _MIN_PIXEL_MM:
         raise InputError(
             f"{name}: expected probe_A_pixel in millimetres, found pixels of {pixel_mm:.3g} (were they metres?)"
         )
@@ -53,7 +89,27 @@ def calibration_from(content: Mapping[str, Any], name: str) -> ProbeCalibration:
 
 
 def matrix_from(content: Mapping[str, Any], key: str, name: str) -> np.ndarray:
-    """The 4x4 matrix under ``key``, given by its rows (the last row may be left out)."""
+    """Read a 4x4 matrix given by its rows.
+
+    Parameters
+    ----------
+    content : mapping of str to Any
+        Content of a YAML file.
+    key : str
+        Key of the matrix, whose last row may be left out.
+    name : str
+        Name of the file, for messages.
+
+    Returns
+    -------
+    ndarray, shape (4, 4)
+        Matrix.
+
+    Raises
+    ------
+    InputError
+        If the key is missing or there are no three or four rows of four numbers.
+    """
     try:
         rows = np.array(content[key], dtype=np.float64)
     except KeyError as failure:
@@ -72,7 +128,23 @@ def matrix_from(content: Mapping[str, Any], key: str, name: str) -> np.ndarray:
 
 
 def read_yaml(path: Path) -> dict[str, Any]:
-    """The mapping in a YAML file."""
+    """Read the mapping in a YAML file.
+
+    Parameters
+    ----------
+    path : Path
+        YAML file.
+
+    Returns
+    -------
+    dict of str to Any
+        Its content.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or holds no mapping.
+    """
     try:
         content = yaml.safe_load(read_text(path))
     except yaml.YAMLError as failure:
@@ -83,7 +155,18 @@ def read_yaml(path: Path) -> dict[str, Any]:
 
 
 def calibration_yaml(calibration: ProbeCalibration) -> str:
-    """The keys ``probe_A_pixel`` and ``ee_T_probe`` as YAML, exact to the last bit."""
+    """Format a calibration as YAML, exact to the last bit.
+
+    Parameters
+    ----------
+    calibration : ProbeCalibration
+        Where the image lies on the end effector.
+
+    Returns
+    -------
+    str
+        The keys ``probe_A_pixel`` and ``ee_T_probe``.
+    """
     lines = []
     for key, matrix in (("probe_A_pixel", calibration.probe_A_pixel), ("ee_T_probe", calibration.ee_T_probe)):
         lines.append(f"{key}:")

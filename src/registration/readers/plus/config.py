@@ -18,11 +18,19 @@ from registration.readers.chain.graph import TransformGraph
 
 @dataclass(frozen=True)
 class DeviceSet:
-    """What a device-set file says of geometry.
+    """What a device-set file states of geometry.
 
-    ``transforms`` are its coordinate definitions. ``wires_mm`` (w, 2, 3) holds front and back end of each wire of the
-    N-wire phantom in the phantom's frame, three wires a pattern in order, ``wire_names`` their names; both are
-    empty where no phantom is defined. ``volume`` holds the attributes of the volume reconstruction as text.
+    Parameters
+    ----------
+    transforms : TransformGraph
+        Its coordinate definitions.
+    wires_mm : ndarray, shape (w, 2, 3)
+        Front and back end of each wire of the N-wire phantom, in mm in the phantom's coordinate frame, three
+        wires a pattern in order; empty where no phantom is defined.
+    wire_names : tuple of str
+        Names of the wires.
+    volume : dict of str to str
+        Attributes of the volume reconstruction as text.
     """
 
     transforms: TransformGraph
@@ -34,7 +42,20 @@ class DeviceSet:
 def read_device_set(path: Path) -> DeviceSet:
     """Read a device set, or the transform in the ``.results.xml`` of a calibration.
 
-    Transforms and phantom may both be absent; a malformed matrix raises InputError.
+    Parameters
+    ----------
+    path : Path
+        XML file; transforms and phantom may both be absent.
+
+    Returns
+    -------
+    DeviceSet
+        What it states of geometry.
+
+    Raises
+    ------
+    InputError
+        If the file is no XML, a matrix or a wire is malformed, or a pattern has no three wires.
     """
     root = parse_xml(path)
     edges = {
@@ -59,7 +80,18 @@ def read_device_set(path: Path) -> DeviceSet:
 
 
 def device_set_xml(transforms: TransformGraph) -> str:
-    """A device-set file that defines ``transforms`` and nothing else, as PLUS reads it."""
+    """Format a device-set file that defines transforms and nothing else, as PLUS reads it.
+
+    Parameters
+    ----------
+    transforms : TransformGraph
+        Transforms to define.
+
+    Returns
+    -------
+    str
+        XML.
+    """
     root = ElementTree.Element("PlusConfiguration", version="2.1")
     definitions = ElementTree.SubElement(root, "CoordinateDefinitions")
     for (source, target), matrix in transforms.edges.items():
@@ -70,7 +102,23 @@ def device_set_xml(transforms: TransformGraph) -> str:
 
 
 def parse_xml(path: Path) -> ElementTree.Element:
-    """The root of an XML file. Entities are not expanded: a document type definition is refused."""
+    """Read the root of an XML file. Entities are not expanded.
+
+    Parameters
+    ----------
+    path : Path
+        XML file.
+
+    Returns
+    -------
+    ElementTree.Element
+        Root.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is no XML, or has a document type definition.
+    """
     try:
         content = path.read_bytes()
         if b"<!DOCTYPE" in content:
@@ -86,8 +134,30 @@ def parse_xml(path: Path) -> ElementTree.Element:
         ) from failure
 
 
-def numbers(node: ElementTree.Element, attribute: str, count: int, path: Path) -> Float64[np.ndarray, "n"]:
-    """The numbers in an attribute, of which there must be ``count``."""
+def numbers(node: ElementTree.Element, attribute: str, count: int, path: Path) -> Float64[np.ndarray, " n"]:
+    """Read the numbers in an attribute.
+
+    Parameters
+    ----------
+    node : ElementTree.Element
+        Element of an XML file.
+    attribute : str
+        Name of the attribute.
+    count : int
+        How many numbers there must be.
+    path : Path
+        Name of the file, for messages.
+
+    Returns
+    -------
+    ndarray, shape (count,)
+        Numbers.
+
+    Raises
+    ------
+    InputError
+        If the attribute does not hold ``count`` numbers.
+    """
     text = node.get(attribute, "")
     try:
         values = np.array(text.split(), dtype=np.float64)

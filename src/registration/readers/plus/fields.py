@@ -10,7 +10,7 @@ from jaxtyping import Float64
 
 from registration import transforms
 from registration.errors import InputError
-from registration.io.atomic import write_whole
+from registration.io.atomic import write_atomic
 from registration.readers.chain.names import resolve, splits
 from registration.readers.plus.metaimage import metaimage_bytes, read_metaimage
 from registration.readers.plus.nrrd import nrrd_bytes, read_nrrd
@@ -27,7 +27,22 @@ SUFFIXES = tuple(_READ)
 def read_sequence(path: Path, orientation: str | None = None) -> PlusSequence:
     """Read a sequence file of either kind, pixels turned to orientation MF.
 
-    ``orientation`` overrules the file's own. Raises InputError, naming the file, for another suffix.
+    Parameters
+    ----------
+    path : Path
+        MetaImage or NRRD sequence file.
+    orientation : str, optional
+        Orientation in place of the file's own.
+
+    Returns
+    -------
+    PlusSequence
+        Everything in the file.
+
+    Raises
+    ------
+    InputError
+        If the suffix is another, or the file is not what it must be.
     """
     read = _READ.get(path.suffix.lower())
     if read is None:
@@ -38,17 +53,52 @@ def read_sequence(path: Path, orientation: str | None = None) -> PlusSequence:
 
 
 def write_sequence(path: Path, sequence: PlusSequence, compressed: bool = True) -> None:
-    """Write a sequence file as a whole, in the format that the suffix names."""
+    """Write a sequence file as a whole, in the format that the suffix names.
+
+    Parameters
+    ----------
+    path : Path
+        MetaImage or NRRD sequence file.
+    sequence : PlusSequence
+        What to write.
+    compressed : bool, optional
+        Whether pixels are compressed.
+
+    Raises
+    ------
+    InputError
+        If the suffix is another.
+    """
     write = _WRITTEN.get(path.suffix.lower())
     if write is None:
         raise InputError(
             f"{path}: expected a name that ends in {' or '.join(_WRITTEN)}, received {path.suffix!r}"
         )
-    write_whole(path, write(sequence, compressed))
+    write_atomic(path, write(sequence, compressed))
 
 
-def frame_times_s(sequence: PlusSequence, clock: str, name: str) -> Float64[np.ndarray, "n"]:
-    """Each frame's time by the ``filtered`` or ``unfiltered`` clock; ``name`` is the file's, for messages."""
+def frame_times_s(sequence: PlusSequence, clock: str, name: str) -> Float64[np.ndarray, " n"]:
+    """Read each frame's time.
+
+    Parameters
+    ----------
+    sequence : PlusSequence
+        Sequence with n frames.
+    clock : {'filtered', 'unfiltered'}
+        Which of two recorded times.
+    name : str
+        Name of the file, for messages.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Times in s.
+
+    Raises
+    ------
+    InputError
+        If a frame has no such time, or one that is no number.
+    """
     key = CLOCKS[clock]
     try:
         return np.array([float(fields[key]) for fields in sequence.frame_fields])
@@ -65,10 +115,33 @@ def frame_times_s(sequence: PlusSequence, clock: str, name: str) -> Float64[np.n
 def frame_transform(
     sequence: PlusSequence, source: str, target: str, name: str
 ) -> tuple[Float64[np.ndarray, "n 4 4"], np.ndarray]:
-    """The named transform of every frame and whether it is valid, (n,) bool.
+    """Read the named transform of every frame and whether it is valid.
 
-    It counts as valid where it is there, has an inverse, and its status is OK or not given (files of old versions of
-    PLUS).
+    It counts as valid where it is there, has an inverse, and its status is OK or not given (files of old
+    versions of PLUS).
+
+    Parameters
+    ----------
+    sequence : PlusSequence
+        Sequence with n frames.
+    source : str
+        PLUS's name of the coordinate frame to map from.
+    target : str
+        PLUS's name of the coordinate frame to map to.
+    name : str
+        Name of the file, for messages.
+
+    Returns
+    -------
+    matrices : ndarray, shape (n, 4, 4)
+        Transforms.
+    valid : ndarray of bool, shape (n,)
+        Which are valid.
+
+    Raises
+    ------
+    InputError
+        If a transform is no matrix of 16 numbers.
     """
     key = f"{source}To{target}{TRANSFORM}"
     matrices = np.tile(np.eye(4), (len(sequence.frame_fields), 1, 1))
@@ -92,9 +165,19 @@ def frame_transform(
 
 
 def transform_names(sequence: PlusSequence, known: Collection[str] = ()) -> list[tuple[str, str]]:
-    """The (from, to) pairs that any frame has a transform for, in the order in which they occur.
+    """List the (from, to) pairs that any frame has a transform for.
 
-    ``known`` names frames of which it is sure that they exist, for names that can be read in several ways.
+    Parameters
+    ----------
+    sequence : PlusSequence
+        Sequence.
+    known : collection of str, optional
+        Coordinate frames that are sure to exist, for names that can be read in several ways.
+
+    Returns
+    -------
+    list of (str, str)
+        Pairs in the order in which they occur.
     """
     names = _names(sequence)
     found = resolve(names, known)
@@ -102,7 +185,20 @@ def transform_names(sequence: PlusSequence, known: Collection[str] = ()) -> list
 
 
 def ambiguous_names(sequence: PlusSequence, known: Collection[str] = ()) -> list[str]:
-    """The transforms whose names could stand for several pairs of frames; ``transform_names`` leaves them out."""
+    """List the transforms whose names could stand for several pairs; ``transform_names`` leaves them out.
+
+    Parameters
+    ----------
+    sequence : PlusSequence
+        Sequence.
+    known : collection of str, optional
+        Coordinate frames that are sure to exist.
+
+    Returns
+    -------
+    list of str
+        Names.
+    """
     names = _names(sequence)
     found = resolve(names, known)
     return [name for name in names if name not in found and len(splits(name)) > 1]

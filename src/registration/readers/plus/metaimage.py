@@ -30,10 +30,25 @@ _WRITTEN |= {"i4": "MET_INT", "f4": "MET_FLOAT", "f8": "MET_DOUBLE"}
 
 
 def read_metaimage(path: Path, orientation: str | None = None) -> PlusSequence:
-    """Read a sequence; ``orientation`` stands in for (and overrules) the one that the file names.
+    """Read a MetaImage sequence.
 
-    Raises InputError, naming the file, for a header that is no MetaImage's, a missing orientation, an unknown pixel
-    type, or fewer pixels than the header promises.
+    Parameters
+    ----------
+    path : Path
+        Sequence file.
+    orientation : str, optional
+        Orientation in place of the one that the file names.
+
+    Returns
+    -------
+    PlusSequence
+        Everything in the file, orientation MF.
+
+    Raises
+    ------
+    InputError
+        If the header is no MetaImage's, the orientation is missing, the pixel type is unknown, or there are
+        fewer pixels than the header promises.
     """
     file = read_metaimage_file(path)
     header, by_frame = split_fields(file.fields, path)
@@ -54,7 +69,25 @@ def read_metaimage(path: Path, orientation: str | None = None) -> PlusSequence:
 
 
 def metaimage_bytes(sequence: PlusSequence, compressed: bool) -> bytes:
-    """The content of a file that PLUS, MetaIO and SimpleITK read; orientation MF."""
+    """Format a file that PLUS, MetaIO and SimpleITK read; orientation MF.
+
+    Parameters
+    ----------
+    sequence : PlusSequence
+        What to write.
+    compressed : bool
+        Whether pixels are compressed.
+
+    Returns
+    -------
+    bytes
+        Content of the file.
+
+    Raises
+    ------
+    InputError
+        If the type of the pixels is none of the format's.
+    """
     pixels = np.ascontiguousarray(sequence.pixels)
     code = _WRITTEN.get(pixels.dtype.newbyteorder("=").str[1:])
     if code is None:

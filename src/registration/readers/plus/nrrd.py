@@ -34,10 +34,25 @@ _KEPT_OUT = {
 
 
 def read_nrrd(path: Path, orientation: str | None = None) -> PlusSequence:
-    """Read a sequence; ``orientation`` stands in for (and overrules) the one that the file names.
+    """Read a NRRD sequence.
 
-    Raises InputError, naming the file, for a file that is no NRRD, an encoding or type that is not known, axes that
-    are no 2-D frames, or fewer pixels than the header promises.
+    Parameters
+    ----------
+    path : Path
+        Sequence file.
+    orientation : str, optional
+        Orientation in place of the one that the file names.
+
+    Returns
+    -------
+    PlusSequence
+        Everything in the file, orientation MF.
+
+    Raises
+    ------
+    InputError
+        If the file is no NRRD, its encoding or type is not known, its axes are no 2-D frames, or there are
+        fewer pixels than the header promises.
     """
     file = read_nrrd_file(path)
     header, by_frame = split_fields(file.fields | file.keys, path)
@@ -63,7 +78,25 @@ def read_nrrd(path: Path, orientation: str | None = None) -> PlusSequence:
 
 
 def nrrd_bytes(sequence: PlusSequence, compressed: bool) -> bytes:
-    """The content of a file that PLUS and SimpleITK read; orientation MF."""
+    """Format a file that PLUS and SimpleITK read; orientation MF.
+
+    Parameters
+    ----------
+    sequence : PlusSequence
+        What to write.
+    compressed : bool
+        Whether pixels are compressed.
+
+    Returns
+    -------
+    bytes
+        Content of the file.
+
+    Raises
+    ------
+    InputError
+        If the type of the pixels is none of the format's.
+    """
     empty = np.zeros((len(sequence.frame_fields), 1, 1), np.uint8)
     pixels = empty if sequence.tracker_only else np.ascontiguousarray(sequence.pixels)
     name = _WRITTEN.get(pixels.dtype.newbyteorder("=").str[1:])

@@ -30,17 +30,42 @@ from registration.sweep import ProbeCalibration, TrackedSweep
 class PlusReader:
     """Read a tracked sweep from a PLUS sequence file.
 
-    ``world``, ``ee`` and ``image`` are PLUS's names of those frames: the poses are the chain from ``ee`` to ``world``
-    through the transforms that each frame carries, the calibration is the chain from ``image`` to ``ee`` through
-    those and the coordinate definitions of ``device_set`` (an XML file; or a ``.results.xml`` of a calibration).
-    What the device set says of the calibration comes before what the file says; of poses, what was tracked comes
-    first. Contradictions are in the sweep's ``remarks``. Frames with ``ImageToCroppedImageTransform`` were cropped:
-    their pixels are those of CroppedImage. A calibration that changes from frame to frame is kept for each frame.
-    The tracked marker on the probe, which PLUS calls Probe, is the end effector; ``ee_T_probe`` is the identity.
-    ``tracker`` names a second sequence with the poses, recorded beside a video. ``clock`` is ``filtered`` or
-    ``unfiltered``. ``orientation`` overrules the file's. Poses may be off orthonormal by ``rigid_tolerance`` and
-    are brought to the nearest rotation. Without image pixels the sweep has poses only, and needs no calibration;
-    ``uncalibrated`` says that none is known yet (pixels then stand for millimetres), as for a temporal calibration.
+    The poses are the chain from ``ee`` to ``world`` through the transforms that each frame carries, the
+    calibration is the chain from ``image`` to ``ee`` through those and the coordinate definitions of
+    ``device_set``. What the device set states of the calibration comes before what the file states; of poses,
+    what was tracked comes first. Contradictions are in the sweep's ``notes``. Frames with
+    ``ImageToCroppedImageTransform`` were cropped: their pixels are those of CroppedImage. A calibration that
+    changes from frame to frame is kept for each frame. The tracked marker on the probe, which PLUS calls
+    Probe, is the end effector; ``ee_T_probe`` is the identity. Without image pixels the sweep has poses only,
+    and needs no calibration.
+
+    Parameters
+    ----------
+    world : str, optional
+        PLUS's name of the world.
+    ee : str, optional
+        PLUS's name of the end effector.
+    image : str, optional
+        PLUS's name of the image.
+    device_set : str or Path, optional
+        XML file of the device set, or a ``.results.xml`` of a calibration; None takes the recording's
+        transforms alone.
+    tracker : str or Path, optional
+        Second sequence with the poses, recorded next to a video.
+    clock : {'filtered', 'unfiltered'}, optional
+        Which of two recorded times counts.
+    orientation : str, optional
+        Orientation in place of the file's.
+    rigid_tolerance : float, optional
+        How far poses may be off orthonormal (no unit); they are brought to the nearest rotation.
+    uncalibrated : bool, optional
+        True where no calibration is known yet, as for a temporal calibration: pixels then stand for
+        millimetres.
+
+    Raises
+    ------
+    InputError
+        If a setting is not what it must be.
     """
 
     world: str = "Reference"
@@ -60,9 +85,22 @@ class PlusReader:
             raise InputError(f"rigid_tolerance: expected a number above 0, received {self.rigid_tolerance!r}")
 
     def __call__(self, path: Path) -> TrackedSweep:
-        """Read the sweep; frames with an INVALID image or pose are left out and counted by reason.
+        """Read a sweep; frames with an INVALID image or pose are left out and counted by reason.
 
-        Raises InputError, naming the file, where nothing valid is left or the calibration cannot be found.
+        Parameters
+        ----------
+        path : Path
+            Sequence file.
+
+        Returns
+        -------
+        TrackedSweep
+            Frames and poses as recorded.
+
+        Raises
+        ------
+        InputError
+            If nothing valid is left or the calibration cannot be found.
         """
         video = read_sequence(path, self.orientation)
         tracker_path = path if self.tracker is None else Path(self.tracker)
@@ -72,7 +110,7 @@ class PlusReader:
             if self.device_set is None
             else read_device_set(Path(self.device_set)).transforms
         )
-        world_T_ee, pose_reasons, remarks = self._poses(tracked, defined, tracker_path)
+        world_T_ee, pose_reasons, notes = self._poses(tracked, defined, tracker_path)
         placed = self._placement(video, defined, path)
         image_reasons = _image_reasons(video)
         dropped: Counter[str] = Counter()
@@ -96,7 +134,7 @@ class PlusReader:
             pose_times_s=pose_times_s,
             calibration=ProbeCalibration(ee_T_probe=np.eye(4), probe_A_pixel=placed.ee_A_pixel),
             dropped=dict(dropped),
-            remarks=(*remarks, *placed.remarks),
+            notes=(*notes, *placed.notes),
             image_A_pixel=None if placed.image_A_pixel is None else placed.image_A_pixel[keep],
         )
 
@@ -106,7 +144,7 @@ class PlusReader:
         """The pose of every frame, why it has none (n,), empty where it has one, and what contradicts the poses."""
         links = recorded_links(sequence, defined, self._known, path)
         try:
-            rigid, reasons, remarks = poses(links, self.ee, self.world, len(sequence.frame_fields), path)
+            rigid, reasons, notes = poses(links, self.ee, self.world, len(sequence.frame_fields), path)
         except InputError as failure:
             unclear = ambiguous_names(sequence, known_frames(defined, self._known))
             several = f" ({', '.join(unclear)} could link several pairs of frames)" if unclear else ""
@@ -117,7 +155,7 @@ class PlusReader:
             )
         name = f"{path}: {self.ee}To{self.world}"
         transforms.require_rigid(rigid[reasons == ""], name, self.rigid_tolerance)
-        return transforms.nearest_rigid(rigid), reasons, remarks
+        return transforms.nearest_rigid(rigid), reasons, notes
 
     def _placement(self, video: PlusSequence, defined: TransformGraph, path: Path) -> ImagePlacement:
         """From pixels to the tracked marker; millimetres where there are no pixels or no calibration is wanted."""

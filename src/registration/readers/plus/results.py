@@ -19,9 +19,16 @@ from registration.readers.plus.config import numbers, parse_xml
 class WireFrames:
     """Frames with segmented wires.
 
-    ``points_px`` (k, w, 2) as (column, row); ``probe_T_reference`` (k, 4, 4) by the tracker; ``middle_probe_mm``
-    (k, p, 3) the middle points that PLUS computed, or None where it recorded none. ``failed`` counts frames without
-    segmentation.
+    Parameters
+    ----------
+    points_px : ndarray, shape (k, w, 2)
+        Wires' points as (column, row) in px.
+    probe_T_reference : ndarray, shape (k, 4, 4)
+        Rigid transforms by the tracker, in mm.
+    middle_probe_mm : ndarray, shape (k, p, 3), or None
+        Middle points in the probe's coordinate frame that PLUS computed; None where it recorded none.
+    failed : int
+        Number of frames without segmentation.
     """
 
     points_px: Float64[np.ndarray, "k w 2"]
@@ -32,7 +39,25 @@ class WireFrames:
 
 @dataclass(frozen=True)
 class WireCalibrationFile:
-    """A ``.results.xml`` of PLUS's probe calibration: its data, and the result and errors that PLUS found."""
+    """A ``.results.xml`` of PLUS's probe calibration: its data, and the result and errors that PLUS found.
+
+    Parameters
+    ----------
+    calibration : WireFrames
+        Frames of the calibration.
+    validation : WireFrames
+        Frames of the validation.
+    probe_A_pixel : ndarray, shape (4, 4)
+        Result of PLUS, from pixels to mm in the probe's coordinate frame.
+    calibration_error_mm : float
+        Mean error that PLUS reports for the calibration.
+    validation_error_mm : float
+        Mean error that PLUS reports for the validation.
+    height_px : int
+        Height of the frames.
+    width_px : int
+        Width of the frames.
+    """
 
     calibration: WireFrames
     validation: WireFrames
@@ -46,7 +71,27 @@ class WireCalibrationFile:
 def read_wire_calibration(
     path: Path, probe: str = "Probe", reference: str = "Reference"
 ) -> WireCalibrationFile:
-    """Read the results of an N-wire calibration; poses are the chain from ``reference`` to ``probe``."""
+    """Read the results of an N-wire calibration.
+
+    Parameters
+    ----------
+    path : Path
+        File ending in ``.results.xml``.
+    probe : str, optional
+        PLUS's name of the probe.
+    reference : str, optional
+        PLUS's name of the reference; poses are the chain from it to the probe.
+
+    Returns
+    -------
+    WireCalibrationFile
+        Data, result and errors.
+
+    Raises
+    ------
+    InputError
+        If the file is not what it must be.
+    """
     root = parse_xml(path)
     result, report = root.find("CalibrationResults/Transform"), root.find("ErrorReport")
     statistics = root.find("ErrorReport/ReprojectionError3DStatistics")
@@ -67,8 +112,26 @@ def read_wire_calibration(
     )
 
 
-def read_line_rows_px(path: Path, column_px: float) -> Float64[np.ndarray, "n"]:
-    """The rows at ``column_px`` of the lines in a file of PLUS's line segmentation; NaN where it found none."""
+def read_line_rows_px(path: Path, column_px: float) -> Float64[np.ndarray, " n"]:
+    """Read the rows of the lines in a file of PLUS's line segmentation at one column.
+
+    Parameters
+    ----------
+    path : Path
+        XML file.
+    column_px : float
+        Column in px.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Row of each frame's line in px, NaN where PLUS found none.
+
+    Raises
+    ------
+    InputError
+        If the file is not what it must be.
+    """
     rows = []
     for node in parse_xml(path).findall("Frame"):
         if node.get("SegmentationStatus") != "OK":

@@ -23,9 +23,14 @@ _ALONG_COLUMNS, _ALONG_ROWS = "MU", "FN"
 class PlusSequence:
     """Everything in a sequence file.
 
-    ``pixels`` (n, height, width) or (n, height, width, channels) of the file's own type, orientation MF; a
-    tracker-only file has frames of size 0 by 0. ``frame_fields`` holds, per frame, its fields as text
-    (``Timestamp``, ``ProbeToTrackerTransform``, ...), ``header`` the fields that concern the whole file.
+    Parameters
+    ----------
+    pixels : ndarray, shape (n, height, width) or (n, height, width, channels)
+        Pixels of the file's own type, orientation MF; a file of the tracker alone has frames of 0 by 0 px.
+    frame_fields : tuple of mapping of str to str
+        Fields of each frame as text (``Timestamp``, ``ProbeToTrackerTransform``, ...).
+    header : mapping of str to str, optional
+        Fields that concern the whole file.
     """
 
     pixels: np.ndarray
@@ -46,12 +51,45 @@ class PlusSequence:
 
 
 def is_placeholder(width: int, height: int) -> bool:
-    """Whether frames of this size stand for no image: PLUS gives recordings of poses 0 by 0 pixels, or 1 by 1."""
+    """Tell whether frames of this size stand for no image: PLUS gives poses alone 0 by 0 pixels, or 1 by 1.
+
+    Parameters
+    ----------
+    width : int
+        Width in px.
+    height : int
+        Height in px.
+
+    Returns
+    -------
+    bool
+        Whether there is no image.
+    """
     return 0 in (width, height) or (width, height) == (1, 1)
 
 
 def split_fields(fields: Mapping[str, str], path: Path) -> tuple[dict[str, str], dict[int, dict[str, str]]]:
-    """Part the fields of a file from those of its frames (``Seq_Frame0012_Timestamp`` is of frame 12)."""
+    """Part the fields of a file from those of its frames (``Seq_Frame0012_Timestamp`` is of frame 12).
+
+    Parameters
+    ----------
+    fields : mapping of str to str
+        All fields.
+    path : Path
+        Name of the file, for messages.
+
+    Returns
+    -------
+    header : dict of str to str
+        Fields of the file.
+    frames : dict of int to dict of str to str
+        Fields of each frame by its number.
+
+    Raises
+    ------
+    InputError
+        If there are no fields.
+    """
     header: dict[str, str] = {}
     by_frame: dict[int, dict[str, str]] = {}
     for key, value in fields.items():
@@ -66,7 +104,18 @@ def split_fields(fields: Mapping[str, str], path: Path) -> tuple[dict[str, str],
 
 
 def numbered_fields(frame_fields: tuple[Mapping[str, str], ...]) -> list[tuple[str, str]]:
-    """The frames' fields under the names that they carry in a file."""
+    """List the frames' fields under the names that they carry in a file.
+
+    Parameters
+    ----------
+    frame_fields : tuple of mapping of str to str
+        Fields of each frame.
+
+    Returns
+    -------
+    list of (str, str)
+        Names and values.
+    """
     return [
         (f"Seq_Frame{number:04d}_{key}", value)
         for number, fields in enumerate(frame_fields)
@@ -75,9 +124,28 @@ def numbered_fields(frame_fields: tuple[Mapping[str, str], ...]) -> list[tuple[s
 
 
 def to_mf(pixels: np.ndarray, orientation: str, path: Path) -> np.ndarray:
-    """Turn frames (n, rows, columns, ...) stored in one of PLUS's orientations into MF.
+    """Turn frames stored in one of PLUS's orientations into MF.
 
     MF runs along columns to the marked side and along rows away from the transducer.
+
+    Parameters
+    ----------
+    pixels : ndarray, shape (n, rows, columns, ...)
+        Frames as stored.
+    orientation : str
+        Orientation that they are in.
+    path : Path
+        Name of the file, for messages.
+
+    Returns
+    -------
+    ndarray
+        Frames in orientation MF.
+
+    Raises
+    ------
+    InputError
+        If the orientation is unknown.
     """
     letters = orientation.strip().upper()
     first, second = letters[:1], letters[1:2]

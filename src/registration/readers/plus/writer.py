@@ -21,12 +21,30 @@ def write_plus(
     compressed: bool = True,
     reader: PlusReader | None = None,
 ) -> dict[str, int]:
-    """Write a sweep as one sequence file in which each frame carries its pose; say what had to be dropped.
+    """Write a sweep as one sequence file in which each frame carries its pose.
 
     A sequence file has one transform a frame, so poses are brought to the frames' times first (see
-    ``synchronise``); frames without one are left out and counted in the answer. A sweep without images becomes a
-    tracker-only file. The calibration goes into every frame as ``ImageToProbeTransform`` under the names of
-    ``reader``, so that a reader with those names needs no device set.
+    ``synchronise``). A sweep without images becomes a file of the tracker alone. The calibration goes into
+    every frame as ``ImageToProbeTransform``.
+
+    Parameters
+    ----------
+    path : Path
+        MetaImage or NRRD sequence file.
+    sweep : TrackedSweep
+        Sweep.
+    max_gap_s : float
+        Longest time in s between two poses in which frames still get a pose.
+    compressed : bool, optional
+        Whether pixels are compressed.
+    reader : PlusReader, optional
+        Names of the coordinate frames, so that a reader with those names needs no device set; None takes the
+        defaults.
+
+    Returns
+    -------
+    dict of str to int
+        Frames left out because they have no pose, counted by reason.
     """
     names = reader or PlusReader()
     pose_key, image_key = f"{names.ee}To{names.world}{TRANSFORM}", f"{names.image}To{names.ee}{TRANSFORM}"

@@ -27,7 +27,17 @@ _UNSET_BEFORE_S = 86400.0
 
 @dataclass(frozen=True)
 class TopicMessages:
-    """What one topic holds: ``times_s`` (n,) and a value for each, and how many messages were left out, by reason."""
+    """What one topic holds.
+
+    Parameters
+    ----------
+    times_s : ndarray, shape (n,)
+        Time of each message in s.
+    values : list
+        Value of each message.
+    dropped : collections.Counter
+        Messages left out, counted by reason.
+    """
 
     times_s: np.ndarray
     values: list[Any]
@@ -35,9 +45,22 @@ class TopicMessages:
 
 
 def find_bag(path: Path) -> Path:
-    """The folder of a bag with metadata.yaml, or its only file where there is no metadata.
+    """Find the folder of a bag with metadata.yaml, or its only file where there is no metadata.
 
-    ``path`` is the folder, or one of the files in it. Raises InputError for anything else.
+    Parameters
+    ----------
+    path : Path
+        Folder, or one of the files in it.
+
+    Returns
+    -------
+    Path
+        Folder or file.
+
+    Raises
+    ------
+    InputError
+        If it is anything else.
     """
     if path.suffix.lower() in SUFFIXES and path.is_file():
         metadata = path.parent / METADATA
@@ -59,7 +82,23 @@ def find_bag(path: Path) -> Path:
 
 @contextmanager
 def opened_bag(path: Path) -> Iterator[Any]:
-    """An open reader of the bag; whatever it stumbles over becomes one sentence that names the bag."""
+    """Open a bag; whatever its reader stumbles over becomes one sentence that names the bag.
+
+    Parameters
+    ----------
+    path : Path
+        Folder or file of the bag.
+
+    Yields
+    ------
+    rosbags.highlevel.AnyReader
+        Open reader.
+
+    Raises
+    ------
+    InputError
+        If the bag cannot be read.
+    """
     from rosbags.highlevel import AnyReader, AnyReaderError
     from rosbags.rosbag2 import ReaderError
     from rosbags.serde import SerdeError
@@ -75,9 +114,30 @@ def opened_bag(path: Path) -> Iterator[Any]:
 
 
 def messages(reader: Any, topic: str, types: tuple[str, ...], path: Path) -> Iterator[tuple[int, Any]]:
-    """The messages of a topic in the order of recording, each with its time of recording in ns.
+    """Read the messages of a topic in the order of recording.
 
-    A message whose bytes do not decode is given as None.
+    Parameters
+    ----------
+    reader : rosbags.highlevel.AnyReader
+        Open reader of the bag.
+    topic : str
+        Topic.
+    types : tuple of str
+        Types of messages that are read.
+    path : Path
+        Name of the bag, for messages.
+
+    Yields
+    ------
+    time_ns : int
+        Time of recording in ns.
+    message : Any
+        Message, None where its bytes do not decode.
+
+    Raises
+    ------
+    InputError
+        If the topic is missing or of another type.
     """
     connections = [connection for connection in reader.connections if connection.topic == topic]
     if not connections:
@@ -93,10 +153,28 @@ def messages(reader: Any, topic: str, types: tuple[str, ...], path: Path) -> Ite
 def topic_messages(
     read: Iterator[tuple[int, Any]], value_of: Callable[[Any, str], Any], times: str, name: str
 ) -> TopicMessages:
-    """Every message of a topic that holds a value, at the time in its header or of its recording (``times``).
+    """Collect every message of a topic that holds a value.
 
-    ``value_of`` gets a message and its name, and raises BrokenMessageError where there is no value in it. ``name`` is
-    the topic's, for messages. Raises InputError where no message is left, and where no header has a time.
+    Parameters
+    ----------
+    read : iterator of (int, Any)
+        Times of recording in ns and messages.
+    value_of : callable
+        Gets a message and its name, and raises BrokenMessageError where there is no value in it.
+    times : str
+        Which time counts: that of the header or that of recording.
+    name : str
+        Name of the topic, for messages.
+
+    Returns
+    -------
+    TopicMessages
+        Times, values and what was left out.
+
+    Raises
+    ------
+    InputError
+        If no message is left, or no header has a time.
     """
     times_s: list[float] = []
     values: list[Any] = []
@@ -126,9 +204,24 @@ def topic_messages(
 
 
 def with_time(times_s: np.ndarray, name: str) -> np.ndarray:
-    """Which header times were set, (n,) bool: those at 0 were not, unless the clock began there.
+    """Tell which header times were set: those at 0 were not, unless the clock began there.
 
-    Raises InputError where none was.
+    Parameters
+    ----------
+    times_s : ndarray, shape (n,)
+        Times in s.
+    name : str
+        Name of the topic, for messages.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+        Which were set.
+
+    Raises
+    ------
+    InputError
+        If none was.
     """
     unset = times_s == 0
     if len(times_s) > 1 and unset.all():

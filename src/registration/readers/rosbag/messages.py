@@ -36,15 +36,42 @@ class BrokenMessageError(InputError):
 
 
 def stamp_s(message: Any) -> float:
-    """The time in a message's header, in seconds."""
+    """Read the time in a message's header.
+
+    Parameters
+    ----------
+    message : Any
+        Message with a header.
+
+    Returns
+    -------
+    float
+        Time in s.
+    """
     return float(message.header.stamp.sec) + float(message.header.stamp.nanosec) * 1e-9
 
 
 def image_pixels(message: Any, name: str) -> np.ndarray:
-    """The picture of a sensor_msgs Image or CompressedImage; ``name`` says whose, for messages.
+    """Decode the picture of a sensor_msgs Image or CompressedImage.
 
-    (h, w) uint8 or uint16, or (h, w, 3) uint8. Raises BrokenMessageError for a message whose bytes are no picture, and
-    InputError for an encoding that is not read.
+    Parameters
+    ----------
+    message : Any
+        Message.
+    name : str
+        Its name, for messages.
+
+    Returns
+    -------
+    ndarray, shape (h, w) or (h, w, 3)
+        Grey of 8 or 16 bits, or colour of 8 bits.
+
+    Raises
+    ------
+    BrokenMessageError
+        If the bytes are no picture.
+    InputError
+        If the encoding is not read.
     """
     if hasattr(message, "format"):
         try:
@@ -74,10 +101,27 @@ def image_pixels(message: Any, name: str) -> np.ndarray:
 
 
 def rigid_pose(message: Any, name: str, mm_per_unit: float = MM_PER_METRE) -> Float64[np.ndarray, "4 4"]:
-    """The transform in a PoseStamped (frame_id_T_body) or TransformStamped (frame_id_T_child), in mm.
+    """Convert a PoseStamped (frame_id_T_body) or a TransformStamped (frame_id_T_child) to a matrix in mm.
 
-    Raises BrokenMessageError for a position that is not finite and a quaternion off length 1 by more than 1 %; others
-    are scaled to length 1.
+    Parameters
+    ----------
+    message : Any
+        Message.
+    name : str
+        Its name, for messages.
+    mm_per_unit : float, optional
+        Millimetres in the unit of its positions.
+
+    Returns
+    -------
+    ndarray, shape (4, 4)
+        Rigid transform in mm.
+
+    Raises
+    ------
+    BrokenMessageError
+        If the position is not finite or the quaternion off length 1 by more than 1 %; others are scaled to
+        length 1.
     """
     if hasattr(message, "pose"):
         place, turn = message.pose.position, message.pose.orientation

@@ -85,7 +85,23 @@ class RosbagReader:
             raise InputError(f"units: expected mm, m or none, received {self.units!r}")
 
     def __call__(self, path: Path) -> TrackedSweep:
-        """Read the sweep. Raises InputError, naming the bag, for missing topics or types and unreadable messages."""
+        """Read a sweep.
+
+        Parameters
+        ----------
+        path : Path
+            Folder or file of the bag.
+
+        Returns
+        -------
+        TrackedSweep
+            Frames and poses as recorded.
+
+        Raises
+        ------
+        InputError
+            If a topic is missing or of another type, or messages cannot be read.
+        """
         path = find_bag(path)
         folder = path if path.is_dir() else path.parent
         calibration = read_calibration(
@@ -147,10 +163,10 @@ class RosbagReader:
 
     def _check_frames(self, message: Any, name: str) -> None:
         """A pose of another body, or in another frame, than the settings say is refused."""
-        said = {"world": message.header.frame_id, "ee": getattr(message, "child_frame_id", "")}
+        recorded = {"world": message.header.frame_id, "ee": getattr(message, "child_frame_id", "")}
         for key, wanted in (("world", self.world), ("ee", self.ee)):
-            if wanted and said[key] and said[key].lstrip("/") != wanted.lstrip("/"):
-                raise InputError(f"{name}: expected {key} {wanted!r}, found frame {said[key]!r}")
+            if wanted and recorded[key] and recorded[key].lstrip("/") != wanted.lstrip("/"):
+                raise InputError(f"{name}: expected {key} {wanted!r}, found frame {recorded[key]!r}")
 
     def _tf_poses(self, reader: Any, path: Path, dropped: Counter[str]) -> tuple[np.ndarray, np.ndarray]:
         assert self.world is not None and self.ee is not None

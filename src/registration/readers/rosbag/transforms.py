@@ -17,8 +17,16 @@ from registration.readers.chain.graph import TransformGraph
 class TransformTree:
     """Collects links as they are read; ``add`` one by one, then ask for ``poses``.
 
-    A link from child to parent is ``parent_T_child``. Static ones hold at all times. ``broken`` counts the messages of
-    each link that held no transform.
+    A link from child to parent is ``parent_T_child``.
+
+    Parameters
+    ----------
+    moving : dict, optional
+        By (child, parent), times in s and transforms of links that move.
+    static : dict, optional
+        By (child, parent), transforms that hold at all times.
+    broken : collections.Counter, optional
+        Messages of each link that held no transform.
     """
 
     moving: dict[tuple[str, str], list[tuple[float, np.ndarray]]] = field(default_factory=dict)
@@ -26,7 +34,19 @@ class TransformTree:
     broken: Counter[tuple[str, str]] = field(default_factory=Counter)
 
     def add(self, child: str, parent: str, time_s: float | None, parent_T_child: np.ndarray) -> None:
-        """Add what one message says of a link; ``time_s`` is None for a static one."""
+        """Add what one message states of a link.
+
+        Parameters
+        ----------
+        child : str
+            Coordinate frame that the transform maps from.
+        parent : str
+            Coordinate frame that it maps to.
+        time_s : float or None
+            Time in s, None for a static link.
+        parent_T_child : ndarray, shape (4, 4)
+            Rigid transform in mm.
+        """
         pair = _link(child, parent)
         if time_s is None:
             self.static[pair] = parent_T_child
@@ -34,11 +54,39 @@ class TransformTree:
             self.moving.setdefault(pair, []).append((time_s, parent_T_child))
 
     def add_broken(self, child: str, parent: str) -> None:
-        """Count a message that held no transform for a link."""
+        """Count a message that held no transform for a link.
+
+        Parameters
+        ----------
+        child : str
+            Coordinate frame that the link maps from.
+        parent : str
+            Coordinate frame that it maps to.
+        """
         self.broken[_link(child, parent)] += 1
 
     def chain_links(self, world: str, ee: str, name: str) -> list[tuple[str, str]]:
-        """The links of the chain from ``ee`` to ``world``; InputError where it is not whole."""
+        """Find the links of the chain from the end effector to the world.
+
+        Parameters
+        ----------
+        world : str
+            Name of the world.
+        ee : str
+            Name of the end effector.
+        name : str
+            Name of the bag, for messages.
+
+        Returns
+        -------
+        list of (str, str)
+            Links in order, as (child, parent).
+
+        Raises
+        ------
+        InputError
+            If the chain is not whole.
+        """
         known = [*self.moving, *self.static]
         try:
             return TransformGraph(dict.fromkeys(known, np.eye(4))).path(ee.lstrip("/"), world.lstrip("/"))
@@ -49,11 +97,34 @@ class TransformTree:
 
     def poses(
         self, world: str, ee: str, max_gap_s: float, name: str
-    ) -> tuple[Float64[np.ndarray, "m"], Float64[np.ndarray, "m 4 4"]]:
-        """``world_T_ee`` at the times of the chain's most frequent link, the others interpolated to them.
+    ) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, "m 4 4"]]:
+        """Compose the poses at the times of the chain's most frequent link, the others interpolated to them.
 
-        Times at which another link has no value (outside its own times, or in a gap longer than ``max_gap_s``) are
-        left out: they become gaps of the pose stream, which synchronisation sees. ``name`` is the bag's, for messages.
+        Times at which another link has no value (outside its own times, or in a gap) are left out: they
+        become gaps of the pose stream, which synchronisation sees.
+
+        Parameters
+        ----------
+        world : str
+            Name of the world.
+        ee : str
+            Name of the end effector.
+        max_gap_s : float
+            Longest gap of a link in s within which it is interpolated.
+        name : str
+            Name of the bag, for messages.
+
+        Returns
+        -------
+        times_s : ndarray, shape (m,)
+            Times in s.
+        world_T_ee : ndarray, shape (m, 4, 4)
+            Rigid poses in mm.
+
+        Raises
+        ------
+        InputError
+            If the chain is not whole or does not move, or times of a link run backwards.
         """
         edges = {pair: matrix[-1][1] for pair, matrix in self.moving.items()} | self.static
         links = self.chain_links(world, ee, name)

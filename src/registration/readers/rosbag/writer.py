@@ -10,14 +10,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from registration.errors import InputError
-from registration.io.atomic import whole_folder
+from registration.io.atomic import atomic_folder
 from registration.readers.plus.calibration_file import calibration_yaml
 from registration.readers.rosbag.messages import MM_PER_METRE
 from registration.readers.rosbag.reader import CALIBRATION_FILE, IMAGE_TYPES, POSE_TYPES
 from registration.sweep import TrackedSweep
 
 STORAGES = ("sqlite3", "mcap")
-_MOST_SECONDS = 2**31
+_MAX_TIME_S = 2**31
 
 
 def write_bag(
@@ -30,19 +30,37 @@ def write_bag(
 ) -> None:
     """Write a sweep as a bag; both streams keep their own times, to the nanosecond.
 
-    ``storage`` is ``mcap`` or ``sqlite3``. ``world`` becomes the frame of the poses' headers. Raises InputError
-    for times that the 32 bits of ROS cannot say.
+    Parameters
+    ----------
+    path : Path
+        Folder, which must be absent or empty.
+    sweep : TrackedSweep
+        Sweep.
+    storage : {'mcap', 'sqlite3'}, optional
+        Kind of storage.
+    image_topic : str, optional
+        Topic of the frames.
+    pose_topic : str, optional
+        Topic of the poses.
+    world : str, optional
+        Coordinate frame in the headers of the poses.
+
+    Raises
+    ------
+    InputError
+        If a setting is another, a time is larger than the 32 bits of ROS can hold, or the frames differ in
+        calibration.
     """
     from rosbags.rosbag2 import StoragePlugin, Writer
 
     if storage not in STORAGES:
         raise InputError(f"storage: expected {' or '.join(STORAGES)}, received {storage!r}")
     times_s = np.concatenate([sweep.image_times_s, sweep.pose_times_s])
-    if np.abs(times_s).max(initial=0) >= _MOST_SECONDS:
-        raise InputError(f"sweep: expected times below {_MOST_SECONDS} s for a ROS bag, received larger ones")
+    if np.abs(times_s).max(initial=0) >= _MAX_TIME_S:
+        raise InputError(f"sweep: expected times below {_MAX_TIME_S} s for a ROS bag, received larger ones")
     sweep.require_one_calibration("a ROS bag")
     plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
-    with whole_folder(path) as stage:
+    with atomic_folder(path) as stage:
         # The writer wants to make the bag's folder itself, and names the files in it after the folder.
         bag = stage / path.name
         with Writer(bag, version=9, storage_plugin=plugin) as writer:

@@ -12,11 +12,30 @@ _LUMA = np.array([0.299, 0.587, 0.114])
 
 
 def distinct_times(
-    times_s: Float64[np.ndarray, "n"], world_T_ee: Float64[np.ndarray, "n 4 4"], name: str
-) -> tuple[Float64[np.ndarray, "m"], Float64[np.ndarray, "m 4 4"]]:
-    """Leave out poses that repeat the one before (same time, same pose); refuse times that run backwards.
+    times_s: Float64[np.ndarray, " n"], world_T_ee: Float64[np.ndarray, "n 4 4"], name: str
+) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, "m 4 4"]]:
+    """Leave out poses that repeat the one before (same time, same pose).
 
-    ``name`` is the file's, for messages.
+    Parameters
+    ----------
+    times_s : ndarray, shape (n,)
+        Times in s.
+    world_T_ee : ndarray, shape (n, 4, 4)
+        Poses.
+    name : str
+        Name of the file, for messages.
+
+    Returns
+    -------
+    times_s : ndarray, shape (m,)
+        Times, strictly increasing.
+    world_T_ee : ndarray, shape (m, 4, 4)
+        Poses at these times.
+
+    Raises
+    ------
+    InputError
+        If times run backwards, or one time has two poses that differ.
     """
     if not len(times_s):
         return times_s, world_T_ee
@@ -34,9 +53,24 @@ def distinct_times(
 
 
 def as_grey(pixels: np.ndarray, name: str) -> UInt8[np.ndarray, "n height width"]:
-    """Frames (n, height, width) or (n, height, width, channels) as 8-bit grey; colour is weighed to luma.
+    """Convert frames to 8-bit grey; colour is weighed to luma.
 
-    Other integer types are taken where their values lie in 0 to 255. ``name`` is the file's, for messages.
+    Parameters
+    ----------
+    pixels : ndarray, shape (n, height, width) or (n, height, width, channels)
+        Frames; types other than 8 bits are taken where their values lie in 0 to 255.
+    name : str
+        Name of the file, for messages.
+
+    Returns
+    -------
+    ndarray, shape (n, height, width)
+        Frames in grey of 8 bits.
+
+    Raises
+    ------
+    InputError
+        If values lie outside or are no whole numbers.
     """
     fits = pixels.dtype.kind in "iu" and (pixels.size == 0 or (pixels.min() >= 0 and pixels.max() <= 255))
     if not fits:

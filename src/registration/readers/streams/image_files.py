@@ -18,14 +18,27 @@ _WIDE = ("I", "I;16", "I;16B", "I;16L", "I;16N")
 # 16 bits a pixel hold 65535 = 255 * 257 at full scale (PNG specification, "Sample depth scaling").
 _WIDE_STEP = 257
 _TOP_BIT = 1 << 15
-_LARGEST_WIDE = np.uint16(65535)
+_MAX_WIDE = np.uint16(65535)
 _PHOTOMETRIC = 262
 
 
 def list_images(folder: Path) -> list[Path]:
-    """The pictures in a folder in the natural order of their names; hidden files and files of other kinds are not.
+    """List the pictures in a folder in the natural order of their names, without hidden and other files.
 
-    Raises InputError where the order is ambiguous, and for a folder that holds files, none of them a picture.
+    Parameters
+    ----------
+    folder : Path
+        Folder.
+
+    Returns
+    -------
+    list of Path
+        Pictures in order.
+
+    Raises
+    ------
+    InputError
+        If the order is ambiguous, or the folder holds files, none of them a picture.
     """
     shown = [path for path in folder.glob("*") if path.is_file() and not path.name.startswith(".")]
     named: dict[str, Path] = {}
@@ -43,10 +56,27 @@ def list_images(folder: Path) -> list[Path]:
 
 
 def decode_image(source: Path | bytes, name: str) -> np.ndarray:
-    """The pixels of one picture, (h, w) or (h, w, 3), uint8; grey of 16 bits stays as wide as it is.
+    """Decode one picture.
 
-    The camera's orientation (EXIF) is applied, palettes are looked up, transparency that varies is laid on black.
-    Raises InputError with ``name`` for what is no picture, several in one file, or colour of 16 bits.
+    The camera's orientation (EXIF) is applied, palettes are looked up, transparency that varies is laid on
+    black.
+
+    Parameters
+    ----------
+    source : Path or bytes
+        File or its content.
+    name : str
+        Name of the picture, for messages.
+
+    Returns
+    -------
+    ndarray, shape (h, w) or (h, w, 3)
+        Pixels of 8 bits; grey of 16 bits stays as wide as it is.
+
+    Raises
+    ------
+    InputError
+        If it is no picture, several in one file, or colour of 16 bits.
     """
     try:
         with Image.open(io.BytesIO(source) if isinstance(source, bytes) else source) as image:
@@ -69,10 +99,27 @@ def decode_image(source: Path | bytes, name: str) -> np.ndarray:
 
 
 def grey_stack(pictures: list[np.ndarray], name: str) -> UInt8[np.ndarray, "n height width"]:
-    """Pictures of one size as 8-bit grey; ``name`` says whose, for messages.
+    """Convert pictures of one size to 8-bit grey.
 
-    16 bits are brought to 8 where the recording uses the topmost bit, and taken as they are where no value is above
-    255. Between the two nothing says what full scale is: that raises InputError.
+    Grey of 16 bits is brought to 8 where the recording uses the topmost bit, and taken as it is where no
+    value is above 255.
+
+    Parameters
+    ----------
+    pictures : list of ndarray
+        Pictures.
+    name : str
+        Their name, for messages.
+
+    Returns
+    -------
+    ndarray, shape (n, height, width)
+        Frames in grey of 8 bits.
+
+    Raises
+    ------
+    InputError
+        If sizes differ, or between those two cases nothing states what full scale is.
     """
     largest = max((int(pixels.max(initial=0)) for pixels in pictures if pixels.dtype != np.uint8), default=0)
     wide = largest >= _TOP_BIT and all(p.dtype in (np.uint8, np.uint16) for p in pictures)
@@ -103,7 +150,7 @@ def _pixels(image: Image.Image, white_is_0: bool) -> np.ndarray:
         wide = np.asarray(image)
         if image.mode == "I":
             return wide
-        return _LARGEST_WIDE - wide.astype(np.uint16) if white_is_0 else wide.astype(np.uint16)
+        return _MAX_WIDE - wide.astype(np.uint16) if white_is_0 else wide.astype(np.uint16)
     if image.has_transparency_data:
         pixels = np.asarray(image.convert("RGBA"))
         colour, alpha = pixels[..., :3], pixels[..., 3:]

@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike
 
 from registration import transforms
 from registration.checks import require_count, require_positive
+from registration.geometry.open3d_bridge import quiet_open3d
 from registration.rigid.comparators.common import refined
-from registration.rigid.comparators.fpfh_features import FpfhFeatures, quiet_open3d
+from registration.rigid.comparators.fpfh_features import FpfhFeatures
 from registration.rigid.comparators.single_icp import SingleStartICP
 from registration.rigid.result import RigidResult
 from registration.rigid.rigid_input import rigid_clouds

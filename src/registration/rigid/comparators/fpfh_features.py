@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +10,7 @@ from jaxtyping import Float64
 
 from registration.checks import require_count, require_positive
 from registration.errors import InputError
+from registration.geometry.open3d_bridge import import_open3d, point_body
 from registration.geometry.point_cloud import with_normals
 
 # A thinned cloud needs so many points before the neighbourhood of any of them says something about its shape.
@@ -47,8 +46,8 @@ class FpfhFeatures:
 
         Raises InputError, by ``name``, for a cloud of which too little is left.
         """
-        open3d = imported_open3d()
-        cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points_mm))
+        open3d = import_open3d()
+        cloud = point_body(points_mm)
         thinned_mm = np.asarray(cloud.voxel_down_sample(self.voxel_mm).points)
         if len(thinned_mm) < MIN_POINTS:
             raise InputError(
@@ -56,22 +55,6 @@ class FpfhFeatures:
                 f"received {len(thinned_mm)}"
             )
         oriented = with_normals(thinned_mm, min(self.normal_neighbours, len(thinned_mm)))
-        thinned = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(oriented.points_mm))
-        thinned.normals = open3d.utility.Vector3dVector(oriented.normals)
+        thinned = point_body(oriented.points_mm, oriented.normals)
         search = open3d.geometry.KDTreeSearchParamHybrid(self.radius_mm, self.neighbours)
         return thinned, open3d.pipelines.registration.compute_fpfh_feature(thinned, search)
-
-
-@contextmanager
-def quiet_open3d() -> Iterator[Any]:
-    """Open3D without the warnings that it prints where matches are few, which the result says as well."""
-    open3d = imported_open3d()
-    with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
-        yield open3d
-
-
-def imported_open3d() -> Any:
-    """Open3D, imported only where it is needed: it takes a second, and its type stubs are not right."""
-    import open3d
-
-    return open3d

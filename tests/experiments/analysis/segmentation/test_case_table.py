@@ -13,16 +13,16 @@ from experiments.analysis.segmentation.case_table import distance, groups, once_
 from experiments.analysis.segmentation.comparison import compare_models
 from experiments.analysis.segmentation.summary import pooled_metrics
 from experiments.errors import InputError
-from experiments.outcome import CellResult
+from experiments.outcome import JobResult
 from experiments.tracking.names import tracked_name
 
 
 def job(
     config: dict[str, Any], model: str = "unet", dataset: str = "x", choices: dict[str, str] | None = None
-) -> CellResult:
+) -> JobResult:
     cases = scored_cases({model: 0.0}, dataset=dataset)
     cases = cases[cases["fold"] == config.get("fold", 0)]
-    return CellResult(config, {}, cases, Path(), choices=choices or {})
+    return JobResult(config, {}, cases, Path(), choices=choices or {})
 
 
 def test_folds_and_seeds_are_one_model() -> None:
@@ -88,8 +88,8 @@ def test_how_a_job_is_run_tells_nothing_apart() -> None:
 
 
 def test_no_cases_are_refused() -> None:
-    with pytest.raises(InputError, match="cells: expected at least one job with cases"):
-        pool([CellResult({}, {}, None, Path())])
+    with pytest.raises(InputError, match="results: expected at least one job with cases"):
+        pool([JobResult({}, {}, None, Path())])
 
 
 def test_a_case_is_averaged_over_seeds() -> None:

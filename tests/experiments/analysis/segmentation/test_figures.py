@@ -11,7 +11,7 @@ from drawn_vessels import drawn_frames
 from scored_cases import scored_cases
 
 from experiments.analysis.segmentation.figures import overlays, spread, training_curves
-from experiments.outcome import CellResult
+from experiments.outcome import JobResult
 from experiments.reporting.figure_files import save_figure
 from experiments.studies.segmentation import summarise
 
@@ -103,11 +103,11 @@ def test_groups_without_any_vessel_leave_their_places_empty(emptied: str, tmp_pa
     scores = [name for name in cases if str(name).startswith(("dsc", "hd95", "missed"))]
     cases.loc[rows, scores] = np.nan
     cases.loc[rows, "false_alarm"] = 0.0
-    cells = [
-        CellResult({"fold": int(part["fold"].iloc[0])}, {}, part.reset_index(drop=True), tmp_path)
+    results = [
+        JobResult({"fold": int(part["fold"].iloc[0])}, {}, part.reset_index(drop=True), tmp_path)
         for _, part in cases.groupby(["model", "dataset", "fold"])
     ]
-    outcome = summarise(cells)
+    outcome = summarise(results)
     for name, figure in outcome.figures.items():
         save_figure(figure, tmp_path / name, ("png",))
     assert (tmp_path / "spread.png").is_file()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from experiments.analysis.segmentation.fold_run import FoldRun, fold_cells, training_metrics
+from experiments.analysis.segmentation.fold_run import FoldRun, fold_jobs, training_metrics
 from experiments.errors import InputError
 from experiments.splits.group_splits import GroupSplits
 from models.networks.monai_network import MonaiNetwork
@@ -41,7 +41,7 @@ from models.training.settings import TrainerSettings
 def test_the_folds_that_are_asked_for(
     split: GroupSplits, outer_fold: object, fold: object, found: list
 ) -> None:
-    assert fold_cells(split, outer_fold, fold) == found
+    assert fold_jobs(split, outer_fold, fold) == found
 
 
 @pytest.mark.parametrize(
@@ -57,7 +57,7 @@ def test_refuses_a_fold_that_is_none(
     split: GroupSplits, outer_fold: object, fold: object, message: str
 ) -> None:
     with pytest.raises(InputError, match=message):
-        fold_cells(split, outer_fold, fold)
+        fold_jobs(split, outer_fold, fold)
 
 
 @pytest.mark.parametrize(
@@ -84,3 +84,9 @@ def test_how_a_training_went() -> None:
         "images_per_s": 7.0,
         "peak_memory_mb": 320.0,
     }
+
+
+def test_a_smoke_training_is_called_so_wherever_the_network_is_named() -> None:
+    settings = {"max_epochs": 1, "batch_size": 2, "learning_rate": 0.001, "patience": 1}
+    parts = (UNet(width=4), Preprocessing(64), TrainerSettings(**settings, smoke=True), Augmentation())
+    assert FoldRun(*parts, DiceCrossEntropy(), seed=0, fold=0).model_name == "smoke-trained unet"

@@ -7,8 +7,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from experiments.datasets.images.image_quality import (
-    LEAST_DEVIATION,
     MEASURES,
+    MIN_DEVIATION,
     QualityOutliers,
     measure,
     robust_scores,
@@ -62,7 +62,7 @@ def test_scores_are_deviations_from_the_median_in_units_of_the_scaled_mad() -> N
 
 def test_equal_images_are_no_outliers_and_small_differences_among_them_neither() -> None:
     values = np.zeros((9, len(MEASURES)))
-    values[3, 0] = 2 * LEAST_DEVIATION.brightness
+    values[3, 0] = 2 * MIN_DEVIATION.brightness
     assert robust_scores(values)[3, 0] == pytest.approx(2.0)
     assert QualityOutliers()([picture(0)] * 6) == () and QualityOutliers()([]) == ()
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from experiments.datasets.images.image_similarity import correlations, likeness_blocks
+from experiments.datasets.images.image_similarity import correlations, similarity_blocks
 
 
 def pattern(seed: int, size: tuple[int, int] = (96, 96)) -> np.ndarray:
@@ -11,8 +11,8 @@ def pattern(seed: int, size: tuple[int, int] = (96, 96)) -> np.ndarray:
     return np.asarray(Image.fromarray(values).resize(size[::-1], Image.Resampling.BICUBIC))
 
 
-def likeness(images: list[np.ndarray], block: int = 512) -> np.ndarray:
-    return np.concatenate([rows for _, rows in likeness_blocks(images, block)])
+def similarity(images: list[np.ndarray], block: int = 512) -> np.ndarray:
+    return np.concatenate([rows for _, rows in similarity_blocks(images, block)])
 
 
 def test_correlation_is_pearsons_and_zero_for_a_uniform_one() -> None:
@@ -34,23 +34,23 @@ def test_correlation_is_that_of_48_by_48_thumbnails() -> None:
 
 def test_frames_of_one_size_are_compared_as_they_are() -> None:
     images = [pattern(seed) for seed in range(5)]
-    np.testing.assert_allclose(likeness(images), correlations(images))
+    np.testing.assert_allclose(similarity(images), correlations(images))
 
 
 def test_blocks_make_up_the_whole_matrix() -> None:
     images = [pattern(seed, (90 + 2 * (seed % 3), 96)) for seed in range(7)]
-    assert [(start, len(rows)) for start, rows in likeness_blocks(images, 3)] == [(0, 3), (3, 3), (6, 1)]
-    np.testing.assert_allclose(likeness(images, 3), likeness(images), atol=1e-12)
-    np.testing.assert_allclose(likeness(images), likeness(images).T, atol=1e-12)
+    assert [(start, len(rows)) for start, rows in similarity_blocks(images, 3)] == [(0, 3), (3, 3), (6, 1)]
+    np.testing.assert_allclose(similarity(images, 3), similarity(images), atol=1e-12)
+    np.testing.assert_allclose(similarity(images), similarity(images).T, atol=1e-12)
 
 
-def test_another_margin_at_the_right_or_below_does_not_hide_a_twin() -> None:
+def test_another_margin_at_the_right_or_below_does_not_hide_a_near_duplicate() -> None:
     picture = pattern(3, (100, 100))
     wider = np.pad(picture, ((0, 0), (0, 12)))
     taller = np.pad(picture, ((0, 12), (0, 0)), constant_values=255)
     stretched = correlations([picture, wider, taller])
     assert max(stretched[0, 1], stretched[0, 2]) < 0.8
-    values = likeness([picture, wider, taller, pattern(4, (100, 112))])
+    values = similarity([picture, wider, taller, pattern(4, (100, 112))])
     assert min(values[0, 1], values[0, 2]) > 0.98
     assert values[0, 3] < 0.5
 
@@ -60,7 +60,7 @@ def test_the_overlay_is_pearsons_correlation_over_what_is_shared() -> None:
     first, second, third = pattern(5, (48, 44)), pattern(6, (46, 48)), pattern(7, (48, 48))
     shared = np.corrcoef(first[:46, :44].ravel(), second[:46, :44].ravel())[0, 1]
     stretched = correlations([first, second])[0, 1]
-    assert likeness([first, second, third])[0, 1] == pytest.approx(max(shared, stretched), abs=1e-9)
+    assert similarity([first, second, third])[0, 1] == pytest.approx(max(shared, stretched), abs=1e-9)
     assert shared != pytest.approx(stretched, abs=1e-3)
 
 
@@ -68,10 +68,10 @@ def test_frames_that_share_too_little_are_not_overlaid() -> None:
     picture = pattern(8, (100, 100))
     corner = np.ascontiguousarray(picture[:60, :60])
     stretched = correlations([picture, corner])[0, 1]
-    assert likeness([picture, corner])[0, 1] == pytest.approx(stretched) and stretched < 0.9
+    assert similarity([picture, corner])[0, 1] == pytest.approx(stretched) and stretched < 0.9
 
 
 def test_a_uniform_part_is_like_nothing() -> None:
     flat = np.zeros((96, 100), np.uint8)
-    values = likeness([flat, pattern(9), pattern(9)])
+    values = similarity([flat, pattern(9), pattern(9)])
     assert values[0, 1] == 0 and values[1, 2] == pytest.approx(1)

@@ -11,7 +11,7 @@ import pytest
 from hollow_bodies import hollow, ring
 from tubes import straight, tube
 
-from experiments.cli import compose_points
+from experiments.cli import compose_sweep
 from experiments.errors import InputError
 from experiments.outcome import Outcome, Silent
 from experiments.running import jobs
@@ -30,7 +30,7 @@ MIRRORED = np.array([-1.0, -1.0, 1.0])
 
 
 def run(workspace: Path, mesh: Path, **changes: Any) -> Outcome:
-    ((config, _),) = compose_points(["study=centerline", f"mesh='{mesh}'"])
+    ((config, _),) = compose_sweep(["study=centerline", f"mesh='{mesh}'"])
     workspace.mkdir()
     settings = jobs.arguments(config) | changes
     asked = {name: settings[name] for name in ("mesh", "ends", "space", "units")}

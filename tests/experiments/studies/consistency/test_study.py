@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from experiments.errors import InputError
-from experiments.outcome import CellResult, Outcome, Silent
+from experiments.outcome import JobResult, Outcome, Silent
 from experiments.studies.consistency import study as consistency
 from registration.errors import InputError as RegistrationInputError
 from registration.geometry.point_cloud import OrientedCloud
@@ -83,14 +83,14 @@ def test_a_known_deformation_is_taken_out() -> None:
 def test_all_phantoms_side_by_side(exact: Outcome) -> None:
     assert exact.cases is not None
     other = exact.cases.assign(phantom="vein")
-    results = [CellResult({}, {}, cases, Path()) for cases in (exact.cases, other)]
+    results = [JobResult({}, {}, cases, Path()) for cases in (exact.cases, other)]
     summary = consistency.summarise(results)
     (between, to_truth) = summary.tables.values()
     assert between["phantom"].tolist() == to_truth["phantom"].tolist() == ["artificial", "vein", "all"]
     assert between["pairs"].tolist() == [1, 1, 2]
     assert "not comparable" in between.iloc[0]["hd95_mm_median published"]
     choices = [{"surface": name} for name in ("poisson", "ball_pivoting")]
-    twice = [CellResult({}, {}, exact.cases, Path(), choices=choice) for choice in choices]
+    twice = [JobResult({}, {}, exact.cases, Path(), choices=choice) for choice in choices]
     (apart, _) = consistency.summarise(twice).tables.values()
     assert apart["phantom"].tolist() == [
         "artificial surface=poisson",
@@ -146,14 +146,14 @@ def test_a_sweep_without_a_surface_has_failed() -> None:
         run(PHANTOM, surface=never)
 
 
-def test_cells_are_phantoms() -> None:
-    assert consistency.cells({"phantoms": ["vein", "artery"]}) == [
+def test_jobs_are_phantoms() -> None:
+    assert consistency.jobs({"phantoms": ["vein", "artery"]}) == [
         {"phantoms": ["vein"]},
         {"phantoms": ["artery"]},
     ]
     for wrong in ("vein", [], None):
         with pytest.raises(InputError, match="phantoms: expected a list of phantoms"):
-            consistency.cells({"phantoms": wrong})
+            consistency.jobs({"phantoms": wrong})
 
 
 @pytest.mark.parametrize(

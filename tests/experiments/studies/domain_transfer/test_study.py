@@ -13,7 +13,7 @@ from scored_cases import scored_cases
 
 from experiments.datasets.usgra import Usgra
 from experiments.errors import InputError
-from experiments.outcome import CellResult, Silent
+from experiments.outcome import JobResult, Silent
 from experiments.splits.group_splits import GroupSplits
 from experiments.splits.split import Split
 from experiments.studies.domain_transfer import study as domain_transfer
@@ -50,12 +50,12 @@ def config(**changes: object) -> dict[str, object]:
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[CellResult]]:
+def results(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[JobResult]]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("CTUS_HOME", str(tmp_path_factory.mktemp("project")))
         found = []
-        for cell in domain_transfer.cells(config()):
-            workspace = tmp_path_factory.mktemp("cell")
+        for job in domain_transfer.jobs(config()):
+            workspace = tmp_path_factory.mktemp("job")
             outcome = domain_transfer.run(
                 first=LIGHT,
                 second=DARK,
@@ -68,24 +68,24 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[CellResul
                 seed=0,
                 workspace=workspace,
                 progress=Silent(),
-                **cell,
+                **job,
             )
-            found.append(CellResult({**config(), **cell}, outcome.metrics, outcome.cases, workspace))
+            found.append(JobResult({**config(), **job}, outcome.metrics, outcome.cases, workspace))
         yield found
 
 
-def cases_of(results: list[CellResult]) -> pd.DataFrame:
+def cases_of(results: list[JobResult]) -> pd.DataFrame:
     return pd.concat([result.cases for result in results if result.cases is not None])
 
 
-def test_a_cell_for_each_domain_and_fold() -> None:
-    assert domain_transfer.cells(config()) == [
+def test_a_job_for_each_domain_and_fold() -> None:
+    assert domain_transfer.jobs(config()) == [
         {"train_on": domain, "fold": fold} for domain in ("first", "second") for fold in (0, 1)
     ]
-    assert domain_transfer.cells(config(train_on="second", fold=1)) == [{"train_on": "second", "fold": 1}]
+    assert domain_transfer.jobs(config(train_on="second", fold=1)) == [{"train_on": "second", "fold": 1}]
 
 
-def test_every_case_of_both_is_scored_once_by_each_and_unseen(results: list[CellResult]) -> None:
+def test_every_case_of_both_is_scored_once_by_each_and_unseen(results: list[JobResult]) -> None:
     cases = cases_of(results)
     for (_, tested), part in cases.groupby(["train_dataset", "dataset"]):
         assert sorted(part["case_id"]) == sorted(LIGHT().case_ids), tested
@@ -97,7 +97,7 @@ def test_every_case_of_both_is_scored_once_by_each_and_unseen(results: list[Cell
         assert not seen & set(own["group"])
 
 
-def test_the_table_has_both_domains_both_ways(results: list[CellResult]) -> None:
+def test_the_table_has_both_domains_both_ways(results: list[JobResult]) -> None:
     outcome = domain_transfer.summarise(results)
     table = outcome.tables["transfer"]
     pairs = {(row["trained_on"], row["tested_on"]): row["dsc_mean"] for row in table.to_dict("records")}
@@ -133,9 +133,9 @@ def test_the_table_has_both_domains_both_ways(results: list[CellResult]) -> None
         ),
     ],
 )
-def test_refuses_what_is_no_cell(changes: dict[str, object], message: str) -> None:
+def test_refuses_what_is_no_job(changes: dict[str, object], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        domain_transfer.cells(config(**changes))
+        domain_transfer.jobs(config(**changes))
 
 
 def test_refuses_two_data_sets_of_one_name_and_a_missing_one(tmp_path: Path) -> None:
@@ -154,8 +154,8 @@ def test_cases_without_any_vessel_keep_their_summary() -> None:
         for tested in ("a", "b"):
             cases = scored_cases({"unet": 0.0}, dataset=tested).assign(train_dataset=trained)
             parts.append(cases.assign(dsc=float("nan"), missed=float("nan"), hd95_px=float("nan")))
-    cells = [CellResult({"train_on": "first"}, {}, part, Path()) for part in parts]
-    outcome = domain_transfer.summarise(cells)
+    jobs = [JobResult({"train_on": "first"}, {}, part, Path()) for part in parts]
+    outcome = domain_transfer.summarise(jobs)
     assert not len(outcome.tables["transfer"]) and outcome.figures == {} and outcome.metrics == {}
 
 

@@ -1,4 +1,4 @@
-"""A data set's page of numbers is right where everything is known, and a twin in another group is found."""
+"""A data set's page of numbers is right where everything is known, and a near-duplicate in another group is found."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def looked_at(tmp_path: Path, frames: LabelledFrames, split: GroupSplits | None 
     return inspect_dataset.run(
         dataset=Known(frames),
         split=split or GroupSplits(3),
-        twin_correlation=0.9,
+        duplicate_correlation=0.9,
         worst_pairs=3,
         sheet_images=8,
         seed=0,
@@ -88,8 +88,8 @@ def test_counts_of_known_frames(tmp_path) -> None:
         "with_holes": 1,
         "several_components": 1,
         "touching_edge": 1,
-        "twins_across_groups": 0,
-        "twins_leaking": 0,
+        "near_duplicates_across_groups": 0,
+        "near_duplicates_leaking": 0,
     }
     assert {name: outcome.metrics[name] for name in expected} == pytest.approx(expected)
     cases = outcome.cases.set_index("case_id")
@@ -102,12 +102,12 @@ def test_counts_of_known_frames(tmp_path) -> None:
     assert outcome.inputs[0].digest == frames.digest()
 
 
-def test_a_twin_in_another_group_is_found_and_named(tmp_path) -> None:
+def test_a_near_duplicate_in_another_group_is_found_and_named(tmp_path) -> None:
     frames = planted(noise_frames(), place=9, source=0)
     outcome = looked_at(tmp_path, frames)
-    assert outcome.metrics["twins_across_groups"] == 1
-    assert outcome.metrics["images_with_twin_elsewhere"] == 2
-    assert outcome.metrics["twins_leaking"] == 1
+    assert outcome.metrics["near_duplicates_across_groups"] == 1
+    assert outcome.metrics["images_with_near_duplicate_elsewhere"] == 2
+    assert outcome.metrics["near_duplicates_leaking"] == 1
     worst = outcome.tables["most alike across groups"]
     assert set(worst.iloc[0][["case_id", "closest_case"]]) == {"case00", "case09"}
     assert set(worst.iloc[0][["group", "closest_group"]]) == {"sweep0", "sweep4"}
@@ -116,18 +116,18 @@ def test_a_twin_in_another_group_is_found_and_named(tmp_path) -> None:
     assert "1 pairs, 1 of them with one seen in training and the other scored" in outcome.findings[1]
 
 
-def test_a_twin_in_its_own_group_is_no_leak(tmp_path) -> None:
+def test_a_near_duplicate_in_its_own_group_is_no_leak(tmp_path) -> None:
     outcome = looked_at(tmp_path, planted(noise_frames(), place=1, source=0))
-    assert outcome.metrics["twins_across_groups"] == 0
+    assert outcome.metrics["near_duplicates_across_groups"] == 0
 
 
-def test_twins_that_are_never_apart_do_not_leak(tmp_path) -> None:
+def test_near_duplicates_that_are_never_apart_do_not_leak(tmp_path) -> None:
     frames = planted(noise_frames(24), place=3, source=0)
     apart = GroupSplits(3, test_groups=["sweep0"])
     together = GroupSplits(3, test_groups=["sweep0", "sweep1"])
-    assert looked_at(tmp_path, frames, apart).metrics["twins_leaking"] == 1
-    assert looked_at(tmp_path, frames, together).metrics["twins_leaking"] == 0
-    assert looked_at(tmp_path, frames, together).metrics["twins_across_groups"] == 1
+    assert looked_at(tmp_path, frames, apart).metrics["near_duplicates_leaking"] == 1
+    assert looked_at(tmp_path, frames, together).metrics["near_duplicates_leaking"] == 0
+    assert looked_at(tmp_path, frames, together).metrics["near_duplicates_across_groups"] == 1
 
 
 def test_leaves_the_split_and_what_was_left_out(tmp_path) -> None:
@@ -142,7 +142,7 @@ def test_leaves_the_split_and_what_was_left_out(tmp_path) -> None:
 
 def test_a_set_that_cannot_be_divided_is_inspected_all_the_same(tmp_path) -> None:
     outcome = looked_at(tmp_path, noise_frames(4, per_group=2))
-    assert "twins_leaking" not in outcome.metrics and outcome.metrics["groups"] == 2
+    assert "near_duplicates_leaking" not in outcome.metrics and outcome.metrics["groups"] == 2
     assert "It can't be divided as split= says: folds: expected at least 3 groups" in outcome.findings[-1]
     assert not (tmp_path / "splits.json").exists()
     assert set(outcome.cases["fold"]) == {-1}
@@ -158,7 +158,7 @@ def test_simulated_frames_are_called_so(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"twin_correlation": 1.5}, r"twin_correlation: expected above 0 to 1, received 1\.5"),
+        ({"duplicate_correlation": 1.5}, r"duplicate_correlation: expected above 0 to 1, received 1\.5"),
         ({"worst_pairs": 0}, "worst_pairs: expected a whole number of at least 1, received 0"),
         ({"sheet_images": True}, "sheet_images: expected a whole number of at least 1, received True"),
     ],
@@ -166,7 +166,7 @@ def test_simulated_frames_are_called_so(tmp_path) -> None:
 def test_refuses_settings(changes: dict[str, object], message: str) -> None:
     settings = {
         "dataset": Known(noise_frames()),
-        "twin_correlation": 0.9,
+        "duplicate_correlation": 0.9,
         "worst_pairs": 3,
         "sheet_images": 8,
     }
@@ -180,5 +180,5 @@ def test_refuses_a_folder_that_is_not_there(tmp_path) -> None:
 
     with pytest.raises(InputError, match=r"found no folder .*none; pass dataset\.root="):
         inspect_dataset.check(
-            dataset=Usgra(str(tmp_path / "none")), twin_correlation=0.9, worst_pairs=3, sheet_images=8
+            dataset=Usgra(str(tmp_path / "none")), duplicate_correlation=0.9, worst_pairs=3, sheet_images=8
         )

@@ -59,7 +59,7 @@ def with_late_frames() -> TrackedSweep:
 
 
 def test_remarks_of_the_reader_are_findings(tmp_path: Path) -> None:
-    outcome, _ = looked_at(tmp_path, replace(known_sweep(), remarks=("Two calibrations differ by 12.0 mm.",)))
+    outcome, _ = looked_at(tmp_path, replace(known_sweep(), notes=("Two calibrations differ by 12.0 mm.",)))
     assert outcome.findings[1:] == ("Two calibrations differ by 12.0 mm.",)
 
 

@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 from tube_sweeps import RADIUS_MM, TubeSweep, tube_sweep
 
-from experiments.cli import compose_points
+from experiments.cli import compose_sweep
 from experiments.errors import InputError
 from experiments.outcome import Outcome, Silent
 from experiments.running import jobs
@@ -42,7 +42,7 @@ def recorded(folder: Path, tube: TubeSweep, values: np.ndarray | None = None) ->
 
 
 def run(workspace: Path, sweep: Path, masks: Path | None, **changes: Any) -> Outcome:
-    ((config, _),) = compose_points(["study=reconstruct", "sweep=given"])
+    ((config, _),) = compose_sweep(["study=reconstruct", "sweep=given"])
     settings = jobs.arguments(config) | {"sweep": str(sweep), "masks": None if masks is None else str(masks)}
     workspace.mkdir()
     return reconstruct.run(**(settings | changes), workspace=workspace, progress=Silent())
@@ -267,7 +267,7 @@ def test_what_contradicts_itself_in_the_recording_is_told(tmp_path: Path) -> Non
         tmp_path / "out",
         sweep,
         masks,
-        acquisition=lambda path: replace(FolderReader()(path), remarks=(remark,)),
+        acquisition=lambda path: replace(FolderReader()(path), notes=(remark,)),
     )
     assert outcome.findings[0] == remark
-    assert json.loads((tmp_path / "out" / "reconstruction.json").read_text())["remarks"] == [remark]
+    assert json.loads((tmp_path / "out" / "reconstruction.json").read_text())["notes"] == [remark]

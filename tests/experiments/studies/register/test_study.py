@@ -14,7 +14,7 @@ from tubes import tube
 from vessels import bent_tube
 
 from experiments import registry
-from experiments.cli import compose_points
+from experiments.cli import compose_sweep
 from experiments.errors import InputError
 from experiments.outcome import Outcome, Silent
 from experiments.studies.register import study as register
@@ -474,7 +474,7 @@ def test_every_comparator_registers_two_files_as_configured(folder: Path, name: 
         POSE, transforms.rotate_about(Rotation.from_rotvec([0.1, 0.2, 0]), MOVED.vertices_mm.mean(axis=0))
     )
     write_transform(folder / "near.h5", near)
-    ((config, _),) = compose_points(["study=register", "moving=a", "fixed=b", f"rigid={name}"])
+    ((config, _),) = compose_sweep(["study=register", "moving=a", "fixed=b", f"rigid={name}"])
     _, record = run(folder, rigid=registry.build(config["rigid"], "rigid"), initial=str(folder / "near.h5"))
     assert apart_mm(record["fixed_T_moving"]) < 0.3
     assert record["rigid"] == name

@@ -11,10 +11,10 @@ import pytest
 from benchmark_cases import written_cases
 
 from experiments.analysis.registration.benchmark.cases import subset_specs
-from experiments.cli import compose_points
+from experiments.cli import compose_sweep
 from experiments.errors import InputError
-from experiments.outcome import CellResult, Outcome, Silent
-from experiments.running.jobs import cell_configs
+from experiments.outcome import JobResult, Outcome, Silent
+from experiments.running.jobs import job_configs
 from experiments.studies.evaluate import study as evaluate
 from experiments.studies.rigid_benchmark import study as rigid_benchmark
 from registration.rigid.comparators import SingleStartICP
@@ -89,18 +89,18 @@ def test_evaluate_gives_the_answers_the_same_scores(root: Path, tmp_path: Path) 
 def test_methods_stand_beside_each_other_in_the_summary(root: Path, tmp_path: Path) -> None:
     first = run(root, tmp_path / "a", rigid={"multistart": MultiStartICP()})
     second = run(root, tmp_path / "b")
-    results = [CellResult({}, one.metrics, one.cases, tmp_path) for one in (first, second)]
+    results = [JobResult({}, one.metrics, one.cases, tmp_path) for one in (first, second)]
     outcome = rigid_benchmark.summarise(results)
     assert outcome.cases is not None and len(outcome.cases) == 6
     assert any("single_icp" in sentence and "alone" in sentence for sentence in outcome.findings)
     assert set(outcome.figures) == {"rigid_benchmark"}
     assert second.cases is not None
-    other = CellResult({}, {}, second.cases.assign(subset="test"), tmp_path)
+    other = JobResult({}, {}, second.cases.assign(subset="test"), tmp_path)
     named = rigid_benchmark.summarise([results[0], other]).cases
     assert named is not None
     assert set(named["method"]) == {"multistart, development", "single_icp, test"}
     choices = [{"rigid.single_icp.max_iterations": count} for count in ("20", "40")]
-    twice = [CellResult({}, {}, second.cases, tmp_path, choices=choice) for choice in choices]
+    twice = [JobResult({}, {}, second.cases, tmp_path, choices=choice) for choice in choices]
     apart = rigid_benchmark.summarise(twice).cases
     assert apart is not None
     assert set(apart["method"]) == {
@@ -109,11 +109,11 @@ def test_methods_stand_beside_each_other_in_the_summary(root: Path, tmp_path: Pa
     assert rigid_benchmark.summarise([]).findings == ("No job has cases to summarise.",)
 
 
-def test_one_cell_a_method() -> None:
-    ((config, _),) = compose_points(["study=rigid_benchmark", "rigid=[multistart,single_icp]"])
-    assert [list(cell["rigid"]) for cell, _ in cell_configs(config)] == [["multistart"], ["single_icp"]]
+def test_one_job_a_method() -> None:
+    ((config, _),) = compose_sweep(["study=rigid_benchmark", "rigid=[multistart,single_icp]"])
+    assert [list(job["rigid"]) for job, _ in job_configs(config)] == [["multistart"], ["single_icp"]]
     with pytest.raises(InputError, match="rigid: expected at least one method"):
-        rigid_benchmark.cells({"rigid": {}})
+        rigid_benchmark.jobs({"rigid": {}})
 
 
 def test_settings_that_allow_no_case_are_refused(root: Path, tmp_path: Path) -> None:

@@ -8,15 +8,15 @@ from typing import Any
 import pandas as pd
 from robustness_rows import row
 
-from experiments.outcome import CellResult
+from experiments.outcome import JobResult
 from experiments.studies.robustness.comparison import comparison
 from experiments.studies.robustness.metrics import PROBLEM
 from experiments.studies.robustness.pooling import pooled
 
 
-def job(method: str, choices: dict[str, str] | None = None, **config: Any) -> CellResult:
+def job(method: str, choices: dict[str, str] | None = None, **config: Any) -> JobResult:
     cases = pd.DataFrame([row(method, anatomy="surface", trial=number) for number in range(3)])
-    return CellResult(config, {}, cases, Path(), choices=choices or {})
+    return JobResult(config, {}, cases, Path(), choices=choices or {})
 
 
 def test_surfaces_whose_files_have_one_name_are_two_anatomies() -> None:

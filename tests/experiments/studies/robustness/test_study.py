@@ -18,7 +18,7 @@ import pytest
 from vessels import bent_tube
 
 from experiments.errors import InputError
-from experiments.outcome import CellResult, Outcome, Silent
+from experiments.outcome import JobResult, Outcome, Silent
 from experiments.studies.robustness import study as robustness
 from registration import transforms
 from registration.geometry.shapes import Mesh
@@ -267,7 +267,7 @@ def test_a_target_without_triangles_has_its_own_points_for_targets(tmp_path: Pat
 
 def test_the_summary_sets_methods_and_overlaps_side_by_side(target: Path, tmp_path: Path) -> None:
     results = [
-        CellResult({}, outcome.metrics, outcome.cases, tmp_path)
+        JobResult({}, outcome.metrics, outcome.cases, tmp_path)
         for outcome in (
             run(target, rigid={"told": Told(np.eye(4), 0.0)}),
             run(target, rigid={"multistart": MultiStartICP()}, overlaps=[0.6]),

@@ -10,26 +10,26 @@ import pandas as pd
 import pytest
 from vessels import bent_tube
 
-from experiments.cli import compose_points, main
+from experiments.cli import compose_sweep, main
 from experiments.errors import InputError
-from experiments.running import jobs as cells
-from experiments.running.jobs import Cell
+from experiments.running import jobs as job_module
+from experiments.running.jobs import Job
 from experiments.studies.robustness.design import Condition, conditions
 from registration.io.surfaces import write_surface
 
 PIECES = 10  # the whole vessel, and three places at each of three overlaps
 
 
-def planned(preset: str, *more: str) -> list[Cell]:
-    (point,) = compose_points([f"+sweep={preset}", "target=given", *more], multirun=True)
-    return cells.cells_of([point])
+def planned(preset: str, *more: str) -> list[Job]:
+    (point,) = compose_sweep([f"+sweep={preset}", "target=given", *more], multirun=True)
+    return job_module.jobs_of([point])
 
 
-def designs(planned: list[Cell], method: str) -> list[tuple[Condition, ...]]:
+def designs(planned: list[Job], method: str) -> list[tuple[Condition, ...]]:
     """The conditions of each job of one method."""
     found = []
-    for cell in planned:
-        given = cells.arguments(cell.config)
+    for job in planned:
+        given = job_module.arguments(job.config)
         if list(given["rigid"]) == [method]:
             found.append(
                 conditions(given["perturbation"], given["rotations"], given["factors"], given["trials"])
@@ -41,7 +41,7 @@ def test_the_figure_crosses_rotation_and_overlap_and_takes_the_rest_one_at_a_tim
     jobs = planned("figure_robustness")
     methods = ["multistart", "single_icp", "single_icp_plane", "gicp", "fpfh_ransac", "fpfh_fgr"]
     assert len(jobs) == len(methods) * (PIECES + 4)
-    assert {next(iter(cell.config["rigid"])) for cell in jobs} == set(methods)
+    assert {next(iter(job.config["rigid"])) for job in jobs} == set(methods)
     own = designs(jobs, "gicp")
     for crossed in own[:PIECES]:
         kinds = {each.perturbation.rotation: (each.perturbation.poses.bins, each.trials) for each in crossed}
@@ -53,14 +53,14 @@ def test_the_figure_crosses_rotation_and_overlap_and_takes_the_rest_one_at_a_tim
         [0, 0.1, 0.2, 0.3],
     ]
     assert all(each.trials == 25 for factor in own[PIECES:] for each in factor)
-    assert len({cell.hash for cell in jobs}) == len(jobs)
+    assert len({job.hash for job in jobs}) == len(jobs)
 
 
 def test_the_ablation_hands_centerlines_to_every_variant() -> None:
     jobs = planned("robustness_ablation", "target_centerline=line")
     assert len(jobs) == 7 * 7
-    assert all(cell.config["hand_centerlines"] for cell in jobs)
-    given = [cells.arguments(cell.config)["rigid"] for cell in jobs[:7]]
+    assert all(job.config["hand_centerlines"] for job in jobs)
+    given = [job_module.arguments(job.config)["rigid"] for job in jobs[:7]]
     assert [next(iter(each)).removeprefix("multistart_") for each in given] == [
         "multistart",
         "one_start",
@@ -89,21 +89,21 @@ def test_a_preset_gives_way_to_what_is_said_beside_it() -> None:
 
 def test_a_wrong_level_ends_the_sweep_before_its_first_job(tmp_path: Path) -> None:
     write_surface(tmp_path / "tube.ply", bent_tube())
-    (point,) = compose_points(
+    (point,) = compose_sweep(
         ["+sweep=robustness_small", f"target={tmp_path / 'tube.ply'}", "factors={noise_mm: [0, -1]}"]
     )
-    jobs = cells.cells_of([point])
-    cells.check(jobs[0].config)
+    jobs = job_module.jobs_of([point])
+    job_module.check(jobs[0].config)
     with pytest.raises(InputError, match=r"factors\.noise_mm: noise_mm: expected a number of at least 0"):
-        for cell in jobs:
-            cells.check(cell.config)
+        for job in jobs:
+            job_module.check(job.config)
 
 
 def test_the_presets_leave_the_setting_of_the_same_name_alone() -> None:
-    ((config, _),) = compose_points(["study=inspect_sweep", "sweep=recording.mha"])
+    ((config, _),) = compose_sweep(["study=inspect_sweep", "sweep=recording.mha"])
     assert config["sweep"] == "recording.mha"
     with pytest.raises(InputError, match="preset: expected one of aorta_200, figure_robustness"):
-        compose_points(["+sweep=figure"])
+        compose_sweep(["+sweep=figure"])
 
 
 def test_a_small_sweep_runs_to_its_page(home: Path, repository: Path) -> None:

@@ -54,7 +54,7 @@ def test_a_cropped_frame_lies_where_its_pixels_lay_before(tmp_path: Path) -> Non
     expected = np.stack([frames.apply(matrix, PIXEL[None] + [335, 285, 0]) for matrix in WORLD_A_PIXEL])
     np.testing.assert_allclose(places_mm(sweep, PIXEL[None]), expected, atol=1e-9)
     assert sweep.image_A_pixel is None
-    assert sweep.remarks == ()
+    assert sweep.notes == ()
 
 
 def test_a_crop_that_scales(tmp_path: Path) -> None:
@@ -129,7 +129,7 @@ def test_a_device_set_comes_before_an_old_calibration_in_the_file(tmp_path: Path
     )
     sweep = read(tmp_path, tracked_sequence(), device_set=given)
     np.testing.assert_allclose(sweep.calibration.probe_A_pixel, moved, atol=1e-9)
-    assert sweep.remarks == (
+    assert sweep.notes == (
         "a.igs.mha: its calibrations contradict each other: ImageToOrigin (device set), OriginToProbe (device set) was "
         "taken; ImageToProbe would put the image's corners up to 12.0 mm elsewhere.",
     )
@@ -137,14 +137,14 @@ def test_a_device_set_comes_before_an_old_calibration_in_the_file(tmp_path: Path
 
 def test_a_device_set_that_says_the_same_is_no_contradiction(tmp_path: Path) -> None:
     given = device_set(tmp_path, Image_to_Probe=np.round(CALIBRATION.probe_A_pixel, 3))
-    assert read(tmp_path, tracked_sequence(), device_set=given).remarks == ()
+    assert read(tmp_path, tracked_sequence(), device_set=given).notes == ()
 
 
 def test_a_device_set_that_leads_nowhere_is_told(tmp_path: Path) -> None:
     given = device_set(tmp_path, Image_to_TransducerOrigin=np.diag([0.1, 0.1, 0.1, 1.0]))
     sweep = read(tmp_path, tracked_sequence(), device_set=given)
     np.testing.assert_array_equal(sweep.calibration.probe_A_pixel, CALIBRATION.probe_A_pixel)
-    assert sweep.remarks == (
+    assert sweep.notes == (
         "a.igs.mha: the device set (ImageToTransducerOrigin) leads to no calibration: ImageToProbe of the recording "
         "was taken.",
     )
@@ -159,7 +159,7 @@ def test_a_device_set_and_a_crop_together(tmp_path: Path) -> None:
         device_set=device_set(tmp_path, Image_to_Probe=moved),
     )
     np.testing.assert_allclose(sweep.calibration.probe_A_pixel, moved @ np.linalg.inv(crop), atol=1e-9)
-    assert "up to 5.0 mm" in sweep.remarks[0]
+    assert "up to 5.0 mm" in sweep.notes[0]
     # A calibration of the cropped image itself is one of the pixels that the file holds.
     sweep = read(
         tmp_path,
@@ -173,10 +173,10 @@ def test_poses_that_contradict_each_other_are_told(tmp_path: Path) -> None:
     # ProbeToReference as PLUS computed it when the reference stood 7 mm elsewhere.
     old = [frames.translation((7.0, 0.0, 0.0)) @ pose for pose in world_T_ee(TIMES_S)]
     sweep = read(tmp_path, with_fields(tracked_sequence(), "ProbeToReferenceTransform", old))
-    assert "poses contradict each other" in sweep.remarks[0]
-    assert "up to 7.0 mm and 0.0 degrees" in sweep.remarks[0]
+    assert "poses contradict each other" in sweep.notes[0]
+    assert "up to 7.0 mm and 0.0 degrees" in sweep.notes[0]
     same = with_fields(tracked_sequence(), "ProbeToReferenceTransform", list(world_T_ee(TIMES_S)))
-    assert read(tmp_path, same).remarks == ()
+    assert read(tmp_path, same).notes == ()
 
 
 def test_a_broken_transform_outside_the_chain_does_not_matter(tmp_path: Path) -> None:

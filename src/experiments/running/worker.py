@@ -1,0 +1,133 @@
+"""One job of a plan, wherever it runs: in the process of the call, or in one that a launcher started for it.
+
+``python -m experiments.running.worker <folder> <hash>`` runs the job of that hash; the folder holds the plan and the
+job's configuration, and gets the report of how the job ended.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from experiments import files
+from experiments.outcome import Outcome
+from experiments.running import run_job
+from experiments.running.jobs import Job, Plan
+from experiments.running.run_job import Report
+from experiments.running.terminal import TerminalProgress, plain_console
+from experiments.tracking import Store
+
+
+def run_one(job: Job, plan: Plan, progress: TerminalProgress) -> tuple[Report, Outcome | None]:
+    """Run one job of a plan and print what went wrong.
+
+    Parameters
+    ----------
+    job : Job
+        The job to run.
+    plan : Plan
+        The plan of the call that the job belongs to.
+    progress : TerminalProgress
+        Where progress is shown.
+
+    Returns
+    -------
+    report : Report
+        How the job ended.
+    outcome : Outcome or None
+        Its result; None if it was resumed or did not finish.
+    """
+    alone = len(plan.labels) == 1
+    if not alone:
+        number = list(plan.labels).index(job.hash) + 1
+        progress.note(f"{plan.study}: {job.label} ({number} of {len(plan.labels)})")
+    report, outcome = run_job.run_job(job, plan, store_of(job.config), progress)
+    if report.message:
+        print(report.message if alone else f"{job.label or plan.study}: {report.message}", file=sys.stderr)
+    return report, outcome
+
+
+def store_of(config: Mapping[str, Any]) -> Store:
+    """Open the tracker that a configuration names.
+
+    Parameters
+    ----------
+    config : mapping
+        A resolved configuration with the settings of the tracker under ``tracking``.
+
+    Returns
+    -------
+    Store
+        The tracker.
+    """
+    return Store(**config["tracking"])
+
+
+@contextmanager
+def stoppable() -> Iterator[None]:
+    """Turn SIGTERM into an exit that passes through every ``finally``, so that running runs end as FAILED."""
+
+    def stop(number: int, frame: object) -> None:
+        del number, frame
+        raise SystemExit(128 + signal.SIGTERM)
+
+    try:
+        before = signal.signal(signal.SIGTERM, stop)
+    except ValueError:  # only the main thread may set a handler; elsewhere the default stays
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def write_job(job: Job, folder: Path) -> None:
+    """Write a job's configuration and label for the process that will run it.
+
+    Parameters
+    ----------
+    job : Job
+        The job.
+    folder : Path
+        The folder of the plan.
+    """
+    content = json.dumps({"config": job.config, "label": job.label})
+    files.write_text(_job_file(folder, job.hash), content)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run one job of a plan and leave its report beside the plan.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        The folder of the plan and the job's hash.
+
+    Returns
+    -------
+    int
+        The exit code: 0, however the job ended; its report says that.
+    """
+    folder, key = Path(arguments[0]), arguments[1]
+    content = json.loads(_job_file(folder, key).read_text(encoding="utf-8"))
+    job = Job(content["config"], key, content["label"])
+    # Bars of several processes would overwrite each other; lines say whose they are.
+    progress = TerminalProgress(plain_console(), prefix=f"{job.label}: " if job.label else "")
+    with stoppable():
+        report, _ = run_one(job, Plan.read(folder), progress)
+        report.write(run_job.report_file(folder, key))
+    return 0
+
+
+def _job_file(folder: Path, key: str) -> Path:
+    return folder / f"{key}.job.json"
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
