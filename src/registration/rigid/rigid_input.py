@@ -11,15 +11,15 @@ from registration.geometry.shapes import require_cloud, require_millimetres, req
 
 
 def rigid_clouds(
-    moving_mm: ArrayLike, fixed_mm: ArrayLike, least: int = 3
+    moving_mm: ArrayLike, fixed_mm: ArrayLike, min_points: int = 3
 ) -> tuple[Float64[np.ndarray, "m 3"], Float64[np.ndarray, "n 3"]]:
     """Both clouds as float64 of shape (n, 3), from arrays or lists.
 
     Raises InputError, by name, for a cloud of another shape, of fewer than ``least`` points, with coordinates that are
     not finite, on a line, or so small that it must be in metres.
     """
-    moving = require_millimetres(require_cloud(moving_mm, "moving_mm", least), "moving_mm")
-    return moving, require_millimetres(require_cloud(fixed_mm, "fixed_mm", least), "fixed_mm")
+    moving = require_millimetres(require_cloud(moving_mm, "moving_mm", min_points), "moving_mm")
+    return moving, require_millimetres(require_cloud(fixed_mm, "fixed_mm", min_points), "fixed_mm")
 
 
 def points_on_line(points_mm: ArrayLike | None, name: str) -> Float64[np.ndarray, "p 3"] | None:
