@@ -53,7 +53,7 @@ class AcceptanceCriteria:
         require_positive("min_inlier_share", self.min_inlier_share, 1.0)
 
     def needed_gap(self, tries: int = 1) -> float:
-        """Compute by how many standard errors other poses must be worse where several searches could each err by chance.
+        """Compute the gap that other poses must show where several searches could each err by chance.
 
         Bonferroni: each may err in the share of cases that one may, divided by their number.
 
@@ -147,8 +147,8 @@ def named_motion(
 ) -> tuple[str, ...]:
     """Name the parts of a rigid motion of a vessel.
 
-    ``slide`` along the vessel, ``shift`` across it, ``roll`` about it, ``tilt`` of its axis, ``flip`` if it comes to lie
-    the other way round. A part is named that carries a good share of the displacement.
+    ``slide`` along the vessel, ``shift`` across it, ``roll`` about it, ``tilt`` of its axis, ``flip`` if it comes
+    to lie the other way round. A part is named that carries a good share of the displacement.
 
     Parameters
     ----------

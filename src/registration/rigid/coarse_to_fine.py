@@ -134,8 +134,8 @@ class CoarseToFine:
         starts : ndarray, shape (s, 4, 4)
             Starting poses (fixed_T_moving).
         within : Bound or None, optional
-            Bound that no candidate lies outside of, so that there may be none. The best pose outside is followed all the
-            same, for it may explain the clouds better than any candidate does. None bounds nothing.
+            Bound that no candidate lies outside of, so that there may be none. The best pose outside is followed
+            all the same, for it may explain the clouds better than any candidate does. None bounds nothing.
         moving_normals : ndarray, shape (m, 3), or None, optional
             Normals of the moving points, for steps and rules that need them.
 

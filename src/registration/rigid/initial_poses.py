@@ -43,8 +43,9 @@ def symmetry_starts(
     """Compute every start worth trying without prior knowledge.
 
     The principal axis of the moving cloud is laid on that of a window of the fixed one, both ways round, and rolled
-    about it. The windows are as long as the moving cloud and slide along the fixed one: the axes of a piece are those of
-    the same piece of the whole, not those of the whole. A moving cloud as long as the fixed one has one window.
+    about it. The windows are as long as the moving cloud and slide along the fixed one: the axes of a piece are
+    those of the same piece of the whole, not those of the whole. A moving cloud as long as the fixed one has one
+    window.
 
     A short piece with a bifurcation is as wide as it is long, and noise and the way it is cut decide which axis comes
     first: the axes that ``principal_axes`` names are therefore taken for the principal one in turn, and windows slide

@@ -146,8 +146,8 @@ class Evidence:
     def squared_mm2(self, poses: Float64[np.ndarray, "s 4 4"]) -> Float64[np.ndarray, "s m"]:
         """Compute the squared distance from every moved point to the fixed surface.
 
-        It is taken along the normal of the closest fixed point and outside its patch; to the point itself where there are no
-        normals.
+        It is taken along the normal of the closest fixed point and outside its patch; to the point itself where
+        there are no normals.
 
         Parameters
         ----------

@@ -88,8 +88,8 @@ class FpfhRansac:
         initial : array_like, shape (4, 4), or None, optional
             Known pose (fixed_T_moving), which is refined too; the better pose wins. None searches only.
         search_cone : SearchCone or None, optional
-            Bound around ``initial``; None stands for 45 degrees and 20 mm. A result outside it has failed: the pose is then
-            the one on that bound.
+            Bound around ``initial``; None stands for 45 degrees and 20 mm. A result outside it has failed: the
+            pose is then the one on that bound.
         moving_centerline_mm, fixed_centerline_mm, moving_frame : None, optional
             Not used.
 
@@ -101,8 +101,8 @@ class FpfhRansac:
         Raises
         ------
         InputError
-            If a cloud is empty, of another shape, not finite, degenerate or in metres, ``initial`` is not rigid, there is a
-            cone without it, or no features match and there is no ``initial``.
+            If a cloud is empty, of another shape, not finite, degenerate or in metres, ``initial`` is not rigid,
+            there is a cone without it, or no features match and there is no ``initial``.
         """
         del moving_centerline_mm, fixed_centerline_mm, moving_frame
         return _registered(self, moving_mm, fixed_mm, initial, search_cone)
@@ -210,8 +210,8 @@ class FpfhFastGlobal:
         initial : array_like, shape (4, 4), or None, optional
             Known pose (fixed_T_moving), which is refined too; the better pose wins. None searches only.
         search_cone : SearchCone or None, optional
-            Bound around ``initial``; None stands for 45 degrees and 20 mm. A result outside it has failed: the pose is then
-            the one on that bound.
+            Bound around ``initial``; None stands for 45 degrees and 20 mm. A result outside it has failed: the
+            pose is then the one on that bound.
         moving_centerline_mm, fixed_centerline_mm, moving_frame : None, optional
             Not used.
 
@@ -223,8 +223,8 @@ class FpfhFastGlobal:
         Raises
         ------
         InputError
-            If a cloud is empty, of another shape, not finite, degenerate or in metres, ``initial`` is not rigid, there is a
-            cone without it, or no features match and there is no ``initial``.
+            If a cloud is empty, of another shape, not finite, degenerate or in metres, ``initial`` is not rigid,
+            there is a cone without it, or no features match and there is no ``initial``.
         """
         del moving_centerline_mm, fixed_centerline_mm, moving_frame
         return _registered(self, moving_mm, fixed_mm, initial, search_cone)

@@ -95,8 +95,8 @@ class GeneralisedICP:
         initial : array_like, shape (4, 4), or None, optional
             Known pose (fixed_T_moving) to start from; None starts from where the clouds lie.
         search_cone : SearchCone or None, optional
-            Bound around ``initial``; None stands for 45 degrees and 20 mm. A result outside it has failed: the pose is then
-            the one on that bound.
+            Bound around ``initial``; None stands for 45 degrees and 20 mm. A result outside it has failed: the
+            pose is then the one on that bound.
         moving_centerline_mm, fixed_centerline_mm, moving_frame : None, optional
             Not used.
 
@@ -108,8 +108,8 @@ class GeneralisedICP:
         Raises
         ------
         InputError
-            If a cloud is empty, of another shape, not finite, degenerate or in metres, ``initial`` is not rigid, or there is a
-            cone without it.
+            If a cloud is empty, of another shape, not finite, degenerate or in metres, ``initial`` is not rigid,
+            or there is a cone without it.
         """
         del moving_centerline_mm, fixed_centerline_mm, moving_frame
         begin_s = time.perf_counter()

@@ -87,8 +87,8 @@ class KissMatcher:
         initial : array_like, shape (4, 4), or None, optional
             Known pose (fixed_T_moving), which is refined too; the better pose wins. None searches only.
         search_cone : SearchCone or None, optional
-            Bound around ``initial``; None stands for 45 degrees and 20 mm. A result outside it has failed: the pose is then
-            the one on that bound.
+            Bound around ``initial``; None stands for 45 degrees and 20 mm. A result outside it has failed: the
+            pose is then the one on that bound.
         moving_centerline_mm, fixed_centerline_mm, moving_frame : None, optional
             Not used.
 
@@ -100,8 +100,8 @@ class KissMatcher:
         Raises
         ------
         InputError
-            If a cloud is empty, of another shape, not finite, degenerate or in metres, ``initial`` is not rigid, there is a
-            cone without it, nothing matches and there is no ``initial``, or the package is not installed.
+            If a cloud is empty, of another shape, not finite, degenerate or in metres, ``initial`` is not rigid,
+            there is a cone without it, nothing matches and there is no ``initial``, or the package is not installed.
         """
         del moving_centerline_mm, fixed_centerline_mm, moving_frame
         begin_s = time.perf_counter()
