@@ -268,11 +268,11 @@ def phantom_registration(
     InputError
         If there are fewer than three points or they lie on a line.
     """
-    about_mm, seen_mm = phantom_mm - phantom_mm.mean(axis=0), reference_mm - reference_mm.mean(axis=0)
-    spread = np.linalg.svd(about_mm.T @ seen_mm, compute_uv=False)
+    centred_mm = phantom_mm - phantom_mm.mean(axis=0), reference_mm - reference_mm.mean(axis=0)
+    spread = np.linalg.svd(centred_mm[0].T @ centred_mm[1], compute_uv=False)
     if len(phantom_mm) < 3 or spread[1] < 1e-9 * spread[0]:
         raise InputError("phantom_mm: expected at least three points not on a line, received fewer")
-    return kabsch(phantom_mm, reference_mm, np.ones(len(phantom_mm)))
+    return kabsch(phantom_mm, reference_mm)
 
 
 def _crossing_mm(wire_mm: Float64[np.ndarray, "2 3"], other_mm: Float64[np.ndarray, "2 3"]) -> np.ndarray:

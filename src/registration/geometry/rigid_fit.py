@@ -1,4 +1,4 @@
-"""The rigid transform that fits paired points in least squares, in closed form."""
+"""The rigid transform that brings paired points closest, in closed form."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from jaxtyping import Float64
 def kabsch(
     moving_mm: Float64[np.ndarray, "*s n 3"],
     fixed_mm: Float64[np.ndarray, "*s n 3"],
-    weights: Float64[np.ndarray, "*s n"],
+    weights: Float64[np.ndarray, "*s n"] | None = None,
 ) -> Float64[np.ndarray, "*s 4 4"]:
     """Compute the rigid transforms, never mirrored, that fit paired points in weighted least squares.
 
@@ -19,8 +19,8 @@ def kabsch(
         Moving points in mm.
     fixed_mm : ndarray, shape (..., n, 3)
         Their paired fixed points in mm.
-    weights : ndarray, shape (..., n)
-        Weight of each pair.
+    weights : ndarray, shape (..., n), or None, optional
+        Weight of each pair; None weighs all alike.
 
     Returns
     -------
@@ -31,8 +31,12 @@ def kabsch(
     ----------
     W. Kabsch, Acta Cryst. A32, 1976.
 
+    K. S. Arun et al., IEEE PAMI 9(5), 1987.
+
     S. Umeyama, IEEE PAMI 13(4), 1991.
     """
+    if weights is None:
+        weights = np.ones(moving_mm.shape[:-1])
     share = (weights / weights.sum(axis=-1, keepdims=True))[..., None]
     moving_centre_mm = (share * moving_mm).sum(axis=-2)
     fixed_centre_mm = (share * fixed_mm).sum(axis=-2)

@@ -101,8 +101,8 @@ class LandmarkPairs:
 
     @property
     def fixed_T_moving(self) -> Float64[np.ndarray, "4 4"]:
-        """The rigid transform without scale that brings the pairs closest in least squares."""
-        return kabsch(self.moving_mm, self.fixed_mm, np.ones(len(self.names)))
+        """The rigid transform without scale that brings the pairs closest (Kabsch, Acta Cryst. A32, 1976)."""
+        return kabsch(self.moving_mm, self.fixed_mm)
 
     def errors_mm(self, fixed_T_moving: Float64[np.ndarray, "4 4"]) -> Float64[np.ndarray, " n"]:
         """Measure how far each moving landmark is from its fixed one after registration.

@@ -1,4 +1,4 @@
-"""The rigid fit of paired points held against scipy and results known by construction."""
+"""The closed-form rigid fit held against scipy and results known by construction."""
 
 from __future__ import annotations
 
@@ -43,3 +43,15 @@ def test_kabsch_never_mirrors() -> None:
     moving = np.random.default_rng(7).normal(size=(20, 3)) * [5, 4, 3]
     found = kabsch(moving, moving * [1, 1, -1], np.ones(20))
     assert np.linalg.det(found[:3, :3]) == pytest.approx(1)
+
+
+def test_without_weights_all_pairs_count_alike() -> None:
+    rng = np.random.default_rng(8)
+    moving, fixed = rng.normal(size=(2, 9, 3)) * 20
+    np.testing.assert_allclose(kabsch(moving, fixed), kabsch(moving, fixed, np.full(9, 3.0)), atol=1e-12)
+
+
+def test_three_pairs_in_a_plane_leave_no_mirror_image() -> None:
+    truth = pose([1.0, -2.0, 0.5], [9, -80, 30])
+    moving = np.array([[0.0, 0, 0], [40, 0, 0], [10, 25, 0]])
+    np.testing.assert_allclose(kabsch(moving, transforms.apply(truth, moving)), truth, atol=1e-10)

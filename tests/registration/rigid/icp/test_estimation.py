@@ -12,6 +12,12 @@ from registration.rigid.icp.estimation import PointToPlane, PointToPoint, Symmet
 from registration.rigid.icp.pairs import Pairs
 
 
+def pose(rotation_vector: list[float], translation_mm: list[float]) -> np.ndarray:
+    return transforms.from_rotation(
+        Rotation.from_rotvec(rotation_vector), np.array(translation_mm, dtype=float)
+    )
+
+
 def test_a_step_along_normals_is_newtons_on_a_box_corner() -> None:
     """Three planes at right angles, a pure translation: one step along the normals removes all of it."""
     grid = np.stack(np.meshgrid(np.arange(1.0, 9), np.arange(1.0, 9)), axis=-1).reshape(-1, 2)
