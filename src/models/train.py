@@ -65,8 +65,10 @@ class TrainingPlan:
                 model=recipe_of(str(model.pop("name")), model),
                 train=sides["train"],
                 validation=sides["validation"],
-                preprocessing=Preprocessing(**config["preprocessing"]),
-                trainer=TrainerSettings(**{**config["trainer"], **({"resume": True} if resume else {})}),
+                preprocessing=_part(Preprocessing, "preprocessing", config["preprocessing"]),
+                trainer=_part(
+                    TrainerSettings, "trainer", {**config["trainer"], **({"resume": True} if resume else {})}
+                ),
                 augmentation=augmentation_of(config.get("augmentation", {})),
                 loss=loss_of(str(loss.pop("name", DiceCrossEntropy.name)), loss),
                 fold=_whole("fold", split["fold"]),
