@@ -153,6 +153,13 @@ def test_refuses_to_resume_another_training(tmp_path, capsys) -> None:
         ({"loss": {"weight": 1}}, "loss: expected settings of dice_cross_entropy, received others"),
         ({"loss": {"name": "hinge"}}, "loss: expected one of"),
         ({"augmentation": [{"name": "Turn"}]}, "augmentation[0]: expected a transform"),
+        ({"seed": 1.5}, "seed: expected a whole number, received 1.5"),
+        ({"loss": {"dice_weight": "much"}}, "dice_weight: expected a number, received 'much'"),
+        ({"model": {"name": "unet", "width": 4.5}}, "width: expected a whole number, received 4.5"),
+        (
+            {"trainer": {"max_epochs": 2, "batch_size": 1.5, "learning_rate": 0.01, "patience": 2}},
+            "trainer.batch_size: expected a whole number, received 1.5",
+        ),
     ],
 )
 def test_refuses_with_one_sentence_and_code_2(

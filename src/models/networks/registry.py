@@ -19,7 +19,7 @@ from models.value_types import require_settings
 
 @runtime_checkable
 class NetworkRecipe(Protocol):
-    """A frozen dataclass of plain settings whose call builds a network, images (b, 1, h, w) to logits alike.
+    """Frozen dataclass of plain settings whose call builds a network, images (b, 1, h, w) to logits alike.
 
     In training mode a network may return ``models.networks.outputs.SideOutputs`` instead.
     """
@@ -28,11 +28,17 @@ class NetworkRecipe(Protocol):
 
     @property
     def multiple(self) -> int:
-        """What both sides of an image must be multiples of."""
+        """Number that both sides of an image must be multiples of."""
         ...
 
     def __call__(self) -> nn.Module:
-        """Build the network with weights drawn from torch's current seed."""
+        """Build the network with weights drawn from torch's current seed.
+
+        Returns
+        -------
+        nn.Module
+            Images (b, 1, h, w) to logits (b, 1, h, w).
+        """
         ...
 
 
@@ -92,13 +98,42 @@ def _is_recipe(value: object, module: ModuleType) -> bool:
 
 
 def settings_of(recipe: NetworkRecipe) -> dict[str, Any]:
-    """The recipe's fields as plain values."""
+    """Return the fields of a recipe as plain values.
+
+    Parameters
+    ----------
+    recipe : NetworkRecipe
+        Architecture.
+
+    Returns
+    -------
+    dict
+        Values by name.
+    """
     settings = dataclasses.asdict(recipe)  # type: ignore[call-overload]
     return dict(settings)
 
 
 def recipe_of(name: str, settings: Mapping[str, Any]) -> NetworkRecipe:
-    """The recipe of that name with those settings; InputError for an unknown name or for settings it refuses."""
+    """Build a recipe from its name and settings.
+
+    Parameters
+    ----------
+    name : str
+        One of ``recipes()``.
+    settings : mapping
+        Fields of the recipe.
+
+    Returns
+    -------
+    NetworkRecipe
+        The recipe.
+
+    Raises
+    ------
+    InputError
+        If the name is unknown or the settings are refused.
+    """
     known = recipes()
     if name not in known:
         raise InputError(f"network: expected one of {', '.join(sorted(known))}, received {name!r}")
