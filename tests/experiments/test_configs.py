@@ -71,15 +71,16 @@ MEANT = {
     ("rigid", "fpfh_fgr"): {"fpfh_fgr.refine.refine_by", "fpfh_fgr.refine.keep"},
     ("rigid", "fpfh_ransac"): {"fpfh_ransac.refine.refine_by", "fpfh_ransac.refine.keep"},
     ("rigid", "kiss_matcher"): {"kiss_matcher.refine.refine_by", "kiss_matcher.refine.keep"},
-    ("rigid", "multistart_no_centerline"): {"multistart_no_centerline.use_centerline"},
-    ("rigid", "multistart_no_inversion"): {"multistart_no_inversion.invert"},
+    ("rigid", "multistart_no_centerline"): {"multistart_no_centerline.starts.use_centerline"},
+    ("rigid", "multistart_no_inversion"): {"multistart_no_inversion.starts.invert"},
     ("rigid", "multistart_no_offset"): {"multistart_no_offset.wall_offset"},
     ("rigid", "multistart_no_pruning"): {
-        f"multistart_no_pruning.{name}" for name in ("first_share", "survivors", "finalists")
+        f"multistart_no_pruning.stages.{name}" for name in ("first_share", "survivors", "finalists")
     },
-    ("rigid", "multistart_no_slide"): {"multistart_no_slide.slide"},
+    ("rigid", "multistart_no_slide"): {"multistart_no_slide.starts.slide"},
     ("rigid", "multistart_one_start"): {
-        f"multistart_one_start.{name}" for name in ("rolls", "axis_share", "compact_share", "invert", "slide")
+        f"multistart_one_start.starts.{name}"
+        for name in ("rolls", "axis_share", "compact_share", "invert", "slide")
     },
     ("rigid", "single_icp_centred"): {"single_icp_centred.align_centroids"},
     ("rigid", "single_icp_plane"): {"single_icp_plane.refine_by"},
@@ -139,41 +140,55 @@ def test_a_study_shows_every_setting_of_the_parts_it_names_itself() -> None:
             assert set(settings) - {"_target_"} == known, f"{study}: {where}"
 
 
+def leaves(node: Mapping[str, Any], where: str = "") -> dict[str, Any]:
+    """Every setting of a method by its dotted name."""
+    found: dict[str, Any] = {}
+    for name, value in node.items():
+        found |= leaves(value, f"{where}{name}.") if isinstance(value, Mapping) else {where + name: value}
+    return found
+
+
 ABLATIONS = sorted(path.stem for path in (CONF / "rigid").glob("multistart_*.yaml"))
 
 
 @pytest.mark.parametrize("ablation", ABLATIONS)
 @pytest.mark.parametrize("order", ["{0},multistart", "multistart,{0}"])
 def test_an_ablation_follows_what_is_set_for_multistart(ablation: str, order: str) -> None:
-    words = ["study=robustness", f"rigid=[{order.format(ablation)}]", "rigid.multistart.fine_points=4321"]
-    words += ["rigid.multistart.judge.tolerated_mm=1.5", "rigid.multistart.kernel=null"]
+    words = [
+        "study=robustness",
+        f"rigid=[{order.format(ablation)}]",
+        "rigid.multistart.stages.fine_points=4321",
+    ]
+    words += ["rigid.multistart.acceptance.max_tre_mm=1.5", "rigid.multistart.kernel=null"]
     ((plain, _),) = compose_sweep(["study=robustness", f"rigid=[multistart,{ablation}]"])
     ((config, _),) = compose_sweep(words)
-    meant = {name.split(".")[-1] for name in MEANT["rigid", ablation]}
+    meant = {name.split(".", 1)[1] for name in MEANT["rigid", ablation]}
     for rigid in (plain["rigid"], config["rigid"]):
-        own, whole = rigid[ablation], rigid["multistart"]
-        assert {name for name in whole if own[name] != whole[name]} == meant
-    assert config["rigid"][ablation]["fine_points"] == 4321
-    assert config["rigid"][ablation]["judge"]["tolerated_mm"] == 1.5
+        own, whole = leaves(rigid[ablation]), leaves(rigid["multistart"])
+        assert {name for name in whole | own if own[name] != whole[name]} == meant
+    assert config["rigid"][ablation]["stages"]["fine_points"] == 4321
+    assert config["rigid"][ablation]["acceptance"]["max_tre_mm"] == 1.5
     assert config["rigid"][ablation]["kernel"] is None
 
 
 def test_rolls_reach_the_ablations_and_an_ablation_has_settings_of_its_own() -> None:
-    words = ["study=robustness", "rigid=[multistart,multistart_no_slide]", "rigid.multistart.rolls=24"]
+    words = ["study=robustness", "rigid=[multistart,multistart_no_slide]", "rigid.multistart.starts.rolls=24"]
     ((config, _),) = compose_sweep(words)
-    assert {name: one["rolls"] for name, one in config["rigid"].items()} == {
+    assert {name: one["starts"]["rolls"] for name, one in config["rigid"].items()} == {
         "multistart": 24,
         "multistart_no_slide": 24,
     }
-    ((config, _),) = compose_sweep([*words, "rigid.multistart_no_slide.rolls=6"])
-    assert config["rigid"]["multistart"]["rolls"] == 24
-    assert config["rigid"]["multistart_no_slide"]["rolls"] == 6
+    ((config, _),) = compose_sweep([*words, "rigid.multistart_no_slide.starts.rolls=6"])
+    assert config["rigid"]["multistart"]["starts"]["rolls"] == 24
+    assert config["rigid"]["multistart_no_slide"]["starts"]["rolls"] == 6
 
 
 def test_an_ablation_alone_is_as_the_file_of_multistart() -> None:
     ((config, _),) = compose_sweep(["study=robustness", "rigid=multistart_no_slide"])
     ((whole, _),) = compose_sweep(["study=robustness", "rigid=multistart"])
     assert list(config["rigid"]) == ["multistart_no_slide"]
-    assert config["rigid"]["multistart_no_slide"] == whole["rigid"]["multistart"] | {"slide": False}
-    with pytest.raises(InputError, match=r"rigid\.multistart\.rolls"):
-        compose_sweep(["study=robustness", "rigid=multistart_no_slide", "rigid.multistart.rolls=24"])
+    assert leaves(config["rigid"]["multistart_no_slide"]) == leaves(whole["rigid"]["multistart"]) | {
+        "starts.slide": False
+    }
+    with pytest.raises(InputError, match=r"rigid\.multistart\.starts"):
+        compose_sweep(["study=robustness", "rigid=multistart_no_slide", "rigid.multistart.starts.rolls=24"])

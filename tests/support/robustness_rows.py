@@ -11,6 +11,10 @@ import pandas as pd
 GOOD, FAR = 0.3, 40.0
 
 
+# What a method leaves that neither judges its answers nor predicts its error.
+SILENT = {"accepted": False, "verdict": "not judged", "tre_low_mm": float("nan"), "tre_high_mm": float("nan")}
+
+
 def row(method: str = "multistart", **change: Any) -> dict[str, Any]:
     """One trial, right and accepted unless changed; success follows from the errors."""
     found: dict[str, Any] = {
@@ -34,6 +38,9 @@ def row(method: str = "multistart", **change: Any) -> dict[str, Any]:
         "runtime_s": 0.3,
         "error": "",
     } | change
+    found.setdefault(
+        "verdict", "failed" if found["error"] else "accepted" if found["accepted"] else "ambiguous"
+    )
     found["success"] = found["rmse_mm"] <= 1
     found["success_tre"] = found["tre_mm"] <= 2
     return found

@@ -16,7 +16,6 @@ SHARED: dict[str, Any] = {
     "seed": int | None,
     "out": str | int | None,
     "resume": bool,
-    "jobs": int,
     "tracking.uri": str | None,
     "tracking.enabled": bool,
 }

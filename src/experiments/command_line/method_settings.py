@@ -1,7 +1,7 @@
 """What a configuration that differs from another in one part takes from it: an ablation follows its method.
 
-``${method:multistart.rolls}`` is the value that ``rigid.multistart.rolls`` has in this call, by its file, a preset or
-the command line; where that method is not among the chosen ones, it is the value of its file.
+``${method:multistart.starts.rolls}`` is the value that ``rigid.multistart.starts.rolls`` has in this call, by its file,
+a preset or the command line; where that method is not among the chosen ones, it is the value of its file.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ GROUP = "rigid"
 
 
 def method_setting(path: str, *, _root_: Any) -> Any:
-    """The setting ``path`` (method.setting) of the rigid methods as plain data.
+    """The setting ``path`` (method.setting or method.group.setting) of the rigid methods as plain data.
 
     Raises InputError for a setting that neither the configuration nor the method's file has.
 
@@ -34,7 +34,7 @@ def method_setting(path: str, *, _root_: Any) -> Any:
     method = path.split(".")[0]
     chosen = OmegaConf.select(_root_, GROUP)
     source = chosen if chosen is not None and method in chosen else _by_file(method)
-    if not OmegaConf.is_config(source) or path not in _paths(source, method):
+    if not OmegaConf.is_config(source) or not _has(source, path):
         raise InputError(f"{GROUP}: expected a setting {path}, which others follow, found none")
     value = OmegaConf.select(source, path)
     return OmegaConf.to_container(value, resolve=True) if OmegaConf.is_config(value) else value
@@ -49,5 +49,10 @@ def _by_file(method: str) -> Any:
     return OmegaConf.load(path)
 
 
-def _paths(source: Any, method: str) -> set[str]:
-    return {f"{method}.{setting}" for setting in source[method]}
+def _has(source: Any, path: str) -> bool:
+    """Whether there is such a setting, null or not."""
+    from omegaconf import OmegaConf
+
+    group, _, name = path.rpartition(".")
+    settings = OmegaConf.select(source, group)
+    return OmegaConf.is_dict(settings) and name in settings

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from experiments.datasets.sweep_cache import SweepRecipe, cache_folder, labelled_sweep, prepare
-from experiments.errors import InputError
+from experiments.errors import InputError, require_count
 from models.labelled_frames import LabelledFrames
 from registration.phantom.settings import SUBSETS, PhantomSettings
 
@@ -48,11 +48,7 @@ class Phantom:
             "workers": 1,
         }
         for name, smallest in minimum.items():
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < smallest:
-                raise InputError(
-                    f"{name}: expected a whole number of at least {smallest}, received {value!r}"
-                )
+            require_count(name, getattr(self, name), smallest)
 
     def __call__(self) -> LabelledFrames:
         """Simulate what is not in the cache and return all frames in order of subset, sweep and time."""

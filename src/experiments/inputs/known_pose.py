@@ -1,4 +1,4 @@
-"""What is known of the answer before a search: a pose from a file or from landmarks, and how far to look from it."""
+"""Initial pose of a registration, from a file or from landmarks, and a bound on the search around it."""
 
 from __future__ import annotations
 
@@ -19,9 +19,21 @@ SOURCES = ("file", "landmarks")
 
 @dataclass(frozen=True)
 class InitialPose:
-    """A rigid ``fixed_T_moving`` in mm, its ``source`` (file or landmarks), and a bound on the search around it.
+    """Initial pose of a registration.
 
-    Without a ``search_cone`` the method's own bound holds.
+    Parameters
+    ----------
+    fixed_T_moving : ndarray, shape (4, 4)
+        Rigid transform from moving to fixed coordinates in mm.
+    source : {"file", "landmarks"}
+        Where it comes from.
+    search_cone : SearchCone or None, optional
+        Bound on the search around it; None keeps the method's own.
+
+    Raises
+    ------
+    InputError
+        If the transform is not rigid or the source is unknown.
     """
 
     fixed_T_moving: Float64[np.ndarray, "4 4"]
@@ -40,10 +52,28 @@ def initial_pose(
     search_cone_deg: float | None = None,
     search_radius_mm: float | None = None,
 ) -> InitialPose | None:
-    """The pose in ``path``, else the one that lays ``pairs`` of landmarks on each other, else None.
+    """Read or compute the initial pose of a registration.
 
-    A bound that is given without the other leaves that to the method's own. Raises InputError for a file that
-    cannot be read, a pose that is not rigid, and a bound with no pose to search around.
+    Parameters
+    ----------
+    path : Path or None
+        File of a transform; it takes precedence.
+    pairs : LandmarkPairs or None
+        Landmarks whose rigid fit is the pose where there is no file.
+    search_cone_deg : float or None, optional
+        Largest rotation from the pose in degrees; None keeps the method's own.
+    search_radius_mm : float or None, optional
+        Largest translation from the pose in mm; None keeps the method's own.
+
+    Returns
+    -------
+    InitialPose or None
+        The pose; None without file and landmarks.
+
+    Raises
+    ------
+    InputError
+        If the file can't be read, the pose is not rigid, or a bound is given without a pose.
     """
     cone = _cone(search_cone_deg, search_radius_mm)
     if path is not None:

@@ -1,4 +1,4 @@
-"""What the studies on tracked sweeps share: where a sweep comes from, and what to say of its timing."""
+"""Inputs of the studies on tracked sweeps: where a sweep comes from, and a description of its timing."""
 
 from __future__ import annotations
 
@@ -20,7 +20,25 @@ SweepReader = Callable[[Path], "TrackedSweep"]
 
 
 def require_exists(path: str, setting: str) -> Path:
-    """The path in a setting, or InputError where nothing lies there."""
+    """Require that a setting names an existing file or folder.
+
+    Parameters
+    ----------
+    path : str
+        Value of the setting; ``~`` is expanded.
+    setting : str
+        Name of the setting, for the message.
+
+    Returns
+    -------
+    Path
+        The path.
+
+    Raises
+    ------
+    InputError
+        If there is nothing at the path.
+    """
     found = Path(path).expanduser()
     if not found.exists():
         raise InputError(f"{setting}: expected a file or folder, received {path!r}, where there is none")
@@ -28,7 +46,18 @@ def require_exists(path: str, setting: str) -> Path:
 
 
 def input_data(path: Path) -> InputData:
-    """A file by its digest, or a folder by the names and digests of all files in it."""
+    """Describe a file or folder by its digest.
+
+    Parameters
+    ----------
+    path : Path
+        A file, or a folder, which is described by the names and digests of all files in it.
+
+    Returns
+    -------
+    InputData
+        Name, SHA-256 digest and path.
+    """
     if path.is_file():
         return InputData(path.name, files.digest(path), str(path))
     total = hashlib.sha256()
@@ -38,7 +67,18 @@ def input_data(path: Path) -> InputData:
 
 
 def interval_ms(times_s: np.ndarray) -> tuple[float, float]:
-    """Median and largest interval between successive times, in ms; NaN for fewer than two."""
+    """Compute the median and the largest interval between successive times.
+
+    Parameters
+    ----------
+    times_s : ndarray, shape (n,)
+        Times in s, increasing.
+
+    Returns
+    -------
+    median, largest : float
+        Intervals in ms; NaN for fewer than two times.
+    """
     if len(times_s) < 2:
         return float("nan"), float("nan")
     intervals = np.diff(times_s) * 1e3
@@ -46,5 +86,16 @@ def interval_ms(times_s: np.ndarray) -> tuple[float, float]:
 
 
 def describe_dropped(dropped: Mapping[str, int]) -> str:
-    """The counts of dropped frames as part of a sentence."""
+    """Describe the counts of dropped frames as part of a sentence.
+
+    Parameters
+    ----------
+    dropped : mapping of str to int
+        Number of frames by reason.
+
+    Returns
+    -------
+    str
+        Counts and reasons, or "none".
+    """
     return ", ".join(f"{count} {reason}" for reason, count in dropped.items()) or "none"

@@ -1,4 +1,4 @@
-"""Files that the registration studies take from the user: surfaces in their unit and axes, and poses."""
+"""Input files of the registration studies: surfaces in their unit and axes, and poses."""
 
 from __future__ import annotations
 
@@ -26,16 +26,55 @@ SPACES = ("lps", "ras")
 
 
 def require_path(value: str | Path | None, name: str, what: str) -> Path:
-    """Return the path, or raise InputError that says what ``name`` must name."""
+    """Require that a setting names a path.
+
+    Parameters
+    ----------
+    value : str or Path or None
+        Value of the setting.
+    name : str
+        Name of the setting, for the message.
+    what : str
+        What it must name, for the message.
+
+    Returns
+    -------
+    Path
+        The path.
+
+    Raises
+    ------
+    InputError
+        If the value is None or empty.
+    """
     if value is None or not str(value):
         raise InputError(f"{name}: expected {what}, received none")
     return Path(value)
 
 
 def read_mm(path: Path, name: str, unit: str | None, space: str | None = "lps") -> Surface:
-    """Read a surface and convert it from ``unit`` (mm, m, or none for mm) and ``space`` to millimetres in LPS.
+    """Read a surface and convert it to mm in LPS axes.
 
-    ``space`` is lps, ras, or none for what the file's header says (lps if it says nothing).
+    Parameters
+    ----------
+    path : Path
+        File of a mesh or a point cloud.
+    name : str
+        Name of the setting, for messages.
+    unit : {"mm", "m"} or None
+        Unit of the file; None for mm.
+    space : {"lps", "ras"} or None, optional
+        Axes of the file; None for what its header states (LPS if it states nothing).
+
+    Returns
+    -------
+    Mesh or ndarray, shape (n, 3)
+        Surface in mm.
+
+    Raises
+    ------
+    InputError
+        If the file can't be read, or unit or axes are unknown.
     """
     if unit is not None and unit not in MM_PER_UNIT:
         raise InputError(f"{name}_unit: expected mm, m or null, received {unit!r}")
@@ -46,7 +85,27 @@ def read_mm(path: Path, name: str, unit: str | None, space: str | None = "lps") 
 
 
 def read_space(path: Path, name: str, space: str | None) -> str:
-    """The axes of a file, lps or ras: as the user says, else as its header does, else lps."""
+    """Determine the axes of a file.
+
+    Parameters
+    ----------
+    path : Path
+        File of a surface.
+    name : str
+        Name of the setting, for the message.
+    space : {"lps", "ras"} or None
+        Axes that the user states; None for what the header states.
+
+    Returns
+    -------
+    str
+        "lps" or "ras"; "lps" where neither states anything.
+
+    Raises
+    ------
+    InputError
+        If ``space`` is another word.
+    """
     if space is None:
         return stated_space(path) or "lps"
     if space not in SPACES:
@@ -55,7 +114,22 @@ def read_space(path: Path, name: str, space: str | None) -> str:
 
 
 def require_solid(surface: Surface, name: str) -> None:
-    """Raise InputError if all points lie in one plane: a vessel does not, and its mirror image would fit as well."""
+    """Require that the points of a surface do not lie in one plane.
+
+    A vessel does not, and the mirror image of a plane would fit as well.
+
+    Parameters
+    ----------
+    surface : Mesh or ndarray, shape (n, 3)
+        Surface in mm.
+    name : str
+        Name of the setting, for the message.
+
+    Raises
+    ------
+    InputError
+        If all points lie in one plane.
+    """
     points_mm = points_of(surface)
     if isinstance(surface, Mesh):
         points_mm = points_mm[np.unique(surface.triangles)]
@@ -65,7 +139,24 @@ def require_solid(surface: Surface, name: str) -> None:
 
 
 def refuse_metres(surface: Surface, other: Surface, name: str, unit: str | None, hint: str) -> None:
-    """Raise InputError if ``surface``, whose unit was not stated, looks like metres beside ``other``."""
+    """Require that a surface whose unit was not stated does not look like metres compared with another.
+
+    Parameters
+    ----------
+    surface, other : Mesh or ndarray, shape (n, 3)
+        The surface, and the one that it is registered with.
+    name : str
+        Name of the setting, for the message.
+    unit : str or None
+        Unit that was stated; None for none.
+    hint : str
+        What the user can do, for the message.
+
+    Raises
+    ------
+    InputError
+        If no unit was stated and the surface looks like metres.
+    """
     own, others = diagonal_mm(points_of(surface)), diagonal_mm(points_of(other))
     if unit is None and (own < METRES_BELOW or HUNDREDFOLD * own <= others):
         raise InputError(
@@ -75,13 +166,44 @@ def refuse_metres(surface: Surface, other: Surface, name: str, unit: str | None,
 
 
 def read_pose(path: Path, name: str) -> np.ndarray:
-    """Read ``fixed_T_moving`` (4, 4), in mm, from any file that ``read_transform`` reads."""
+    """Read a rigid transform.
+
+    Parameters
+    ----------
+    path : Path
+        Any file that ``read_transform`` reads.
+    name : str
+        Name of the setting, for messages.
+
+    Returns
+    -------
+    ndarray, shape (4, 4)
+        ``fixed_T_moving`` in mm.
+
+    Raises
+    ------
+    InputError
+        If the file can't be read.
+    """
     with naming(name):
         return read_transform(path)
 
 
 def read_frames(path: Path, surface: Surface) -> np.ndarray | None:
-    """The number of the frame that each point of a sweep's cloud was seen in, (n,), where a PLY file has it."""
+    """Read the number of the frame that each point of a sweep's cloud comes from.
+
+    Parameters
+    ----------
+    path : Path
+        File of the cloud.
+    surface : Mesh or ndarray, shape (n, 3)
+        What was read from it.
+
+    Returns
+    -------
+    ndarray of int, shape (n,), or None
+        Frame numbers; None unless it is the PLY file of a cloud with them.
+    """
     if isinstance(surface, Mesh) or path.suffix.lower() != ".ply":
         return None
     with quiet_open3d() as open3d:
@@ -92,7 +214,25 @@ def read_frames(path: Path, surface: Surface) -> np.ndarray | None:
 
 
 def one_method(rigid: object) -> tuple[str, Any]:
-    """The name and the object of the only method in ``rigid``."""
+    """Return the only method of a configuration.
+
+    Parameters
+    ----------
+    rigid : object
+        Methods by name, as configured.
+
+    Returns
+    -------
+    name : str
+        Name of the method.
+    method : object
+        The method.
+
+    Raises
+    ------
+    InputError
+        If there is not exactly one.
+    """
     if not isinstance(rigid, dict) or len(rigid) != 1:
         received = ", ".join(rigid) if isinstance(rigid, dict) else repr(rigid)
         raise InputError(f"rigid: expected exactly one method, received {received or 'none'}")
@@ -100,13 +240,35 @@ def one_method(rigid: object) -> tuple[str, Any]:
 
 
 def points_of(surface: Surface) -> np.ndarray:
-    """The vertices of a mesh, or the points of a cloud."""
+    """Return the points of a surface.
+
+    Parameters
+    ----------
+    surface : Mesh or ndarray, shape (n, 3)
+        Surface.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        Vertices of a mesh, or the points of a cloud.
+    """
     return surface.vertices_mm if isinstance(surface, Mesh) else surface
 
 
 @contextmanager
 def naming(setting: str) -> Iterator[None]:
-    """Put the name of the setting before what the reading of its file refuses."""
+    """Add the name of a setting to the message of an input error that occurs in the block.
+
+    Parameters
+    ----------
+    setting : str
+        Name of the setting.
+
+    Raises
+    ------
+    InputError
+        If the block raises registration's InputError.
+    """
     try:
         yield
     except registration_errors.InputError as refusal:

@@ -1,4 +1,4 @@
-"""One network from several: averages of weights, their repair, and what lies between the networks."""
+"""One network from several: averages of weights, their repair, and interpolation between networks."""
 
 from models.averaging.alignment import Alignment, WeightMatching, align_all, permuted
 from models.averaging.averages import GreedyAverage, greedy_average, uniform_average

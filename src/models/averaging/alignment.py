@@ -1,4 +1,4 @@
-"""Channels of one network put in the order of another's: weight matching (Ainsworth et al., ICLR 2023)."""
+"""Alignment of one network's channels with another's by weight matching (Ainsworth et al., ICLR 2023)."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from models.averaging.channel_ties import ChannelTies
 from models.averaging.members import Weights, combination, require_alike
 from models.errors import InputError
 
-# A permutation by which channels are taken: channel i of the result is channel permutation[i].
+# Permutations by group: channel i of the result is channel permutation[i] of the input.
 Permutations = Mapping[int, np.ndarray]
-# Of the agreement: less than that is rounding.
+# Smallest relative gain of the agreement; smaller ones are rounding.
 _MIN_GAIN = 1e-6
 
 
@@ -27,14 +27,14 @@ class Alignment:
 
     Parameters
     ----------
-    weights
-        The moving network with its channels permuted: the same function of an image.
-    permutations
+    weights : dict of str to Tensor
+        State dict of the moving network with its channels permuted: the same function of an image.
+    permutations : mapping of int to ndarray
         By group of ``ChannelTies``, where the channels are taken from.
-    agreement_before, agreement_after
+    agreement_before, agreement_after : float
         Inner product of both networks' parameters.
-    sweeps
-        Passes over all groups until nothing changed.
+    sweeps : int
+        Number of passes over all groups until nothing changed.
     """
 
     weights: dict[str, Tensor]
@@ -54,12 +54,12 @@ def permuted(weights: Weights, ties: ChannelTies, permutations: Permutations) ->
 
     Parameters
     ----------
-    weights
+    weights : Weights
         State dict of the network that ``ties`` were found for.
-    ties
-        Which axes move together.
-    permutations
-        Of any groups; the others stay.
+    ties : ChannelTies
+        Axes that are permuted together.
+    permutations : mapping of int to ndarray
+        Permutations of any groups; the others are kept.
 
     Returns
     -------
@@ -87,17 +87,28 @@ def _permuted(
 
 @dataclass(frozen=True)
 class WeightMatching:
-    """Permutes the channels of one network so that its parameters agree best with another's.
-
-    Coordinate descent on the inner product of all parameters: in turn, for each group of channels with all others
-    kept, the best order is a linear assignment (Algorithm 1 of Ainsworth et al., ICLR 2023).
+    """Permutation of one network's channels so that its parameters agree best with another's.
 
     Parameters
     ----------
-    max_sweeps : int
+    max_sweeps : int, optional
         Largest number of passes over all groups.
-    seed : int
+    seed : int, optional
         Seed of the order in which the groups are taken.
+
+    Raises
+    ------
+    InputError
+        If ``max_sweeps`` is below 1.
+
+    Notes
+    -----
+    Coordinate descent on the inner product of all parameters: in turn, for each group of channels with all
+    others fixed, the best order is a linear assignment.
+
+    References
+    ----------
+    S. Ainsworth, J. Hayase and S. Srinivasa, ICLR 2023, Algorithm 1.
     """
 
     max_sweeps: int = 50
@@ -109,26 +120,26 @@ class WeightMatching:
 
     @torch.no_grad()
     def __call__(self, reference: Weights, moving: Weights, ties: ChannelTies) -> Alignment:
-        """Align the channels of one network with another's.
+        """Align one network with another.
 
         Parameters
         ----------
-        reference : mapping of str to Tensor
-            State dict that stays.
-        moving : mapping of str to Tensor
-            State dict whose channels are permuted.
+        reference : Weights
+            State dict of the network that stays as it is.
+        moving : Weights
+            State dict of the network whose channels are permuted.
         ties : ChannelTies
-            Which axes of both move together.
+            Axes that are permuted together in networks of this architecture.
 
         Returns
         -------
         Alignment
-            The permuted state dict and its permutations.
+            The permuted network and how well both agree.
 
         Raises
         ------
         InputError
-            If either is no state dict of the network of ``ties``.
+            If the state dicts are not both those of the network of ``ties``.
         """
         require_alike({"the reference": reference, "the network to align": moving})
         if missing := sorted(ties.axes.keys() - reference.keys()):
@@ -217,30 +228,33 @@ class _Matcher:
 def align_all(
     weights: Sequence[Weights], ties: ChannelTies, matching: WeightMatching, *, max_rounds: int = 20
 ) -> list[dict[str, Tensor]]:
-    """Align many networks with one another: each in turn with the mean of the others, until no channel moves.
-
-    Algorithm 3 ("MergeMany") of Ainsworth et al., ICLR 2023, from the networks aligned with the first.
+    """Align several networks: each in turn with the mean of the others, until no channel moves.
 
     Parameters
     ----------
-    weights : sequence of mapping
+    weights : sequence of Weights
         State dicts of the network that ``ties`` were found for; at least two.
     ties : ChannelTies
-        Which axes move together.
+        Axes that are permuted together.
     matching : WeightMatching
-        How two are aligned.
-    max_rounds : int
+        Alignment of two networks.
+    max_rounds : int, optional
         Largest number of passes over all networks.
 
     Returns
     -------
-    list of dict
+    list of dict of str to Tensor
         State dicts in the order given, each the same function as before.
 
     Raises
     ------
     InputError
         If there are fewer than two networks.
+
+    References
+    ----------
+    S. Ainsworth, J. Hayase and S. Srinivasa, ICLR 2023, Algorithm 3 ("MergeMany"), started from the networks
+    aligned with the first.
     """
     if len(weights) < 2:
         raise InputError(f"weights: expected at least two networks to align, received {len(weights)}")

@@ -18,14 +18,14 @@ class GreedyAverage:
 
     Parameters
     ----------
-    weights
+    weights : dict of str to Tensor
         State dict of the average.
-    members
+    members : tuple of str
         Names of the networks in it, in the order in which they were added.
-    score
-        The average's score.
-    member_scores
-        Each network's own score, in the order given.
+    score : float
+        Score of the average.
+    member_scores : tuple of float
+        Score of each network, in the order given.
     """
 
     weights: dict[str, Tensor]
@@ -35,16 +35,16 @@ class GreedyAverage:
 
 
 def uniform_average(members: Sequence[Member], *, same_start: bool = True) -> dict[str, Tensor]:
-    """Average the weights of all members (the "uniform soup" of Wortsman et al., ICML 2022).
+    """Compute the mean of all members' weights.
 
-    Statistics of batch normalisation are averaged like the rest, which is not what they are in the averaged network:
-    see ``models.averaging.batch_statistics``.
+    Statistics of batch normalisation are averaged like the rest, which is not what they are in the averaged
+    network: see ``models.averaging.batch_statistics``.
 
     Parameters
     ----------
-    members
+    members : sequence of Member
         Networks of one architecture, trained from one start.
-    same_start
+    same_start : bool, optional
         As in ``models.averaging.members.require_averageable``.
 
     Returns
@@ -56,6 +56,10 @@ def uniform_average(members: Sequence[Member], *, same_start: bool = True) -> di
     ------
     InputError
         If the members can't be averaged.
+
+    References
+    ----------
+    M. Wortsman et al., ICML 2022 ("uniform soup").
     """
     require_averageable(members, same_start=same_start)
     return combination([member.weights for member in members], [1 / len(members)] * len(members))
@@ -68,32 +72,35 @@ def greedy_average(
     refresh: Callable[[Weights], Weights] | None = None,
     same_start: bool = True,
 ) -> GreedyAverage:
-    """Average networks, added best first as long as the average's score does not fall.
+    """Compute the average to which networks are added, best first, as long as its score does not fall.
 
-    The "greedy soup" of Wortsman et al., ICML 2022 (Recipe 1): a network that lowers the score is left out and the
-    next one is tried. Equal scores keep the order given.
+    A network that lowers the score is skipped and the next one is tried. Equal scores keep the order given.
 
     Parameters
     ----------
-    members
+    members : sequence of Member
         Networks of one architecture, trained from one start.
-    score
-        The score of a state dict on selection data, higher is better.
-    refresh
-        What is done to an average of several networks before it is scored, such as re-estimating statistics of batch
-        normalisation; single networks are scored as they are.
-    same_start
+    score : callable
+        Score of a state dict on selection data, higher is better.
+    refresh : callable or None, optional
+        Applied to an average of several networks before it is scored, such as re-estimation of batch
+        normalisation statistics; single networks are scored as they are.
+    same_start : bool, optional
         As in ``models.averaging.members.require_averageable``.
 
     Returns
     -------
     GreedyAverage
-        The average and its members.
+        The average, its members and scores.
 
     Raises
     ------
     InputError
         If the members can't be averaged, or a score is NaN.
+
+    References
+    ----------
+    M. Wortsman et al., ICML 2022, Recipe 1 ("greedy soup").
     """
     require_averageable(members, same_start=same_start)
     scores = [_defined(score(member.weights), member.name) for member in members]

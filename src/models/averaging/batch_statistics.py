@@ -1,4 +1,4 @@
-"""Statistics of batch normalisation re-estimated for weights that were never trained, such as an average."""
+"""Re-estimation of batch normalisation statistics for weights that were never trained, such as an average."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from models.errors import InputError
 
 
 class PooledStatistics:
-    """Mean and variance of every channel over all batches seen, in 64 bits and the memory of one batch.
+    """Mean and variance of every channel over all batches, in 64 bits and the memory of one batch.
 
-    Batches are merged by the formula of Chan, Golub and LeVeque (1979), so that neither their order nor their sizes
-    count but for rounding.
+    Batches are merged by the formula of Chan, Golub and LeVeque (1979), so that neither their order nor their
+    sizes matter but for rounding.
     """
 
     def __init__(self) -> None:
@@ -31,8 +31,8 @@ class PooledStatistics:
 
         Parameters
         ----------
-        features : Tensor, shape (b, c, *space)
-            Inputs of a normalisation layer.
+        features : Tensor, shape (b, c, ...)
+            Features with channels on the second axis.
         """
         others = [axis for axis in range(features.ndim) if axis != 1]
         count = features.numel() // features.shape[1]
@@ -53,41 +53,47 @@ class PooledStatistics:
         Parameters
         ----------
         correction : int
-            Subtracted from the number of values in the denominator; 1 for the unbiased variance.
+            Subtracted from the count in the denominator; 1 for the unbiased variance.
 
         Returns
         -------
         Tensor, shape (c,)
-            Variances.
+            Variances in 64 bits.
         """
         return self._squares / (self.count - correction)
 
 
 @torch.no_grad()
 def reestimate_batch_statistics(network: nn.Module, batches: Iterable[Tensor]) -> int:
-    """Set the statistics of all batch normalisations to those over ``batches``, in one pass and constant memory.
-
-    In the pass, layers normalise by the statistics of each batch, as in training; dropout is off, as in use. The mean
-    and the variance that are kept are those over all values of all batches, each value with the same weight; the
-    variance is unbiased, as torch keeps it. A network without batch normalisation is left as it is, and no batch is
-    read. (After averaging: Izmailov et al., UAI 2018, and Jordan et al., ICLR 2023.)
+    """Set the statistics of all batch normalisations to those over batches, in one pass and constant memory.
 
     Parameters
     ----------
-    network
+    network : Module
         Its buffers are changed in place, its modes are not.
-    batches
-        Images (b, 1, h, w) as the network takes them, on its device.
+    batches : iterable of Tensor, shape (b, 1, h, w)
+        Images as the network takes them, on its device.
 
     Returns
     -------
     int
-        The number of images read.
+        Number of images read.
 
     Raises
     ------
     InputError
         If there is no batch, or an instance normalisation tracks statistics (no network of ours does).
+
+    Notes
+    -----
+    In the pass, layers normalise by the statistics of each batch, as in training; dropout is off, as in
+    inference. Mean and variance are those over all values of all batches, each value with the same weight;
+    the variance is unbiased, as in torch. A network without batch normalisation is left as it is, and no
+    batch is read.
+
+    References
+    ----------
+    P. Izmailov et al., UAI 2018; K. Jordan et al., ICLR 2023 (after averaging).
     """
     layers = batch_normalisations(network)
     if not layers:
@@ -110,22 +116,22 @@ def reestimate_batch_statistics(network: nn.Module, batches: Iterable[Tensor]) -
 
 
 def batch_normalisations(network: nn.Module) -> list[_BatchNorm]:
-    """Find the layers whose statistics are fixed in use.
+    """Find the layers whose statistics are fixed in inference.
 
     Parameters
     ----------
-    network : nn.Module
-        Network to search.
+    network : Module
+        Any network.
 
     Returns
     -------
-    list of nn.Module
-        Batch normalisation layers that track statistics.
+    list of Module
+        The batch normalisations that track statistics.
 
     Raises
     ------
     InputError
-        If an instance normalisation tracks statistics, which can't be re-estimated.
+        If a layer has statistics that can't be re-estimated.
     """
     for name, module in network.named_modules():
         if isinstance(module, _InstanceNorm) and module.running_mean is not None:

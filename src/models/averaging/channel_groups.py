@@ -1,4 +1,4 @@
-"""Groups of channels that must be permuted together, as they are found out one tie after the other."""
+"""Groups of channels that must be permuted together, built up one tie after the other."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ Layout = tuple[int, ...]
 
 @dataclass
 class ChannelGroups:
-    """Groups of channels, some of which are found to be one (a union-find forest).
+    """Groups of channels, some of which are united (a union-find forest).
 
     Parameters
     ----------
-    sizes : list of int
+    sizes : list of int, optional
         Number of channels of each group.
-    parents : list of int
-        For each group one that it is united with, itself for a root.
-    labels : list of list of ndarray
-        For each group the restrictions, one label for each channel.
+    parents : list of int, optional
+        Parent of each group in the forest; a root is its own.
+    labels : list of list of ndarray, optional
+        For each root, the restrictions of its channels.
     """
 
     sizes: list[int] = field(default_factory=list)
@@ -31,7 +31,7 @@ class ChannelGroups:
     labels: list[list[np.ndarray]] = field(default_factory=list)
 
     def new(self, size: int) -> int:
-        """Add a group of channels that nothing is known of.
+        """Add a group of channels without any tie.
 
         Parameters
         ----------
@@ -49,7 +49,7 @@ class ChannelGroups:
         return self.parents[-1]
 
     def root(self, group: int) -> int:
-        """Find the group that stands for this one and all united with it.
+        """Find the group that represents a group and all united with it.
 
         Parameters
         ----------
@@ -59,26 +59,26 @@ class ChannelGroups:
         Returns
         -------
         int
-            Number of the group that stands for it.
+            Number of the representative.
         """
         while self.parents[group] != group:
             group = self.parents[group]
         return group
 
     def unite(self, first: Layout, second: Layout, where: str) -> None:
-        """Let channels of equal place move together.
+        """Tie two layouts: channels of equal place are permuted together.
 
         Parameters
         ----------
         first, second : tuple of int
-            Groups of two layouts, in the order of their channels.
+            Groups that lie one after the other on an axis.
         where : str
-            Where in the network they are joined, for messages.
+            Operation that ties them, for the message.
 
         Raises
         ------
         InputError
-            If the channels are grouped otherwise.
+            If the layouts are grouped differently.
         """
         if [self.sizes[group] for group in first] != [self.sizes[group] for group in second]:
             raise InputError(
@@ -92,19 +92,19 @@ class ChannelGroups:
                 self.labels[low] += self.labels[high]
 
     def restrict(self, group: int, labels: np.ndarray) -> None:
-        """Let channels change places only with those of the same label.
+        """Restrict the channels of a group to change places only with those of the same label.
 
         Parameters
         ----------
         group : int
             Number of a group.
-        labels : ndarray of int
-            One label for each channel.
+        labels : ndarray, shape (c,)
+            Label of each channel.
         """
         self.labels[self.root(group)].append(labels)
 
     def blocks(self, group: int) -> np.ndarray:
-        """Combine all restrictions of the united groups.
+        """Compute which channels may change places, by all restrictions of the united groups.
 
         Parameters
         ----------
@@ -113,8 +113,8 @@ class ChannelGroups:
 
         Returns
         -------
-        ndarray of int
-            One label for each channel; channels of the same label may change places.
+        ndarray of int, shape (c,)
+            Label of each channel; channels with the same label may change places.
         """
         labels = [np.zeros(self.sizes[group], dtype=np.int64), *self.labels[self.root(group)]]
         return np.unique(np.stack(labels), axis=1, return_inverse=True)[1].reshape(-1)

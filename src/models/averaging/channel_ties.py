@@ -1,8 +1,9 @@
-"""Which channels of a network's tensors must be permuted together so that it computes the same function.
+"""Ties between a network's channels: which must be permuted together so that its function is the same.
 
 A hidden channel has no place of its own: the output channels of a convolution may be put in any order, if the
-normalisation after it and the input channels of all layers that read it follow. Skips, concatenations, sums and gates
-decide who reads whom. That is found by following one image through the network, not written down for each.
+normalisation after it and the input channels of all layers that read it follow. Skips, concatenations, sums
+and gates decide who reads whom. That is found by following one image through the network, not written down
+for each.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from models.averaging.channel_groups import ChannelGroups, Layout
 from models.errors import InputError
 from models.networks.registry import NetworkRecipe
 
-# Modules and functions that treat every channel alike and apart from the others.
+# Modules and functions that process every channel independently and in the same way.
 _CHANNELWISE_MODULES = (
     nn.Identity, nn.ReLU, nn.LeakyReLU, nn.ELU, nn.GELU, nn.SiLU, nn.Sigmoid, nn.Tanh, nn.Dropout, nn.Dropout2d,
     nn.MaxPool2d, nn.AvgPool2d, nn.Upsample, nn.ReplicationPad2d, nn.ConstantPad2d,
@@ -41,11 +42,11 @@ class ChannelTies:
 
     Parameters
     ----------
-    blocks
+    blocks : mapping of int to ndarray
         For each group one label per channel: channels may change places where their labels are equal.
-    axes
+    axes : mapping of str to mapping of int to tuple of int
         For each tensor of the state dict that has channels, the groups on its axes.
-    parameters
+    parameters : frozenset of str
         Names of the tensors that are trained; the others in ``axes`` are statistics.
     """
 
@@ -54,7 +55,7 @@ class ChannelTies:
     parameters: frozenset[str]
 
     def size(self, group: int) -> int:
-        """Return the number of channels in a group.
+        """Count the channels of a group.
 
         Parameters
         ----------
@@ -75,25 +76,25 @@ class ChannelTies:
 
 
 def channel_ties(recipe: NetworkRecipe) -> ChannelTies:
-    """Find which channels of a recipe's network move together, by following an image through it.
+    """Find the ties of a network by following an image through it, in training mode for all its outputs.
 
-    The network is in training mode so that all outputs are there. No memory is taken and no random number drawn:
-    tensors have shapes alone.
+    No memory is taken and no random number drawn: tensors have shapes alone.
 
     Parameters
     ----------
     recipe : NetworkRecipe
-        Architecture.
+        Architecture of the network.
 
     Returns
     -------
     ChannelTies
-        Groups of channels and the axes on which they lie.
+        The ties of all channels.
 
     Raises
     ------
     InputError
-        If the network does something whose effect on channels is not known here, by the name of the operation.
+        If the network does something whose effect on channels is not known here; the message names the
+        operation.
     """
     with torch.random.fork_rng(devices=[]), torch.device("meta"):
         network = recipe().train()
@@ -136,7 +137,7 @@ class _Trace(TorchFunctionMode):
         self.groups = ChannelGroups()
         self.axes: dict[str, dict[int, Layout]] = {}
         self.network = network
-        # One layer may stand under several names.
+        # One layer may have several names.
         self.names: dict[int, list[str]] = {}
         for name, tensor in network.state_dict(keep_vars=True).items():
             self.names.setdefault(id(tensor), []).append(name)

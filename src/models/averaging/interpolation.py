@@ -20,14 +20,14 @@ from models.training.losses import Loss
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Evaluation of a network on fixed data.
+    """Loss and DSC of a network on fixed data.
 
     Parameters
     ----------
     loss : float
-        Mean loss over images.
+        Mean loss.
     dsc : float
-        Mean DSC over images with a vessel, 0 to 1.
+        Mean DSC over the images with a vessel, 0 to 1.
     """
 
     loss: float
@@ -36,19 +36,19 @@ class Evaluation:
 
 @dataclass(frozen=True, eq=False)
 class BatchEvaluation:
-    """Evaluates state dicts of one architecture on fixed data.
+    """Evaluation of state dicts of one architecture on fixed data.
 
     Parameters
     ----------
-    network
-        Takes in each state dict in turn; left in evaluation mode.
-    loss
-        The mean over images of what it gives for a batch.
-    batches
-        Gives images and masks (b, 1, h, w) anew at every call.
-    statistics_batches
-        Gives the images that statistics of batch normalisation are re-estimated on before every evaluation; None
-        leaves them as they are in the state dict.
+    network : Module
+        Loads each state dict in turn; left in evaluation mode.
+    loss : Loss
+        Loss of a batch; its mean over images is reported.
+    batches : callable
+        Returns images and masks (b, 1, h, w) anew at every call.
+    statistics_batches : callable or None, optional
+        Returns the images that statistics of batch normalisation are re-estimated on before every evaluation;
+        None keeps those in the state dict.
     """
 
     network: nn.Module
@@ -62,13 +62,13 @@ class BatchEvaluation:
 
         Parameters
         ----------
-        weights : mapping of str to Tensor
-            State dict of the network.
+        weights : Weights
+            State dict of the architecture.
 
         Returns
         -------
         Evaluation
-            Mean loss and mean DSC.
+            Loss and DSC; a pixel is vessel where the logit is at least 0.
 
         Raises
         ------
@@ -95,18 +95,16 @@ class BatchEvaluation:
 
 @dataclass(frozen=True, eq=False)
 class InterpolationPath:
-    """Loss and DSC of (1 - alpha) first + alpha second along the line between two networks.
+    """Loss and DSC of ``(1 - alpha) first + alpha second``.
 
     Parameters
     ----------
     first, second : str
         Names of the networks.
     alphas : ndarray, shape (n,)
-        From 0 to 1, both ends included.
-    losses : ndarray, shape (n,)
-        Mean losses.
-    dscs : ndarray, shape (n,)
-        Mean DSCs, 0 to 1.
+        Positions on the line from 0 to 1, both included.
+    losses, dscs : ndarray, shape (n,)
+        Mean loss and mean DSC at each position.
     """
 
     first: str
@@ -117,7 +115,7 @@ class InterpolationPath:
 
     @property
     def loss_barrier(self) -> float:
-        """Largest rise of the loss above the line between its ends: 0 where the two are linearly connected."""
+        """Largest rise of the loss above the line between its ends; 0 for linearly connected networks."""
         return float(np.max(self.losses - self._between(self.losses)))
 
     @property
@@ -136,9 +134,9 @@ class PairwiseBarriers:
     Parameters
     ----------
     names : tuple of str
-        Names of the networks, in the order of the matrices.
+        Names of the k networks, in the order of the matrices.
     paths : tuple of InterpolationPath
-        One path for each pair.
+        Paths between all pairs, in the order of ``itertools.combinations``.
     """
 
     names: tuple[str, ...]
@@ -164,19 +162,19 @@ class PairwiseBarriers:
 def interpolation_barriers(
     members: Sequence[Member], evaluate: Callable[[Weights], Evaluation], *, n_points: int = 11
 ) -> PairwiseBarriers:
-    """Compute loss and DSC along the line between every pair of networks; each network itself is evaluated once.
+    """Evaluate the straight lines between all pairs of networks.
 
-    The barrier is that of Frankle et al., ICML 2020, against the linear interpolation of both ends (Entezari et al.,
-    ICLR 2022). The networks may come from different starts: that is one thing a barrier explains.
+    Every network is evaluated once. The networks may come from different starts: that is one thing a barrier
+    explains.
 
     Parameters
     ----------
-    members
+    members : sequence of Member
         At least two networks of one architecture.
-    evaluate
+    evaluate : callable
         Loss and DSC of a state dict, such as a ``BatchEvaluation``.
-    n_points
-        Points on each line, both ends included; at least 3.
+    n_points : int, optional
+        Number of points on each line, both ends included; at least 3.
 
     Returns
     -------
@@ -186,7 +184,13 @@ def interpolation_barriers(
     Raises
     ------
     InputError
-        If there are fewer than two networks or three points, if networks are unlike, or a value is NaN.
+        If there are fewer than two networks or three points, if networks differ in architecture, or a value
+        is NaN.
+
+    References
+    ----------
+    J. Frankle et al., ICML 2020; R. Entezari et al., ICLR 2022 (barrier against the linear interpolation of
+    both ends).
     """
     if len(members) < 2:
         raise InputError(f"members: expected at least two networks, received {len(members)}")

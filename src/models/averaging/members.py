@@ -1,4 +1,4 @@
-"""What networks must have in common before their weights may be combined, and the combination itself."""
+"""Requirements on networks whose weights are combined, and the combination itself."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ class Member:
 
     Parameters
     ----------
-    name
-        What messages and tables call it, such as ``fold 2``.
-    recipe
+    name : str
+        Name in messages and tables, such as ``fold 2``.
+    recipe : NetworkRecipe
         Its architecture.
-    weights
+    weights : Weights
         Its state dict.
-    start
+    start : str or None, optional
         ``weights_digest`` of the weights that its training began from; None where that was not recorded.
     """
 
@@ -39,17 +39,19 @@ class Member:
 
 
 def weights_digest(weights: Weights) -> str:
-    """Compute the SHA-256 of a state dict, whatever the order and memory layout of its tensors.
+    """Compute a SHA-256 digest of all tensors, independent of their order and memory layout.
+
+    Names, types, shapes and bytes are included.
 
     Parameters
     ----------
-    weights : mapping of str to Tensor
+    weights : Weights
         State dict.
 
     Returns
     -------
     str
-        Hexadecimal digest over the names, types, shapes and bytes of all tensors.
+        Hexadecimal digest.
     """
     digest = hashlib.sha256()
     for name in sorted(weights):
@@ -60,23 +62,23 @@ def weights_digest(weights: Weights) -> str:
 
 
 def require_averageable(members: Sequence[Member], *, same_start: bool = True) -> None:
-    """Check that an average of these networks can mean something.
+    """Require that an average of networks is meaningful.
 
-    Weights of networks that were trained from different starts lie in different basins, and their average is no
-    network at all (Frankle et al., ICML 2020).
+    Weights of networks that were trained from different starts lie in different basins, and their average is
+    no network at all (Frankle et al., ICML 2020).
 
     Parameters
     ----------
-    members
+    members : sequence of Member
         At least one network.
-    same_start
+    same_start : bool, optional
         Whether all trainings must have begun from the same weights. False after an alignment of the channels.
 
     Raises
     ------
     InputError
-        If there is no member, or if recipes, names, shapes or types of tensors, or starts differ, or a weight is not
-        finite.
+        If there is no member, or if recipes, names, shapes or types of tensors, or starts differ, or a weight
+        is not finite.
     """
     if not members:
         raise InputError("members: expected at least one trained network, received none")
@@ -106,12 +108,12 @@ def _require_same_start(members: Sequence[Member]) -> None:
 
 
 def require_alike(weights: Mapping[str, Weights]) -> None:
-    """Check that all state dicts have the same tensors and only finite numbers.
+    """Require that all state dicts have the same tensors and only finite numbers.
 
     Parameters
     ----------
-    weights : mapping of str to mapping
-        State dicts by the names of their networks.
+    weights : mapping of str to Weights
+        State dicts by name; the first is the reference.
 
     Raises
     ------
@@ -138,16 +140,16 @@ def _described(shape_and_type: tuple[tuple[int, ...], torch.dtype] | None) -> st
 
 
 def combination(weights: Sequence[Weights], coefficients: Sequence[float]) -> dict[str, Tensor]:
-    """Sum state dicts times their coefficients, in 64 bits, returned in the tensors' own type.
+    """Compute a linear combination of state dicts, in 64 bits, returned in the tensors' own type.
 
-    Tensors that are not floating (counts of batches) have no average: the elementwise maximum stands for them.
+    Tensors that are not floating (counts of batches) have no average: their elementwise maximum is taken.
 
     Parameters
     ----------
-    weights
+    weights : sequence of Weights
         State dicts that ``require_alike`` accepts.
-    coefficients
-        One number for each; they sum up to 1 in an average.
+    coefficients : sequence of float
+        One coefficient for each; they sum up to 1 in an average.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The variance that hidden channels lose when weights are averaged, given back."""
+"""Repair of averaged networks: the variance that hidden channels lose in the average is restored."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from models.averaging.batch_statistics import (
 from models.averaging.members import Weights
 from models.errors import InputError
 
-# Added to variances, as in a normalisation layer.
+# Added to variances before the square root, as in a normalisation layer.
 EPSILON = 1e-5
 
 Convolution = nn.Conv2d | nn.ConvTranspose2d
@@ -28,33 +28,39 @@ Batches = Callable[[], Iterable[Tensor]]
 def repair(
     network: nn.Module, average: Weights, members: Sequence[Weights], batches: Batches
 ) -> dict[str, Tensor]:
-    """Give an average of aligned networks the channel statistics that its members have (Jordan et al., ICLR 2023).
-
-    With batch normalisation that is the same as to re-estimate its statistics. Without, every hidden convolution that
-    has a bias is scaled and shifted, channel by channel, so that its outputs have the mean of the members' means and
-    the mean of their standard deviations; in one pass, in which channels are already corrected by the batch's own
-    statistics on their way to the next layer.
+    """Give an average of aligned networks the channel statistics of its members.
 
     Parameters
     ----------
-    network
+    network : Module
         A network of the architecture; used to compute and left with the repaired weights, in evaluation mode.
-    average
+    average : Weights
         State dict of the average.
-    members
+    members : sequence of Weights
         State dicts of the networks in it, aligned as they were averaged.
-    batches
-        Gives the images (b, 1, h, w), the same at every call.
+    batches : callable
+        Returns the images (b, 1, h, w), the same at every call.
 
     Returns
     -------
-    dict
+    dict of str to Tensor
         The repaired state dict.
 
     Raises
     ------
     InputError
         If there are no members or no images.
+
+    Notes
+    -----
+    With batch normalisation that is the same as to re-estimate its statistics. Without, every hidden
+    convolution that has a bias is scaled and shifted, channel by channel, so that its outputs have the mean
+    of the members' means and the mean of their standard deviations; in one pass, in which channels are
+    already corrected by the batch's own statistics on their way to the next layer.
+
+    References
+    ----------
+    K. Jordan et al., ICLR 2023.
     """
     if not members:
         raise InputError("members: expected the networks of the average, received none")
@@ -71,7 +77,7 @@ def repair(
 
 
 def _hidden_convolutions(network: nn.Module) -> list[Convolution]:
-    # A single output channel is a logit or a gate, whose scale means something.
+    # A single output channel is a logit or a gate, whose scale matters.
     return [
         module
         for module in network.modules()

@@ -1,7 +1,7 @@
 """Averages of the weights along one training: exponential and stochastic weight averaging.
 
-Both hold what ``update`` was given after optimiser steps and nothing else: the weights that a training begins from
-never enter, and there is no average before the first update.
+Both hold what ``update`` received after optimiser steps and nothing else: the weights that a training begins
+from never enter, and there is no average before the first update.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from models.errors import InputError
 
 
 class RunningAverage(ABC):
-    """An average of state dicts that are given one after the other, in the memory of one.
+    """Average of successive state dicts in the memory of one.
 
-    Floating tensors are averaged, in 32 bits at least; of others the latest is kept.
+    Floating tensors are averaged, in 32 bits or more; of others the latest is kept.
     """
 
     def __init__(self) -> None:
@@ -30,27 +30,27 @@ class RunningAverage(ABC):
 
     @abstractmethod
     def newest_share(self, update: int) -> float:
-        """Return the share of the newest weights in the average.
+        """Return the weight of the newest state dict in the average.
 
         Parameters
         ----------
         update : int
-            Number of updates so far, from 1.
+            Number of the update, from 1.
 
         Returns
         -------
         float
-            Share, above 0 to 1.
+            Share of the newest weights, 0 to 1.
         """
 
     @torch.no_grad()
     def update(self, weights: Weights) -> None:
-        """Add the weights as they are after an optimiser step.
+        """Add the weights after an optimiser step.
 
         Parameters
         ----------
-        weights : mapping of str to Tensor
-            State dict of the network.
+        weights : Weights
+            State dict.
 
         Raises
         ------
@@ -73,7 +73,7 @@ class RunningAverage(ABC):
 
     @property
     def weights(self) -> dict[str, Tensor]:
-        """The average as a state dict; InputError before the first update, or if a number in it is not finite."""
+        """State dict of the average; InputError before the first update or if a number is not finite."""
         if not self.updates:
             raise InputError("weights: expected an update after a step of the training, received none yet")
         average = {name: tensor.to(self._types[name], copy=True) for name, tensor in self._average.items()}
@@ -81,7 +81,7 @@ class RunningAverage(ABC):
         return average
 
     def state(self) -> dict[str, Any]:
-        """Return all that ``restore`` needs.
+        """Return the state that ``restore`` continues from.
 
         Returns
         -------
@@ -95,12 +95,12 @@ class RunningAverage(ABC):
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Continue from what ``state`` returned.
+        """Continue from a state.
 
         Parameters
         ----------
         state : mapping
-            An earlier state.
+            Result of ``state``.
         """
         self.updates = int(state["updates"])
         self._average = {name: tensor.clone() for name, tensor in state["average"].items()}
@@ -118,12 +118,12 @@ class RunningAverage(ABC):
 class ExponentialAverage(RunningAverage):
     """Exponential moving average of weights (Polyak averaging with forgetting).
 
-    ``average <- d average + (1 - d) weights`` with ``d = min(decay, (1 + n) / (10 + n))`` after ``n`` updates: a
-    constant decay near 1 would keep the first, hardly trained weights for 1 / (1 - decay) steps.
+    ``average <- d average + (1 - d) weights`` with ``d = min(decay, (1 + n) / (10 + n))`` after ``n``
+    updates: a constant decay near 1 would keep the first, hardly trained weights for 1 / (1 - decay) steps.
 
     Parameters
     ----------
-    decay
+    decay : float, optional
         From 0 to below 1; 0 keeps the latest weights.
 
     Raises
@@ -139,41 +139,45 @@ class ExponentialAverage(RunningAverage):
         self.decay = decay
 
     def newest_share(self, update: int) -> float:
-        """Return 1 less the decay.
+        """Return 1 minus the decay at an update.
 
         Parameters
         ----------
         update : int
-            Number of updates so far, from 1.
+            Number of the update, from 1.
 
         Returns
         -------
         float
-            Share, above 0 to 1.
+            Share of the newest weights, 0 to 1.
         """
         before = update - 1
         return 1 - min(self.decay, (1 + before) / (10 + before))
 
 
 class StochasticAverage(RunningAverage):
-    """Stochastic weight averaging (Izmailov et al., UAI 2018): the plain mean of all updates.
+    """Stochastic weight averaging: the plain mean of all updates.
 
     Updates are made at the ends of epochs, late in a training. Statistics of batch normalisation have to be
     re-estimated afterwards.
+
+    References
+    ----------
+    P. Izmailov et al., UAI 2018.
     """
 
     def newest_share(self, update: int) -> float:
-        """Return the share in a plain mean.
+        """Return the weight of one update in the mean of all.
 
         Parameters
         ----------
         update : int
-            Number of updates so far, from 1.
+            Number of the update, from 1.
 
         Returns
         -------
         float
-            1 / ``update``.
+            Share of the newest weights, 0 to 1.
         """
         return 1 / update
 

@@ -1,4 +1,4 @@
-"""Probabilities that mean what they say: temperature scaling, and how calibration is measured."""
+"""Calibration of probabilities: temperature scaling, and measures of calibration."""
 
 from models.calibration.reliability import ReliabilityTable, adaptive_table, equal_width_table, fine_table
 from models.calibration.scores import (

@@ -1,4 +1,4 @@
-"""Reliability tables: predicted probability against observed frequency in bins, streamed and merged."""
+"""Reliability tables: predicted probability against observed frequency in bins, accumulated over images."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ FINE_BINS = 2 * _HALF + 1
 
 @dataclass(frozen=True, eq=False)
 class ReliabilityTable:
-    """Per bin the number of pixels and the sums of their probabilities and labels; tables of the same bins add up.
+    """Number of pixels and sums of probabilities and labels in bins; tables of the same bins can be added.
 
     Parameters
     ----------
-    counts
-        Pixels in each bin.
-    probability_sums
+    counts : ndarray of int, shape (bins,)
+        Number of pixels.
+    probability_sums : ndarray, shape (bins,)
         Sums of predicted probabilities.
-    vessel_counts
-        Pixels of vessel.
+    vessel_counts : ndarray of int, shape (bins,)
+        Number of vessel pixels.
     """
 
     counts: Int64[np.ndarray, " bins"]
@@ -45,17 +45,17 @@ class ReliabilityTable:
 
     @property
     def pixels(self) -> int:
-        """All pixels."""
+        """Number of pixels in all bins."""
         return int(self.counts.sum())
 
     @property
-    def confidence(self) -> Float64[np.ndarray, " bins"]:
-        """The mean predicted probability in each bin; NaN in an empty one."""
+    def confidence(self) -> Float64[np.ndarray, "bins"]:
+        """Mean predicted probability in each bin; NaN in an empty one."""
         return _quotient(self.probability_sums, self.counts)
 
     @property
-    def frequency(self) -> Float64[np.ndarray, " bins"]:
-        """The share of vessel in each bin; NaN in an empty one."""
+    def frequency(self) -> Float64[np.ndarray, "bins"]:
+        """Share of vessel in each bin; NaN in an empty one."""
         return _quotient(self.vessel_counts, self.counts)
 
     @property
@@ -77,36 +77,40 @@ class ReliabilityTable:
 
     @property
     def max_gap(self) -> float:
-        """The largest gap (maximum calibration error)."""
+        """Largest gap (maximum calibration error)."""
         return float(np.nanmax(self.gaps)) if self.pixels else float("nan")
 
 
 def equal_width_table(
     probability: Float[np.ndarray, "*any"], reference: Shaped[np.ndarray, "..."], n_bins: int
 ) -> ReliabilityTable:
-    """Count pixels in bins of equal width; a bin holds its lower edge, the last one both.
+    """Compute the table of bins of equal width; a bin includes its lower edge, the last one both edges.
 
-    Its ``expected_gap`` is the expected calibration error (Naeini et al., AAAI 2015; Guo et al., ICML 2017), for the
-    probability of vessel, not of the likelier class.
+    Its ``expected_gap`` is the expected calibration error, for the probability of vessel, not of the likelier
+    class.
 
     Parameters
     ----------
     probability : ndarray
-        Probabilities of vessel, 0 to 1, of any shape.
-    reference : ndarray of bool or of 0 and 1
-        Labels of the same shape.
+        Probabilities of vessel, 0 to 1.
+    reference : ndarray
+        Labels 0 and 1, of the same shape.
     n_bins : int
         Number of bins.
 
     Returns
     -------
     ReliabilityTable
-        Table of the bins.
+        The table.
 
     Raises
     ------
     InputError
         If there is no bin, shapes differ, or probabilities or labels are out of range.
+
+    References
+    ----------
+    M. P. Naeini et al., AAAI 2015; C. Guo et al., ICML 2017.
     """
     if n_bins < 1:
         raise InputError(f"n_bins: expected at least 1, received {n_bins}")
@@ -118,19 +122,19 @@ def equal_width_table(
 def fine_table(
     probability: Float[np.ndarray, "*any"], reference: Shaped[np.ndarray, "..."]
 ) -> ReliabilityTable:
-    """Count pixels in ``FINE_BINS`` bins as fine as 16-bit floats, towards 1 as towards 0.
+    """Compute the table of ``FINE_BINS`` bins as fine as 16-bit floats, towards 1 as towards 0.
 
     Parameters
     ----------
     probability : ndarray
-        Probabilities of vessel, 0 to 1, of any shape.
-    reference : ndarray of bool or of 0 and 1
-        Labels of the same shape.
+        Probabilities of vessel, 0 to 1.
+    reference : ndarray
+        Labels 0 and 1, of the same shape.
 
     Returns
     -------
     ReliabilityTable
-        Table that adaptive ones are made of.
+        The table, from which others are made.
 
     Raises
     ------
@@ -143,28 +147,32 @@ def fine_table(
 
 
 def adaptive_table(fine: ReliabilityTable, n_bins: int) -> ReliabilityTable:
-    """Merge a fine table into bins with equal numbers of pixels.
+    """Compute the table of bins with equal numbers of pixels.
 
-    A fine bin goes whole where its middle pixel lies, so that equal probabilities are never parted. The
-    ``expected_gap`` is the adaptive calibration error (Nixon et al., CVPR Workshops 2019), each bin weighted by its
-    pixels since these can't always be equally many.
+    A fine bin is assigned as one by its middle pixel, so that equal probabilities are never separated. The
+    ``expected_gap`` is the adaptive calibration error, each bin weighted by its pixels since these can't
+    always be equally many.
 
     Parameters
     ----------
     fine : ReliabilityTable
-        Table of ``fine_table``.
+        Result of ``fine_table``.
     n_bins : int
         Number of bins.
 
     Returns
     -------
     ReliabilityTable
-        Table of the bins.
+        The table.
 
     Raises
     ------
     InputError
         If there is no bin.
+
+    References
+    ----------
+    J. Nixon et al., CVPR Workshops 2019.
     """
     if n_bins < 1:
         raise InputError(f"n_bins: expected at least 1, received {n_bins}")
@@ -182,27 +190,27 @@ def adaptive_table(fine: ReliabilityTable, n_bins: int) -> ReliabilityTable:
 
 def checked(
     probability: Float[np.ndarray, "*any"], reference: Shaped[np.ndarray, "..."]
-) -> tuple[Float64[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
-    """Check probabilities and labels, and flatten them.
+) -> tuple[Float64[np.ndarray, "n"], Bool[np.ndarray, "n"]]:
+    """Check and flatten probabilities and labels.
 
     Parameters
     ----------
     probability : ndarray
-        Probabilities of vessel, 0 to 1, of any shape.
-    reference : ndarray of bool or of 0 and 1
-        Labels of the same shape.
+        Probabilities of vessel.
+    reference : ndarray
+        Labels, of the same shape.
 
     Returns
     -------
-    probability : ndarray of float, shape (n,)
-        Probabilities.
-    reference : ndarray of bool, shape (n,)
+    values : ndarray, shape (n,)
+        Probabilities in 64 bits.
+    labels : ndarray of bool, shape (n,)
         Labels.
 
     Raises
     ------
     InputError
-        If shapes differ, or probabilities or labels are out of range.
+        If shapes differ, probabilities are not within 0 to 1, or labels are not 0 and 1.
     """
     if probability.shape != reference.shape:
         raise InputError(

@@ -1,4 +1,4 @@
-"""How well probabilities are calibrated: NLL, Brier score, ECE and ACE, everywhere and near the vessel's boundary."""
+"""Measures of calibration: NLL, Brier score, ECE and ACE, of all pixels and near the vessel's boundary."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ N_BINS = 15
 
 @dataclass(frozen=True, eq=False)
 class PixelStatistics:
-    """Sums over pixels from which all scores follow; those of several images add up.
+    """Sums over pixels from which all scores follow; those of several images can be added.
 
     Parameters
     ----------
-    nll_sum, brier_sum
+    nll_sum, brier_sum : float
         Sums of the pixels' negative log-likelihoods and squared differences of probability and label.
-    equal_width, fine
+    equal_width, fine : ReliabilityTable
         Tables of bins of equal width and of fine ones.
     """
 
@@ -47,21 +47,21 @@ class PixelStatistics:
         reference: Shaped[np.ndarray, "..."],
         n_bins: int = N_BINS,
     ) -> PixelStatistics:
-        """Compute the statistics of probabilities and labels.
+        """Compute the statistics of probabilities.
 
         Parameters
         ----------
         probability : ndarray
-            Probabilities of vessel, 0 to 1, of any shape.
-        reference : ndarray of bool or of 0 and 1
-            Labels of the same shape.
-        n_bins : int
+            Probabilities of vessel, 0 to 1.
+        reference : ndarray
+            Labels 0 and 1, of the same shape.
+        n_bins : int, optional
             Number of bins of equal width.
 
         Returns
         -------
         PixelStatistics
-            Sums over the pixels.
+            The statistics.
 
         Raises
         ------
@@ -88,7 +88,7 @@ class PixelStatistics:
 
     @property
     def pixels(self) -> int:
-        """The number of pixels."""
+        """Number of pixels."""
         return self.equal_width.pixels
 
     @property
@@ -117,22 +117,20 @@ class PixelStatistics:
 
 @dataclass(frozen=True)
 class CalibrationScores:
-    """Scores of one set of images; NaN where they have no pixels (a band without a boundary).
+    """Calibration scores of a set of images; NaN where they have no pixels (a band without a boundary).
 
     Parameters
     ----------
     nll : float
-        Mean negative log-likelihood of a pixel.
+        Mean negative log-likelihood.
     brier : float
-        Mean squared difference of probability and label.
-    ece : float
-        Expected calibration error over bins of equal width.
-    ace : float
-        Adaptive calibration error.
+        Brier score.
+    ece, ace : float
+        Expected and adaptive calibration error.
     ece_boundary : float
-        Expected calibration error of the pixels near the boundary.
+        Expected calibration error of the pixels near the reference's boundary.
     pixels, pixels_boundary : int
-        Numbers of all pixels and of those near the boundary.
+        Number of all pixels and of those near the boundary.
     """
 
     nll: float
@@ -146,14 +144,14 @@ class CalibrationScores:
 
 @dataclass(frozen=True, eq=False)
 class CalibrationStatistics:
-    """Statistics of all pixels and of those near the reference's boundary; those of several images add up.
+    """Statistics of all pixels and of those near the boundary; those of several images can be added.
 
     Parameters
     ----------
     everywhere : PixelStatistics
-        Of all pixels.
+        Statistics of all pixels.
     boundary : PixelStatistics
-        Of the pixels near the boundary.
+        Statistics of the pixels near the boundary.
     """
 
     everywhere: PixelStatistics
@@ -174,17 +172,22 @@ class CalibrationStatistics:
         ----------
         probability : ndarray, shape (h, w)
             Probabilities of vessel, 0 to 1.
-        reference : ndarray of bool or of 0 and 1, shape (h, w)
-            Reference mask.
+        reference : ndarray, shape (h, w)
+            Labels 0 and 1.
         band_px : float
-            Width of the band on either side of the boundary, as in ``boundary_band``.
-        n_bins : int
+            Half width of the band around the boundary in px, as in ``boundary_band``.
+        n_bins : int, optional
             Number of bins of equal width.
 
         Returns
         -------
         CalibrationStatistics
-            Sums over the pixels.
+            The statistics.
+
+        Raises
+        ------
+        InputError
+            If shapes differ, probabilities or labels are out of range, or the band is narrower than 1 px.
         """
         everywhere = PixelStatistics.of(probability, reference, n_bins)
         band = boundary_band(reference, band_px)
@@ -198,7 +201,7 @@ class CalibrationStatistics:
 
     @property
     def scores(self) -> CalibrationScores:
-        """The scores."""
+        """The scores of these statistics."""
         return CalibrationScores(
             self.everywhere.nll,
             self.everywhere.brier,
@@ -218,21 +221,21 @@ def calibration_statistics(
     Parameters
     ----------
     images : iterable of tuple of ndarray
-        Probabilities and reference masks, shape (h, w).
+        Probabilities and references, both of shape (h, w).
     band_px : float
-        Width of the band on either side of the boundary, as in ``boundary_band``.
-    n_bins : int
+        Half width of the band around the boundary in px, as in ``boundary_band``.
+    n_bins : int, optional
         Number of bins of equal width.
 
     Returns
     -------
     CalibrationStatistics
-        Sums over all images.
+        The sum of the images' statistics.
 
     Raises
     ------
     InputError
-        If there are no images.
+        If there is no image, or one is not as ``CalibrationStatistics.of`` expects.
     """
     total: CalibrationStatistics | None = None
     for probability, reference in images:
@@ -244,27 +247,27 @@ def calibration_statistics(
 
 
 def boundary_band(reference: Shaped[np.ndarray, "h w"], width_px: float) -> Bool[np.ndarray, "h w"]:
-    """Find the pixels on either side of the reference's boundary that are near a pixel of the other side.
+    """Find the pixels on either side of a mask's boundary, by their distance from the other side.
 
-    A width of 1 takes the pixels that share an edge with one of the other class. The image's border is no boundary:
-    nothing is known beyond it. A reference of one class has an empty band.
+    The image border is no boundary: nothing is known beyond it.
 
     Parameters
     ----------
-    reference : ndarray of bool or of 0 and 1, shape (h, w)
-        Reference mask.
+    reference : ndarray, shape (h, w)
+        Mask.
     width_px : float
-        Largest distance to a pixel of the other class, at least 1.
+        Largest distance in px from a pixel of the other class, at least 1; with 1 the pixels that share an
+        edge with one.
 
     Returns
     -------
     ndarray of bool, shape (h, w)
-        The band.
+        The band; empty where the mask has one class only.
 
     Raises
     ------
     InputError
-        If the width is below 1 or not finite.
+        If the width is below 1 or infinite.
 
     Examples
     --------

@@ -13,13 +13,13 @@ from scipy.optimize import minimize
 from models.array_types import Float, Float32, Float64, Shaped
 from models.errors import InputError
 
-# Probabilities nearer to 0 and 1 have no logit of their own in 32 bits.
+# Probabilities nearer to 0 and 1 have no distinct logit in 32 bits.
 MIN_PROBABILITY = 2.0**-24
-# The factor of the logits, 1 / temperature, is sought between these.
+# Bounds of the factor of the logits, 1 / temperature.
 FACTORS = (1e-3, 1e3)
 _BELOW_HALF = np.nextafter(np.float32(0.5), np.float32(0.0))
 
-# Logits and masks of the same shape, in batches; called anew for every pass.
+# Returns batches of logits and masks of the same shape; called for every pass.
 Batches = Callable[[], Iterable[tuple[np.ndarray, np.ndarray]]]
 
 
@@ -27,20 +27,24 @@ Batches = Callable[[], Iterable[tuple[np.ndarray, np.ndarray]]]
 class TemperatureScaling:
     """Probabilities ``sigmoid(logit / temperature + bias)`` from a binary network's logits.
 
-    With a bias of 0 it is temperature scaling (Guo et al., ICML 2017), with another Platt's (Platt, 1999). Applied to
-    an ensemble, the logits are those of its mean probability (``logits_of``).
+    With a bias of 0 it is temperature scaling, with another Platt scaling. For an ensemble, the logits are
+    those of its mean probability (``logits_of``).
 
     Parameters
     ----------
-    temperature
+    temperature : float, optional
         Above 0; above 1 softens.
-    bias
+    bias : float, optional
         Added to the scaled logits.
 
     Raises
     ------
     InputError
         If the temperature is not positive or a value is not finite.
+
+    References
+    ----------
+    C. Guo et al., ICML 2017; J. Platt, 1999.
     """
 
     temperature: float = 1.0
@@ -53,10 +57,10 @@ class TemperatureScaling:
             raise InputError(f"bias: expected a finite number, received {self.bias}")
 
     def __call__(self, logits: Float[np.ndarray, "*any"]) -> Float32[np.ndarray, "*any"]:
-        """Calibrate logits.
+        """Compute calibrated probabilities.
 
-        Without a bias, a probability is at least 0.5 exactly where the logit is at least 0, so that no temperature
-        changes the mask at 0.5, rounding included.
+        Without a bias, a probability is 0.5 or more exactly where the logit is 0 or more, so that no
+        temperature changes the mask at 0.5, rounding included.
 
         Parameters
         ----------
@@ -66,7 +70,7 @@ class TemperatureScaling:
         Returns
         -------
         ndarray of float32
-            Calibrated probabilities of the same shape, 0 to 1.
+            Probabilities of the same shape, 0 to 1.
         """
         scaled = torch.tensor(np.asarray(logits, dtype=np.float32)) / self.temperature + self.bias
         probability = torch.sigmoid(scaled).numpy()
@@ -76,7 +80,7 @@ class TemperatureScaling:
         return np.asarray(probability)
 
     def threshold_before(self, threshold: float) -> float:
-        """Compute the uncalibrated probability that becomes a threshold.
+        """Compute the uncalibrated probability that becomes a given calibrated one.
 
         Parameters
         ----------
@@ -105,14 +109,14 @@ class FittedTemperature:
 
     Parameters
     ----------
-    scaling
+    scaling : TemperatureScaling
         The calibration.
-    nll_before, nll_after
+    nll_before, nll_after : float
         Mean negative log-likelihood of a pixel on the data of the fit.
-    pixels
-        The number of pixels.
-    passes
-        How often the data were read.
+    pixels : int
+        Number of pixels.
+    passes : int
+        Number of passes over the data.
     """
 
     scaling: TemperatureScaling
@@ -123,12 +127,12 @@ class FittedTemperature:
 
 
 def logits_of(probability: Float[np.ndarray, "*any"]) -> Float32[np.ndarray, "*any"]:
-    """Compute the logits of probabilities; those of 0 and 1 are kept finite by ``MIN_PROBABILITY``.
+    """Compute the logits of probabilities.
 
     Parameters
     ----------
     probability : ndarray
-        Probabilities of any shape, 0 to 1.
+        Probabilities, 0 to 1; clipped by ``MIN_PROBABILITY``, so that logits are finite.
 
     Returns
     -------
@@ -142,32 +146,34 @@ def logits_of(probability: Float[np.ndarray, "*any"]) -> Float32[np.ndarray, "*a
 def fit_temperature(
     batches: Batches, *, with_bias: bool = False, max_iter: int = 100, tol: float = 1e-7
 ) -> FittedTemperature:
-    """Fit the temperature (and bias) of least negative log-likelihood, by L-BFGS on exact sums over all pixels.
+    """Fit temperature (and bias) by minimal negative log-likelihood, by L-BFGS on exact sums over all pixels.
 
-    The problem is convex in 1 / temperature and bias; every evaluation is one pass over the batches in 64 bits and
-    the memory of one batch, so that neither the size nor the order of batches changes the result but for rounding.
+    The problem is convex in 1 / temperature and bias; every evaluation is one pass over the batches in 64
+    bits and the memory of one batch, so that neither the size nor the order of batches changes the result but
+    for rounding.
 
     Parameters
     ----------
-    batches
-        Gives the logits (any shape, floating) and masks of 0 and 1 (same shape) anew at every call.
-    with_bias
+    batches : callable
+        Returns the logits (any shape, floating) and masks of 0 and 1 (same shape) anew at every call.
+    with_bias : bool, optional
         Whether a bias is fitted too.
-    max_iter
-        Iterations of L-BFGS at most.
-    tol
+    max_iter : int, optional
+        Largest number of iterations of L-BFGS.
+    tol : float, optional
         Largest component of the gradient, per pixel, at which it stops.
 
     Returns
     -------
     FittedTemperature
-        The calibration and its likelihoods.
+        The calibration and its likelihood.
 
     Raises
     ------
     InputError
-        If there are no pixels or only one class, if shapes, labels or logits are not as expected, or if the likelihood
-        has no maximum: the logits separate the classes perfectly, or point the wrong way.
+        If there are no pixels or only one class, if shapes, labels or logits are not as expected, if the
+        likelihood has no maximum (the logits separate the classes perfectly, or have the wrong sign), or if
+        ``max_iter`` is reached.
     """
     problem = _Likelihood(batches, with_bias)
     start = np.array([1.0, 0.0])[: 1 + with_bias]

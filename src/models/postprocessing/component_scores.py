@@ -1,8 +1,8 @@
-"""The scores of one image under many thresholds at once.
+"""Scores of one image under many thresholds at once.
 
-At a given ``low`` every mask that hysteresis and the removal of small components can give is a choice among the same
-components. So each image is labelled once a ``low``; the rest is arithmetic on the components' areas, peaks and
-overlaps, and equals the masks' own scores exactly.
+At a given ``low`` every mask that hysteresis and the removal of small components can give is a choice among
+the same components. So each image is labelled once for each ``low``; the rest is arithmetic on the
+components' areas, peaks and overlaps, and equals the masks' own scores exactly.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ class SelectionCase:
 
     Parameters
     ----------
-    probability
+    probability : ndarray, shape (h, w)
         Calibrated probability of vessel, 0 to 1.
-    reference
-        The reference mask.
-    group
-        The group it belongs to.
-    spacing_mm
-        Vertical and horizontal size of a pixel; None where unknown.
+    reference : ndarray of bool, shape (h, w)
+        Reference mask.
+    group : str
+        Group of the image.
+    spacing_mm : tuple of float or None, optional
+        Vertical and horizontal size of a pixel in mm; None where unknown.
 
     Raises
     ------
@@ -57,16 +57,16 @@ class SelectionCase:
 
 @dataclass(frozen=True, eq=False)
 class ComponentTable:
-    """Components of an image above a threshold.
+    """Properties of the components above a threshold.
 
     Parameters
     ----------
     areas : ndarray, shape (n,)
-        Areas in px.
+        Areas in pixels.
     peaks : ndarray, shape (n,)
         Highest probabilities.
     overlaps : ndarray, shape (n,)
-        Numbers of px in the reference.
+        Number of pixels in the reference.
     """
 
     areas: Float64[np.ndarray, " n"]
@@ -75,21 +75,21 @@ class ComponentTable:
 
 
 def component_table(case: SelectionCase, low: float, connectivity: int) -> ComponentTable:
-    """Tabulate the components of probability at least ``low``, by their first pixels, row by row.
+    """Compute the properties of an image's components above a threshold.
 
     Parameters
     ----------
     case : SelectionCase
         The image.
     low : float
-        Threshold.
+        Smallest probability of a component's pixels.
     connectivity : int
-        1 over edges, 2 over edges and corners.
+        1 for edges, 2 for edges and corners.
 
     Returns
     -------
     ComponentTable
-        The components.
+        The components in the order of their first pixels, row by row.
     """
     found = components(case.probability >= low, connectivity)
     reference, probability = case.reference[found.box], case.probability[found.box]
@@ -100,7 +100,13 @@ def component_table(case: SelectionCase, low: float, connectivity: int) -> Compo
 
 
 class ComponentScorer:
-    """The scores of one case under all options, by tables of its components."""
+    """Scores of a case under many options, by tables of its components.
+
+    Parameters
+    ----------
+    options : sequence of Option
+        Options of one connectivity; at least one.
+    """
 
     def __init__(self, options: Sequence[Option]) -> None:
         self.connectivity = options[0].hysteresis.connectivity
@@ -115,7 +121,7 @@ class ComponentScorer:
         self.largest_only = np.array([option.morphology.largest_only for option in options])
 
     def __call__(self, case: SelectionCase) -> tuple[np.ndarray | None, np.ndarray]:
-        """Score one case under all options.
+        """Score a case under every option.
 
         Parameters
         ----------
@@ -124,10 +130,15 @@ class ComponentScorer:
 
         Returns
         -------
-        dsc : ndarray or None
+        dsc : ndarray, shape (n,), or None
             DSC under every option; None for a case without a vessel.
-        found : ndarray of bool
-            Whether anything is found under every option.
+        found : ndarray of bool, shape (n,)
+            Whether the mask of the option has any pixel.
+
+        Raises
+        ------
+        InputError
+            If a probability is out of range, or a spacing is needed and unknown or not positive.
         """
         pixel_area = self._pixel_area(case)
         peak, dtype = peak_of(case.probability), case.probability.dtype

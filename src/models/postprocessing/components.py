@@ -1,4 +1,4 @@
-"""Connected components of a 2-D mask, looked for in its bounding box alone."""
+"""Connected components of a 2-D mask, labelled within its bounding box only."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ CONNECTIVITIES = (1, 2)
 
 @dataclass(frozen=True, eq=False)
 class Components:
-    """Labelled components of a mask, numbered by their first pixels, row by row.
+    """Connected components of a mask, numbered by their first pixels, row by row.
 
     Parameters
     ----------
     labels : ndarray of int, shape (a, b)
-        Labels from 1 to ``count``, 0 for background, in the bounding box.
+        Label of each pixel in the bounding box, from 1; 0 for background.
     count : int
         Number of components.
     box : tuple of slice
@@ -43,14 +43,14 @@ def components(mask: Bool[np.ndarray, "h w"], connectivity: int) -> Components:
     Parameters
     ----------
     mask : ndarray of bool, shape (h, w)
-        The mask.
+        Mask.
     connectivity : int
-        1 over edges, 2 over edges and corners.
+        1 for pixels that share an edge, 2 for those that share a corner too.
 
     Returns
     -------
     Components
-        The labels.
+        The components.
     """
     box = bounding_box(mask)
     labels, count = ndimage.label(mask[box], structure=ndimage.generate_binary_structure(2, connectivity))
@@ -58,17 +58,17 @@ def components(mask: Bool[np.ndarray, "h w"], connectivity: int) -> Components:
 
 
 def bounding_box(mask: Bool[np.ndarray, "h w"]) -> tuple[slice, slice]:
-    """Find the rows and columns between which all of a mask lies.
+    """Compute the bounding box of a mask.
 
     Parameters
     ----------
     mask : ndarray of bool, shape (h, w)
-        The mask.
+        Mask.
 
     Returns
     -------
     tuple of slice
-        Rows and columns; empty ones for an empty mask.
+        Rows and columns; empty slices for an empty mask.
     """
     rows = np.flatnonzero(mask.any(axis=1))
     if not len(rows):
@@ -78,17 +78,17 @@ def bounding_box(mask: Bool[np.ndarray, "h w"]) -> tuple[slice, slice]:
 
 
 def require_connectivity(connectivity: int) -> None:
-    """Check a connectivity.
+    """Require a connectivity of 1 or 2.
 
     Parameters
     ----------
     connectivity : int
-        Expected 1 (edges) or 2 (edges and corners).
+        1 for edges, 2 for edges and corners.
 
     Raises
     ------
     InputError
-        If it is something else.
+        If it is another number.
     """
     if connectivity not in CONNECTIVITIES:
         raise InputError(

@@ -1,4 +1,4 @@
-"""From a probability map to a mask with two thresholds."""
+"""Hysteresis thresholding of probability maps."""
 
 from __future__ import annotations
 
@@ -13,26 +13,30 @@ from models.postprocessing.components import components, require_connectivity
 
 @dataclass(frozen=True)
 class Hysteresis:
-    """Pixels of at least ``low`` that hang together with one of at least ``high`` (Canny, IEEE TPAMI 8(6), 1986).
+    """Hysteresis threshold: pixels from probability ``low`` on, connected with one from ``high`` on.
 
     With ``low`` equal to ``high`` it is a plain threshold.
 
     Parameters
     ----------
-    low, high
-        Probabilities, above 0 and at most 1, ``low`` at most ``high``; shares of the image's own highest probability
-        with ``relative``.
-    relative
+    low, high : float, optional
+        Probabilities, above 0 and up to 1, ``low`` not above ``high``; shares of the image's own highest
+        probability with ``relative``.
+    relative : bool, optional
         Whether thresholds are relative to each image's highest probability.
-    min_peak
+    min_peak : float, optional
         Presence gate: an image whose highest probability is below this (0 to 1) has an empty mask.
-    connectivity
-        1: pixels that share an edge hang together; 2: those that share a corner too.
+    connectivity : int, optional
+        1: pixels that share an edge are connected; 2: those that share a corner too.
 
     Raises
     ------
     InputError
         If a parameter is out of range.
+
+    References
+    ----------
+    J. Canny, IEEE TPAMI 8(6), 1986.
     """
 
     low: float = 0.5
@@ -49,7 +53,7 @@ class Hysteresis:
         require_connectivity(self.connectivity)
 
     def __call__(self, probability: Float[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
-        """Segment one image.
+        """Compute the mask of one image.
 
         Parameters
         ----------
@@ -84,21 +88,21 @@ class Hysteresis:
 
 
 def present(peak: float, min_peak: float, dtype: np.dtype) -> bool:
-    """Tell whether an image passes the presence gate.
+    """Decide whether an image passes the presence gate.
 
     Parameters
     ----------
     peak : float
         Highest probability of the image.
     min_peak : float
-        Lowest peak of an image with a vessel.
-    dtype : dtype
-        Type of the probabilities, in which the two are compared.
+        Smallest peak that passes.
+    dtype : numpy.dtype
+        Type of the probabilities, in which they are compared.
 
     Returns
     -------
     bool
-        True if ``peak`` is at least ``min_peak``.
+        Whether the peak is above 0 and not below ``min_peak``.
     """
     return bool(peak > 0 and peak >= dtype.type(min_peak))
 
@@ -109,17 +113,17 @@ def peak_of(probability: Float[np.ndarray, "h w"]) -> float:
     Parameters
     ----------
     probability : ndarray, shape (h, w)
-        Probability of vessel, 0 to 1.
+        Probability of vessel.
 
     Returns
     -------
     float
-        The highest value.
+        The highest.
 
     Raises
     ------
     InputError
-        If a value is NaN or out of range.
+        If a value is NaN or not within 0 to 1.
     """
     lowest, highest = float(probability.min()), float(probability.max())
     if not (lowest >= 0 and highest <= 1):

@@ -1,4 +1,4 @@
-"""What is done to a mask: gaps closed, holes filled, small components removed."""
+"""Morphology of masks: closing, hole filling and removal of small components."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from models.array_types import Bool
 from models.errors import InputError
 from models.postprocessing.components import Components, bounding_box, components, require_connectivity
 
-# Relative: lengths and areas that differ by less are the same.
+# Relative differences of lengths and areas below this are rounding.
 ROUNDING = 1e-9
 
 
@@ -20,26 +20,31 @@ ROUNDING = 1e-9
 class Morphology:
     """Closing, hole filling, removal of small components and of all but the largest, in this order.
 
-    Sizes in mm hold where an image's spacing is known, those in px where it isn't, or where none in mm is given.
+    Sizes in mm apply where an image's spacing is known, those in px where it is not, or where none in mm is
+    given.
 
     Parameters
     ----------
-    closing_radius_px, closing_radius_mm
-        Radius of the disc of a morphological closing (Serra, 1982); None or 0 for no closing.
-    fill_holes
-        Whether background that no path leads out of becomes vessel.
-    min_area_px, min_area_mm2
-        Components of less area are removed; None or 0 for none.
-    largest_only
+    closing_radius_px, closing_radius_mm : float or None, optional
+        Radius of the disc of a morphological closing; None or 0 for no closing.
+    fill_holes : bool, optional
+        Whether background that is enclosed by vessel becomes vessel.
+    min_area_px, min_area_mm2 : float or None, optional
+        Components of smaller area are removed; None or 0 keeps all.
+    largest_only : bool, optional
         Whether only the largest component is kept, the first in the image of several.
-    connectivity
-        Of the vessel, as in ``Hysteresis``; the background has the other one, so that a closed curve always parts its
-        inside from its outside (Rosenfeld, 1970).
+    connectivity : int, optional
+        Connectivity of the vessel, as in ``Hysteresis``; the background has the other one, so that a closed
+        curve always separates its inside from its outside.
 
     Raises
     ------
     InputError
         If a parameter is out of range.
+
+    References
+    ----------
+    J. Serra, 1982 (closing); A. Rosenfeld, 1970 (connectivity).
     """
 
     closing_radius_px: float | None = None
@@ -65,8 +70,8 @@ class Morphology:
         Parameters
         ----------
         mask : ndarray of bool, shape (h, w)
-            Mask of vessel.
-        spacing_mm : tuple of float, or None
+            Mask of the vessel.
+        spacing_mm : tuple of float or None
             Vertical and horizontal size of a pixel in mm; None where unknown.
 
         Returns
@@ -121,18 +126,18 @@ class Morphology:
 def closed(
     mask: Bool[np.ndarray, "h w"], radius: float, spacing: tuple[float, float]
 ) -> Bool[np.ndarray, "h w"]:
-    """Close a mask by a disc: background stays where a disc that holds it fits beside the mask.
+    """Close a mask by a disc: background stays where a disc that holds it fits outside the mask.
 
-    Beyond the image's border is background, and discs may lie there. Distances are between pixel centres.
+    Beyond the image border is background, and discs may lie there.
 
     Parameters
     ----------
     mask : ndarray of bool, shape (h, w)
-        The mask.
+        Mask.
     radius : float
-        Radius of the disc in the unit of ``spacing``.
+        Radius of the disc, in the unit of ``spacing``.
     spacing : tuple of float
-        Vertical and horizontal size of a pixel.
+        Vertical and horizontal distance of pixel centres.
 
     Returns
     -------
@@ -156,7 +161,7 @@ def _dilated(
 ) -> Bool[np.ndarray, "h w"]:
     """Pixels no farther than ``reach`` from the mask: a disc is a stack of rows, and a row a difference of sums.
 
-    For the few rows of a usual disc that is several times faster than a distance transform.
+    For a disc of a few rows this is several times faster than a distance transform.
     """
     height, width = mask.shape
     side = min(math.floor(reach / spacing[1]), width)
@@ -178,9 +183,9 @@ def filled(mask: Bool[np.ndarray, "h w"], connectivity: int) -> Bool[np.ndarray,
     Parameters
     ----------
     mask : ndarray of bool, shape (h, w)
-        The mask.
+        Mask.
     connectivity : int
-        Connectivity of the vessel; the background has the other one.
+        Connectivity of the mask; the background has the other one.
 
     Returns
     -------
@@ -192,7 +197,7 @@ def filled(mask: Bool[np.ndarray, "h w"], connectivity: int) -> Bool[np.ndarray,
     background = ndimage.generate_binary_structure(2, 3 - connectivity)
     labels, _ = ndimage.label(~framed, structure=background)
     result = mask.copy()
-    # The frame is one component of the background: all that is open hangs together with it.
+    # The padding is one component of the background: all that is open is connected with it.
     result[box] = (labels != labels[0, 0])[1:-1, 1:-1]
     return result
 

@@ -1,4 +1,4 @@
-"""The ways from probability to mask among which one is chosen."""
+"""Candidate ways from probability to mask, among which one is selected."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Option:
     hysteresis : Hysteresis
         Thresholds.
     morphology : Morphology
-        What is done to the mask.
+        Processing of the mask.
     """
 
     hysteresis: Hysteresis
@@ -31,49 +31,59 @@ class Option:
 
     @property
     def min_area(self) -> float:
-        """Smallest area in its unit."""
+        """Smallest area of a component, in its unit."""
         return self.morphology.min_area_mm2 or self.morphology.min_area_px or 0.0
 
     def __call__(
         self, probability: Float[np.ndarray, "h w"], spacing_mm: tuple[float, float] | None
     ) -> Bool[np.ndarray, "h w"]:
-        """Segment one image.
+        """Compute the mask of one image.
 
         Parameters
         ----------
         probability : ndarray, shape (h, w)
             Probability of vessel, 0 to 1.
-        spacing_mm : tuple of float, or None
+        spacing_mm : tuple of float or None
             Vertical and horizontal size of a pixel in mm; None where unknown.
 
         Returns
         -------
         ndarray of bool, shape (h, w)
             The mask.
+
+        Raises
+        ------
+        InputError
+            If a probability is out of range, or the spacing is needed and unknown.
         """
         return self.morphology(self.hysteresis(probability), spacing_mm)
 
 
 @dataclass(frozen=True)
 class PostprocessingGrid:
-    """What is tried: all combinations with ``low`` at most ``high``.
+    """Grid of options: all combinations in which ``low`` does not exceed ``high``.
 
     Parameters
     ----------
-    lows, highs
-        Thresholds, above 0 and at most 1; a ``low`` without an equal ``high`` is no plain threshold.
-    relative
+    lows, highs : sequence of float, optional
+        Thresholds, above 0 and up to 1; a ``low`` without an equal ``high`` is no plain threshold.
+    relative : sequence of bool, optional
         Absolute thresholds, relative ones, or both.
-    min_areas_px
-        Least areas, in pixels.
-    min_areas_mm2
-        Least areas in mm^2 instead, where every image has a spacing; None for pixels.
-    min_peaks
+    min_areas_px : sequence of float, optional
+        Smallest areas of components in px.
+    min_areas_mm2 : sequence of float or None, optional
+        Smallest areas in mm^2 instead, where every image has a spacing; None for px.
+    min_peaks : sequence of float, optional
         Presence gates.
-    largest_only
+    largest_only : sequence of bool, optional
         Without, with, or both.
-    connectivity
+    connectivity : int, optional
         As in ``Hysteresis``.
+
+    Raises
+    ------
+    InputError
+        If a sequence is empty, no ``low`` is up to a ``high``, or a value is out of range.
     """
 
     lows: Sequence[float] = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
@@ -105,7 +115,7 @@ class PostprocessingGrid:
 
     @property
     def min_areas(self) -> Sequence[float]:
-        """The least areas in the unit that holds."""
+        """Smallest areas in the unit that applies."""
         return self.min_areas_px if self.min_areas_mm2 is None else self.min_areas_mm2
 
     @property

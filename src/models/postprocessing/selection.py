@@ -1,4 +1,4 @@
-"""Thresholds and least area chosen together, on groups set aside for choices."""
+"""Joint selection of thresholds and smallest area, on groups reserved for selection."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from models.errors import InputError
 from models.postprocessing.component_scores import ComponentScorer, SelectionCase
 from models.postprocessing.options import Option, PostprocessingGrid
 
-# DSCs that differ by less are the same.
+# Differences of DSC below this are rounding.
 DSC_ROUNDING = 1e-9
 
 
@@ -22,16 +22,19 @@ class PostprocessingSelection:
 
     Parameters
     ----------
-    best
-        The option chosen.
-    dsc
+    best : Option
+        The selected option.
+    dsc : float
         Its mean DSC: over groups, of the means over their images with a vessel.
-    false_alarm_rate
-        The share of images without a vessel in which it finds one; NaN where there are none.
-    within_limit
-        Whether ``max_false_alarm_rate`` could be kept; if not, the options with the fewest false alarms were left.
-    options, dscs, false_alarm_rates
-        All options with their scores.
+    false_alarm_rate : float
+        Share of images without a vessel in which it finds one; NaN where there are none.
+    within_limit : bool
+        Whether ``max_false_alarm_rate`` is met; if not, only the options with the fewest false alarms were
+        compared.
+    options : tuple of Option
+        All options.
+    dscs, false_alarm_rates : ndarray, shape (n,)
+        Scores of all options.
     """
 
     best: Option
@@ -46,29 +49,29 @@ class PostprocessingSelection:
 def select_postprocessing(
     cases: Iterable[SelectionCase], grid: PostprocessingGrid, *, max_false_alarm_rate: float | None = None
 ) -> PostprocessingSelection:
-    """Select the option of the highest mean DSC; of equal ones that with fewer false alarms, then the simplest.
+    """Select the option of highest mean DSC; of equal ones that with fewer false alarms, then the simplest.
 
     Cases are read once, one after the other.
 
     Parameters
     ----------
-    cases
+    cases : iterable of SelectionCase
         Images of selection groups.
-    grid
-        What is tried.
-    max_false_alarm_rate
-        Only options with at most this share of false alarms (0 to 1) are compared; None for all.
+    grid : PostprocessingGrid
+        Options to compare.
+    max_false_alarm_rate : float or None, optional
+        Only options with a share of false alarms (0 to 1) up to this are compared; None compares all.
 
     Returns
     -------
     PostprocessingSelection
-        The best option, and the scores of all.
+        The selected option, and the scores of all.
 
     Raises
     ------
     InputError
-        If no image shows a vessel, a limit is set without any image of no vessel, a spacing is missing, or a case is
-        not as expected.
+        If no image shows a vessel, a limit is set without any image without a vessel, a spacing is missing,
+        or a case is not as expected.
     """
     options = grid.options
     scorer = ComponentScorer(options)

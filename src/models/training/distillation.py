@@ -1,4 +1,4 @@
-"""One network trained to say what an ensemble says (Hinton, Vinyals and Dean, 2015)."""
+"""Distillation: training of one network on the probabilities of an ensemble."""
 
 from __future__ import annotations
 
@@ -14,32 +14,39 @@ from models.array_types import Float
 from models.errors import InputError
 from models.training.losses import Loss
 
-# The ensemble's probabilities are kept from 0 and 1 by this, so that their logits are finite.
+# Smallest distance of the ensemble's probabilities from 0 and 1, so that their logits are finite.
 MIN_PROBABILITY = 2.0**-20
 
 
 @dataclass(frozen=True)
 class Distillation:
-    """Loss of a student's logits against an ensemble's probabilities; 0 where they are the same, and only there.
+    """Loss of a student's logits against an ensemble's probabilities; 0 only where they are the same.
 
-    Weighted sum of the Kullback-Leibler divergence of a pixel's softened probabilities, times ``temperature`` squared
-    so that gradients keep their size (Hinton et al., 2015, section 2), and of an overlap term over the batch: the first
-    Dice semimetric loss of Wang et al., MICCAI 2023, which, unlike soft Dice, is least where student and ensemble
-    agree. It is a ``models.training.losses.Loss`` with the ensemble's probabilities in the place of masks.
+    It is a ``models.training.losses.Loss`` with the ensemble's probabilities in the place of masks.
 
     Parameters
     ----------
-    divergence_weight, overlap_weight
-        Of the two terms; from 0, one above 0.
-    temperature
-        By which both sides' logits are divided in the divergence; from 1.
-    smooth
-        In pixels; keeps the overlap defined for a batch without any vessel.
+    divergence_weight, overlap_weight : float, optional
+        Weights of the two terms; from 0, one above 0.
+    temperature : float, optional
+        Divisor of both sides' logits in the divergence; from 1.
+    smooth : float, optional
+        Smoothing of the overlap in pixels; keeps it defined for a batch without any vessel.
 
     Raises
     ------
     InputError
         If a parameter is out of range.
+
+    Notes
+    -----
+    Weighted sum of the Kullback-Leibler divergence of a pixel's softened probabilities, times ``temperature``
+    squared so that gradients keep their size, and of an overlap term over the batch: the first Dice
+    semimetric loss, which, unlike soft Dice, is lowest where student and ensemble agree.
+
+    References
+    ----------
+    G. Hinton, O. Vinyals and J. Dean, 2015, section 2; Wang et al., MICCAI 2023 (Dice semimetric losses).
     """
 
     divergence_weight: float = 1.0
@@ -68,14 +75,14 @@ class Distillation:
         Parameters
         ----------
         logits : Tensor, shape (b, 1, h, w)
-            Logits of "vessel".
+            Logits of the student.
         masks : Tensor, shape (b, 1, h, w)
             Probabilities of the ensemble, 0 to 1.
 
         Returns
         -------
         Tensor, shape ()
-            Loss of the batch, in 32 bits.
+            The loss.
         """
         logits, ensemble = logits.float(), masks.float()
         loss = logits.new_zeros(())
@@ -99,15 +106,15 @@ class Distillation:
 
 @dataclass(frozen=True)
 class DistillationWithReference:
-    """Weighted mean of distillation and of a loss against the reference masks, where both are at hand.
+    """Weighted mean of distillation and of a loss against the reference masks.
 
     Parameters
     ----------
-    distillation
-        Against the ensemble.
-    reference
-        Against the masks.
-    ensemble_share
+    distillation : Distillation
+        Loss against the ensemble.
+    reference : Loss
+        Loss against the masks.
+    ensemble_share : float, optional
         Weight of the distillation, 0 to 1.
 
     Raises
@@ -137,16 +144,16 @@ class DistillationWithReference:
         Parameters
         ----------
         logits : Tensor, shape (b, 1, h, w)
-            Logits of "vessel".
+            Logits of the student.
         masks : Tensor, shape (b, 1, h, w)
-            Reference masks of 0 and 1.
+            Reference masks, 0 and 1.
         ensemble : Tensor, shape (b, 1, h, w)
             Probabilities of the ensemble, 0 to 1.
 
         Returns
         -------
         Tensor, shape ()
-            Loss of the batch, in 32 bits.
+            The loss.
         """
         soft = self.distillation(logits, ensemble)
         hard = self.reference(logits, masks)

@@ -27,7 +27,7 @@ class Filtered(Generic[AnyCloud]):
     """
 
     cloud: AnyCloud
-    removed: Int64[np.ndarray, "r"]
+    removed: Int64[np.ndarray, " r"]
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,7 @@ class RadiusOutlierRemoval:
         points_mm = _finite(cloud)
         if not len(points_mm):
             return Filtered(cloud, np.empty(0, dtype=np.int64))
-        # The distance to the last neighbour that must be near answers the question without listing the others.
+        # The distance to the last neighbour that must be near is enough, without a list of the others.
         wanted = min(self.neighbours + 1, len(points_mm))
         apart_mm = cKDTree(points_mm).query(points_mm, [wanted])[0][:, 0]
         enough = len(points_mm) > self.neighbours
@@ -198,5 +198,5 @@ def _finite(cloud: AnyCloud) -> np.ndarray:
     return cloud.points_mm
 
 
-def _split(cloud: AnyCloud, kept: Bool[np.ndarray, "p"]) -> Filtered[AnyCloud]:
+def _split(cloud: AnyCloud, kept: Bool[np.ndarray, " p"]) -> Filtered[AnyCloud]:
     return Filtered(take(cloud, np.flatnonzero(kept)), np.flatnonzero(~kept))

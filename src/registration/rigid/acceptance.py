@@ -1,4 +1,4 @@
-"""Knowing when it doesn't know: which motions the clouds leave open, and the verdict on an answer."""
+"""Knowing when it doesn't know: which motions the clouds leave open, and the verdict on a result."""
 
 from __future__ import annotations
 
@@ -12,41 +12,41 @@ from scipy.special import ndtr, ndtri
 from registration import transforms
 from registration.checks import require_positive
 from registration.geometry.shapes import PrincipalFrame
-from registration.rigid.result import ACCEPTED, AMBIGUOUS, FAILED, LEAST_SHOWN_MM, length_mm
+from registration.rigid.result import ACCEPTED, AMBIGUOUS, FAILED, MIN_SHOWN_MM, length_mm
 
 DIRECTIONS = ("slide", "shift", "roll", "tilt", "flip")
 # A turn about an axis across the vessel by more than this lays it the other way round.
 FLIP_DEG = 120.0
 # A part of a motion is named if it carries at least this share of the displacement.
 NAMED_SHARE = 0.35
-# Rolls that are tried beside the answer.
+# Rolls that are tried next to the result.
 PROBED_DEG = np.array([30.0, 90.0, 180.0])
 
 
 @dataclass(frozen=True)
-class Judge:
-    """What an answer must show to be accepted.
+class AcceptanceCriteria:
+    """What a result must show to be accepted.
 
-    At least ``least_inliers`` of the moving points near the fixed ones; every pose that puts the model elsewhere by
-    more than ``tolerated_mm`` worse by ``least_gap`` standard errors (by default, worse by chance in one case of
-    forty); and a predicted error below ``tolerated_mm``.
+    At least ``min_inlier_share`` of the moving points near the fixed ones; every pose that puts the model elsewhere by
+    more than ``max_tre_mm`` worse by ``min_gap`` standard errors (by default, worse by chance in one case of
+    forty); and a predicted error below ``max_tre_mm``.
     """
 
-    tolerated_mm: float = 2.0
-    least_gap: float = 2.0
-    least_inliers: float = 0.5
+    max_tre_mm: float = 2.0
+    min_gap: float = 2.0
+    min_inlier_share: float = 0.5
 
     def __post_init__(self) -> None:
-        require_positive("tolerated_mm", self.tolerated_mm)
-        require_positive("least_gap", self.least_gap)
-        require_positive("least_inliers", self.least_inliers, 1.0)
+        require_positive("max_tre_mm", self.max_tre_mm)
+        require_positive("min_gap", self.min_gap)
+        require_positive("min_inlier_share", self.min_inlier_share, 1.0)
 
     def needed_gap(self, tries: int = 1) -> float:
         """By how many standard errors other poses must be worse where ``tries`` searches could each err by chance.
 
         Bonferroni: each may err in the share of cases that one may, divided by their number.
         """
-        return self.least_gap if tries == 1 else float(-ndtri(ndtr(-self.least_gap) / tries))
+        return self.min_gap if tries == 1 else float(-ndtri(ndtr(-self.min_gap) / tries))
 
     def __call__(
         self,
@@ -65,17 +65,17 @@ class Judge:
         """
         named = f" ({', '.join(weak)})" if weak else ""
         needed = self.needed_gap(tries)
-        if inlier_share < self.least_inliers:
+        if inlier_share < self.min_inlier_share:
             return FAILED, (
                 f"only {100 * inlier_share:.0f} % of the moving points lie on the fixed cloud, "
-                f"{100 * self.least_inliers:.0f} % are needed"
+                f"{100 * self.min_inlier_share:.0f} % are needed"
             )
         if gap < needed:
             return AMBIGUOUS, f"{_rival(gap, named)}, at least {needed:.2g} are needed"
-        if expected_mm > self.tolerated_mm:
+        if expected_mm > self.max_tre_mm:
             return AMBIGUOUS, (
                 f"the clouds leave the pose open{named}: the predicted TRE reaches {expected_mm:.1f} mm without "
-                f"deformation, {self.tolerated_mm:g} mm are tolerated"
+                f"deformation, {self.max_tre_mm:g} mm are allowed"
             )
         if not settled:
             return FAILED, "the best pose had not settled when the iterations ran out"
@@ -97,18 +97,18 @@ def _predicted(expected_mm: float) -> str:
     """The upper end of the predicted error; clouds without noise leave nothing to predict it from."""
     if np.isnan(expected_mm):
         return "no error was predicted"
-    if expected_mm < LEAST_SHOWN_MM:
+    if expected_mm < MIN_SHOWN_MM:
         return "the clouds fit without noise, which predicts nothing"
     return f"the predicted TRE without deformation is up to {length_mm(expected_mm)} (95 %)"
 
 
 def named_motion(
-    motion: Float64[np.ndarray, "4 4"], frame: PrincipalFrame, least_mm: float = 0.0
+    motion: Float64[np.ndarray, "4 4"], frame: PrincipalFrame, min_mm: float = 0.0
 ) -> tuple[str, ...]:
     """Name the parts of a rigid motion (fixed_T_fixed) of a vessel with the given principal frame.
 
     ``slide`` along the vessel, ``shift`` across it, ``roll`` about it, ``tilt`` of its axis, ``flip`` if it comes to
-    lie the other way round. A part is named that carries a good share of the displacement, and at least ``least_mm``.
+    lie the other way round. A part is named that carries a good share of the displacement, and at least ``min_mm``.
     """
     turn = frame.axes.T @ Rotation.from_matrix(motion[:3, :3]).as_rotvec()
     shift_mm = frame.axes.T @ (transforms.apply(motion, frame.centre_mm) - frame.centre_mm)
@@ -125,9 +125,7 @@ def named_motion(
         tilt: float(np.hypot(turned_mm[1], turned_mm[2])),
     }
     whole_mm = float(np.sqrt(sum(part**2 for part in parts_mm.values())))
-    return tuple(
-        name for name in DIRECTIONS if parts_mm.get(name, 0.0) > max(NAMED_SHARE * whole_mm, least_mm)
-    )
+    return tuple(name for name in DIRECTIONS if parts_mm.get(name, 0.0) > max(NAMED_SHARE * whole_mm, min_mm))
 
 
 def weak_motion(motions_mm: Float64[np.ndarray, "k 6"]) -> Float64[np.ndarray, "6"]:

@@ -19,7 +19,7 @@ from registration.rigid.search_cone import Bound
 
 # Poses are told apart by what they do to this many points of the cloud.
 BASIN_POINTS = 64
-# Far from the answer a step along normals is damped by this share of the mean stiffness.
+# Far from the result a step along normals is damped by this share of the mean stiffness.
 COARSE_DAMPING = 0.01
 # The early stages need not settle: the next one goes on from where they are.
 EARLY_TOLERANCE = 1e-3
@@ -35,7 +35,7 @@ class Stage:
     points: int
     iterations: int
     tolerance: float
-    most: int
+    max_survivors: int
 
 
 @dataclass(frozen=True)
@@ -91,13 +91,13 @@ class CoarseToFine:
         """
         pool, steps = self._coarse(evidence, starts)
         pool, beyond = _divided(pool, within)
-        near, far = pool[: self.coarse.most], pool[self.coarse.most :]
+        near, far = pool[: self.coarse.max_survivors], pool[self.coarse.max_survivors :]
         middle, more, _ = self._refined(evidence, near + beyond[:1], self.middle, moving_normals)
         middle, beyond = _divided(middle, within)
         hopeful = [
             one for one, gap in zip(middle, _gaps(evidence, middle), strict=True) if gap < HOPELESS_GAP
         ]
-        chosen = hopeful[: self.middle.most]
+        chosen = hopeful[: self.middle.max_survivors]
         fine, last, settled = self._refined(evidence, chosen + beyond[:1], self.fine, moving_normals)
         fine, beyond = _divided(fine, within)
         names = {id(one) for one in chosen}
@@ -117,7 +117,7 @@ class CoarseToFine:
         step = PointToPoint() if target.normals is None else PointToPlane(COARSE_DAMPING)
         first = self._aligned(evidence, table, starts, self.first, step)
         order = np.argsort(first.rmse_mm, kind="stable")
-        count = max(int(np.ceil(self.first_share * len(starts))), min(self.coarse.most, len(starts)))
+        count = max(int(np.ceil(self.first_share * len(starts))), min(self.coarse.max_survivors, len(starts)))
         kept, dropped = order[:count], order[count:]
         coarse = self._aligned(evidence, table, first.fixed_T_moving[kept], self.coarse, step)
         ranks = np.argsort(coarse.rmse_mm, kind="stable")

@@ -20,7 +20,7 @@ NO_ROOM_SHARE = 0.05
 # A window with fewer points than this has no principal axes worth laying anything on.
 WINDOW_POINTS = 10
 # A sliver of a long vessel would otherwise ask for more starts than anyone waits for.
-MOST_WINDOWS = 40
+MAX_WINDOWS = 40
 # Places of a centerline that move it alike within this share of its radius are one.
 SAME_PLACE_SHARE = 0.1
 # Centerlines are smoothed over this share of their extent: the way along jagged points would be too long.
@@ -159,7 +159,7 @@ def arc_windows(
     # The first middle is where a window just fits at one end; the next is always the point farthest from all so far.
     pick = int(np.abs(ends - half_mm).argmin())
     windows = []
-    for _ in range(MOST_WINDOWS):
+    for _ in range(MAX_WINDOWS):
         reached_mm = dijkstra(tree, directed=False, indices=pick)
         inside = reached_mm <= half_mm
         # A middle too close to an end has half a window: the others hold its points already.
@@ -210,7 +210,7 @@ def _windows(
     room_mm = last_mm - first_mm - length_mm
     if room_mm <= NO_ROOM_SHARE * length_mm:
         return [whole]
-    count = min(1 + int(np.ceil(room_mm / (slide_share * length_mm))), MOST_WINDOWS)
+    count = min(1 + int(np.ceil(room_mm / (slide_share * length_mm))), MAX_WINDOWS)
     windows = []
     for middle_mm in np.linspace(first_mm + length_mm / 2, last_mm - length_mm / 2, count):
         inside = np.abs(along_mm - middle_mm) <= length_mm / 2

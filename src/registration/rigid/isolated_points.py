@@ -1,4 +1,4 @@
-"""Stray points: they say nothing of a vessel's axis and length, but are what both are measured to."""
+"""Isolated points: they say nothing of a vessel's axis and length, but are what both are measured to."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from jaxtyping import Bool, Float64
 
 from registration.rigid.icp.correspondence import search_tree
 
-# A point is a stray if this neighbour of its own is so many times as far away as that of most points.
-NEIGHBOUR, STRAY_FACTOR = 8, 4.0
+# A point is isolated if this neighbour of its own is so many times as far away as that of most points.
+NEIGHBOUR, ISOLATION_FACTOR = 8, 4.0
 # In smaller clouds the neighbours are too few to tell.
-LEAST_CLOUD = 50
+MIN_CLOUD_POINTS = 50
 
 
-def strays(points_mm: Float64[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
+def isolated_points(points_mm: Float64[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
     """Which points have hardly any others around them; none of a cloud of less than 50 points."""
-    if len(points_mm) < LEAST_CLOUD:
+    if len(points_mm) < MIN_CLOUD_POINTS:
         return np.zeros(len(points_mm), dtype=bool)
     squared_mm2 = search_tree(points_mm).batch_knn_search(points_mm, NEIGHBOUR + 1)[1]
-    return lonely(np.sqrt(np.asarray(squared_mm2)[:, -1]))
+    return is_isolated(np.sqrt(np.asarray(squared_mm2)[:, -1]))
 
 
-def lonely(away_mm: Float64[np.ndarray, "n"]) -> Bool[np.ndarray, "n"]:
+def is_isolated(away_mm: Float64[np.ndarray, "n"]) -> Bool[np.ndarray, "n"]:
     """The same from how far each point's eighth neighbour is."""
-    return away_mm > STRAY_FACTOR * np.median(away_mm)
+    return away_mm > ISOLATION_FACTOR * np.median(away_mm)

@@ -1,6 +1,6 @@
 """Selection: which candidates are one pose, how well each explains the clouds, and how surely one beats another.
 
-The lowest residual alone proves nothing on a vessel: a pose is the answer only if the others explain the same points
+The lowest residual alone proves nothing on a vessel: a pose is the result only if the others explain the same points
 worse by more than chance. Two poses are compared point by point, as Vuong compares models (Econometrica 57(2), 1989):
 the mean difference of their losses over its standard error, which is taken over blocks of neighbouring points, for
 their residuals hang together.
@@ -53,7 +53,7 @@ def distinct(
 def blocks_of(points_mm: Float64[np.ndarray, "n 3"], count: int) -> Int64[np.ndarray, "n"]:
     """Divide a cloud into about ``count`` compact blocks of equally many points.
 
-    The cloud is halved across its longest side again and again, as a k-d tree is built: strays at its outskirts do
+    The cloud is halved across its longest side again and again, as a k-d tree is built: isolated points around it do
     not get blocks of their own.
     """
     block = np.zeros(len(points_mm), dtype=np.int64)
@@ -81,7 +81,7 @@ class Evidence:
 
     Poses are found on ``target`` and judged on ``smoothed``, which tells them apart better where there is noise; both
     are one for a cloud without normals. With ``offset`` a distance that all points have along the normals, which point
-    outwards then, counts for no pose and against none. ``core`` points come first, strays after them.
+    outwards then, counts for no pose and against none. ``core`` points come first, isolated points after them.
     """
 
     moving_mm: Float64[np.ndarray, "m 3"]
@@ -127,9 +127,9 @@ class Evidence:
         The bound follows from the usual distance under the pose that has the smallest.
         """
         squared = self.squared_mm2(poses)
-        usual_mm2 = MEDIAN_TO_SIGMA**2 * float(np.median(squared, axis=1).min())
+        scale_mm2 = MEDIAN_TO_SIGMA**2 * float(np.median(squared, axis=1).min())
         floor_mm = FLOOR_SPACINGS * self.smoothed.spacing_mm
-        return np.minimum(squared, LOSS_CAP**2 * max(usual_mm2, floor_mm**2))
+        return np.minimum(squared, LOSS_CAP**2 * max(scale_mm2, floor_mm**2))
 
     def gaps(self, poses: Float64[np.ndarray, "s 4 4"]) -> Float64[np.ndarray, "s"]:
         """By how many standard errors each pose explains the points worse than the first one does."""

@@ -16,12 +16,12 @@ from registration.rigid.icp.correspondence import TreeTarget
 from registration.rigid.icp.rejection import trimming_weights
 
 ACCEPTED, AMBIGUOUS, FAILED = "accepted", "ambiguous", "failed"
-# Of a method that cannot doubt itself: nothing is known of its answer.
+# Of a method that cannot doubt itself: nothing is known of its result.
 NOT_JUDGED = "not judged"
 VERDICTS = (ACCEPTED, AMBIGUOUS, FAILED, NOT_JUDGED)
-UNJUDGED = "the method does not judge its answers"
+UNJUDGED = "the method does not assess its results"
 # A length below this is rounding: no error of a registration is as small as that.
-LEAST_SHOWN_MM = 1e-3
+MIN_SHOWN_MM = 1e-3
 
 
 @dataclass(frozen=True)
@@ -50,19 +50,19 @@ class Candidate:
 
 @dataclass(frozen=True, repr=False)
 class RigidResult:
-    """The answer of a rigid registration: ``fixed_T_moving`` (4, 4) maps moving to fixed coordinates, in mm.
+    """The result of a rigid registration: ``fixed_T_moving`` (4, 4) maps moving to fixed coordinates, in mm.
 
     ``rmse_mm`` and ``rmse_trimmed_mm`` are residuals from every moving point, or from the closest share of them, to
     the nearest fixed point (so they fall as the fixed cloud grows denser; ``registration.metrics`` measures to
     triangles). ``inlier_share`` is the share of moving points within the method's inlier distance. ``iterations``
-    counts the steps of all starts together. ``candidates`` come best first; the first is the answer.
+    counts the steps of all starts together. ``candidates`` come best first; the first is the result.
 
     ``rmse_bidirectional_mm`` adds the way back from the fixed points that the moved cloud lies beside, and
     ``coverage`` is their share. ``verdict`` is ``accepted``, ``ambiguous`` or ``failed``, with the ``reason`` in one
     sentence, and ``not judged`` by a method that cannot doubt itself. ``ambiguity_gap`` is by how much the best
     candidate of another basin is worse, in standard errors; infinite if there is none, NaN if nobody looked.
     ``weak_directions`` names the motions that the clouds leave open (``slide``, ``roll``, ...). ``pose_samples``
-    (b, 4, 4) are fixed_T_fixed, where the answer might as well lie; they carry the prediction of its error.
+    (b, 4, 4) are fixed_T_fixed, where the result might as well lie; they carry the prediction of its error.
     ``wall_offset_mm`` is by how much the moved wall lies outside the fixed one everywhere, NaN if nobody looked.
     """
 
@@ -129,8 +129,8 @@ def verdict_sentence(result: RigidResult) -> str:
 
 def length_mm(value_mm: float) -> str:
     """A length for a sentence: two digits that count, and never 0.0 for what is not."""
-    if value_mm < LEAST_SHOWN_MM:
-        return f"below {LEAST_SHOWN_MM:g} mm"
+    if value_mm < MIN_SHOWN_MM:
+        return f"below {MIN_SHOWN_MM:g} mm"
     return f"{value_mm:.1f} mm" if value_mm >= 1 else f"{value_mm:.2g} mm"
 
 
@@ -141,7 +141,7 @@ def predicted_sentence(low_mm: float, high_mm: float) -> str:
     """
     if not (np.isfinite(low_mm) and np.isfinite(high_mm)):
         return ""
-    if high_mm < LEAST_SHOWN_MM:
+    if high_mm < MIN_SHOWN_MM:
         return "No TRE is predicted: the clouds fit each other without noise."
     return (
         f"Predicted TRE {length_mm(low_mm)} to {length_mm(high_mm)} (90 %); what the tissue's deformation adds is not "

@@ -14,8 +14,6 @@ from registration import transforms
 from registration.checks import require_positive
 from registration.errors import InputError
 
-# How far any method goes from a known pose where neither the caller nor its own settings say otherwise.
-USUAL_DEG, USUAL_MM = 45.0, 20.0
 # A result beyond this share of what the bound allows lies at the bound.
 EDGE_SHARE = 0.95
 # A pose that is put on the bound stays within it by this share, whatever rounding does.
@@ -23,8 +21,37 @@ INSIDE_SHARE = 1e-9
 
 
 @dataclass(frozen=True)
+class SearchBound:
+    """How far a result may lie from a known pose where the call gives no search cone.
+
+    Parameters
+    ----------
+    angle_deg : float, optional
+        Largest angle in degrees of the rotation between both poses, above 0 to 180.
+    radius_mm : float, optional
+        Largest distance in mm that the moving cloud's centroid may lie from where the known pose puts it.
+
+    Raises
+    ------
+    InputError
+        If the angle or the distance is outside its range.
+    """
+
+    angle_deg: float = 45.0
+    radius_mm: float = 20.0
+
+    def __post_init__(self) -> None:
+        require_positive("angle_deg", self.angle_deg, 180.0)
+        require_positive("radius_mm", self.radius_mm)
+
+
+# Of any method without settings of its own.
+DEFAULT_BOUND = SearchBound()
+
+
+@dataclass(frozen=True)
 class SearchCone:
-    """A bound on the answer around an initial pose: turned by at most ``angle_deg``, moved by at most ``radius_mm``.
+    """A bound on the result around an initial pose: turned by at most ``angle_deg``, moved by at most ``radius_mm``.
 
     The angle is that of the rotation between both poses, the distance that of the moving cloud's centroid. None stands
     for the bound that the method has itself.
@@ -40,32 +67,40 @@ class SearchCone:
             require_positive("radius_mm", self.radius_mm)
 
 
-# For a step of a method whose whole answer is bounded afterwards.
+# For a step of a method whose whole result is bounded afterwards.
 UNBOUNDED = SearchCone(180.0, sys.float_info.max)
 
 
 @dataclass(frozen=True)
 class Bound:
-    """The poses within a cone of a known one, for a moving cloud around ``centre_mm``.
+    """The poses within a cone of a known one.
 
-    What the cone leaves open is bounded by ``usual_deg`` and ``usual_mm``.
+    Parameters
+    ----------
+    initial : ndarray, shape (4, 4)
+        Known pose (fixed_T_moving).
+    cone : SearchCone
+        Largest rotation and shift, as far as given.
+    centre_mm : ndarray, shape (3,)
+        Centroid of the moving cloud in mm.
+    default : SearchBound, optional
+        Bound on what the cone leaves open.
     """
 
     initial: Float64[np.ndarray, "4 4"]
     cone: SearchCone
     centre_mm: Float64[np.ndarray, "3"]
-    usual_deg: float = USUAL_DEG
-    usual_mm: float = USUAL_MM
+    default: SearchBound = DEFAULT_BOUND
 
     @property
     def angle_deg(self) -> float:
         """The largest angle that is allowed."""
-        return self.usual_deg if self.cone.angle_deg is None else self.cone.angle_deg
+        return self.default.angle_deg if self.cone.angle_deg is None else self.cone.angle_deg
 
     @property
     def radius_mm(self) -> float:
         """The largest shift of the centroid that is allowed."""
-        return self.usual_mm if self.cone.radius_mm is None else self.cone.radius_mm
+        return self.default.radius_mm if self.cone.radius_mm is None else self.cone.radius_mm
 
     def away(self, fixed_T_moving: Float64[np.ndarray, "4 4"]) -> tuple[float, float]:
         """How far a pose is from the known one: by the angle of its turn, and by the shift of the cloud in mm."""
@@ -142,13 +177,12 @@ def bound_around(
     initial: Float64[np.ndarray, "4 4"] | None,
     search_cone: SearchCone | None,
     moving_mm: Float64[np.ndarray, "m 3"],
-    usual_deg: float = USUAL_DEG,
-    usual_mm: float = USUAL_MM,
+    default: SearchBound = DEFAULT_BOUND,
 ) -> Bound | None:
-    """The bound on the answer around a known pose, with or without a cone of the caller's; None around none."""
+    """The bound on the result around a known pose, with or without a cone of the caller's; None around none."""
     if initial is None:
         return None
-    return Bound(initial, search_cone or SearchCone(), moving_mm.mean(axis=0), usual_deg, usual_mm)
+    return Bound(initial, search_cone or SearchCone(), moving_mm.mean(axis=0), default)
 
 
 def _share(most: float, value: float) -> float:

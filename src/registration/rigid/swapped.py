@@ -1,4 +1,4 @@
-"""A moving cloud that is longer than the fixed one: the search goes the other way, and its result is turned round."""
+"""A moving cloud that is longer than the fixed one: the search goes the other way, and its result is inverted."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ LONGER = 1.25
 
 
 def is_longer(one_mm: Float64[np.ndarray, "m 3"], other_mm: Float64[np.ndarray, "n 3"]) -> bool:
-    """Whether one cloud reaches clearly farther along its principal axis than the other, stray points apart."""
+    """Whether one cloud reaches clearly farther along its principal axis than the other, isolated points apart."""
     return _reach_mm(one_mm) > LONGER * _reach_mm(other_mm)
 
 
-def turned_round(
+def inverted_result(
     result: RigidResult,
     measure: Callable[[Candidate], Candidate],
     fit: Callable[[Float64[np.ndarray, "4 4"]], Fit],
@@ -30,7 +30,7 @@ def turned_round(
 ) -> RigidResult:
     """The result of registering fixed to moving as that of moving to fixed.
 
-    Poses are inverted, and with them the motions that say where the answer might lie. ``measure`` and ``fit`` take the
+    Poses are inverted, and with them the motions that say where the result might lie. ``measure`` and ``fit`` take the
     residuals anew in the direction that was asked for; verdict, gap and weak directions are the same both ways.
     """
     pose = transforms.invert_rigid(result.fixed_T_moving)

@@ -1,4 +1,4 @@
-"""How far the answer might lie from the truth: the stiffness of the fit, and a bootstrap over blocks of points."""
+"""How far the result might lie from the truth: the stiffness of the fit, and a bootstrap over blocks of points."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ from jaxtyping import Float64, Int64
 from scipy.spatial.transform import Rotation
 
 from registration import transforms
+from registration.checks import require_count, require_positive
 from registration.errors import InputError
 from registration.rigid.icp.estimation import motion_jacobian, with_offset
 from registration.rigid.icp.pairs import closest_pairs
-from registration.rigid.icp.robust_kernels import RobustKernel, usual_size
+from registration.rigid.icp.robust_kernels import RobustKernel, robust_scale
 from registration.rigid.smoothed_target import SmoothedTarget
 
 # A direction with less than this share of the mean stiffness is as good as free.
 FREE_SHARE = 1e-6
-# How much more the answer spreads than a step says, for each square of the roughness: fitted on random anatomies with
+# How much more the result spreads than a step says, for each square of the roughness: fitted on random anatomies with
 # seeds below 1000 and noise of 0.2, 0.5 and 1 mm.
 STIFFENING = 12.0
 # The spread is itself known only to a factor, whose logarithm has this standard deviation: fitted likewise.
@@ -25,8 +26,38 @@ SPREAD_DOUBT = 0.35
 
 
 @dataclass(frozen=True)
+class Uncertainty:
+    """Settings of the bootstrap that predicts the error of a pose.
+
+    Parameters
+    ----------
+    blocks : int, optional
+        Number of blocks of points that are drawn with replacement.
+    replicates : int, optional
+        Number of draws.
+    inflation : float, optional
+        Factor on the spread; the default was set so that the predicted 90 % intervals hold on random anatomies with
+        seeds below 1000.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than 2 blocks or 20 draws, or the factor is not positive.
+    """
+
+    blocks: int = 48
+    replicates: int = 400
+    inflation: float = 1.25
+
+    def __post_init__(self) -> None:
+        require_count("blocks", self.blocks, 2)
+        require_count("replicates", self.replicates, 20)
+        require_positive("inflation", self.inflation)
+
+
+@dataclass(frozen=True)
 class LocalFit:
-    """The quadratic that the residuals follow around the answer, block by block.
+    """The quadratic that the residuals follow around the result, block by block.
 
     Motions are (rotation vector times ``radius_mm``, translation), in mm, about ``centre_mm`` in the fixed frame.
     ``stiffness`` (b, u, u) and ``pull_mm`` (b, u) are the blocks' shares of the normal equations in these six unknowns,
@@ -68,23 +99,23 @@ def local_fit(
         gap_mm = gap_mm - np.median(gap_mm)
     centre_mm = moved_mm.mean(axis=0)
     radius_mm = float(np.sqrt(((moved_mm - centre_mm) ** 2).sum(axis=1).mean()))
-    usual_mm = usual_size(gap_mm[None], FREE_SHARE * radius_mm)[0]
+    scale_mm = robust_scale(gap_mm[None], FREE_SHARE * radius_mm)[0]
     jacobian = motion_jacobian((moved_mm - centre_mm) / radius_mm, pairs.normals[0])
     if offset:
         jacobian = with_offset(jacobian)
-    weighted = jacobian * kernel(gap_mm / usual_mm)[:, None]
+    weighted = jacobian * kernel(gap_mm / scale_mm)[:, None]
     count = int(block.max()) + 1
     order = np.argsort(block, kind="stable")
     first = np.searchsorted(block[order], np.arange(count))
     stiffness = np.add.reduceat((weighted[:, :, None] * jacobian[:, None, :])[order], first, axis=0)
     pull_mm = np.add.reduceat((weighted * gap_mm[:, None])[order], first, axis=0)
-    return LocalFit(centre_mm, radius_mm, stiffness, pull_mm, float(usual_mm[0] / target.reach_mm))
+    return LocalFit(centre_mm, radius_mm, stiffness, pull_mm, float(scale_mm[0] / target.reach_mm))
 
 
 def bootstrap_motions(
     fit: LocalFit, replicates: int, inflation: float, rng: np.random.Generator
 ) -> Float64[np.ndarray, "k 6"]:
-    """Where the answer would have moved had other blocks been seen, in mm, blocks drawn with replacement.
+    """Where the result would have moved had other blocks been seen, in mm, blocks drawn with replacement.
 
     One Gauss-Newton step a replicate (Künsch, Ann. Stat. 17(3), 1989, for the blocks; Schucany and Wang, J. R. Stat.
     Soc. B 53(3), 1991, for steps in place of solutions). ``inflation`` makes up for what a step leaves out: the fixed

@@ -7,17 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from drawn_sweeps import draw_sweeps
 
 from experiments import registry
+from experiments.cli import compose_points
 from experiments.datasets.carotid import Carotid
 from experiments.datasets.musv import MusV
 from experiments.datasets.san_raffaele import SanRaffaele
 from experiments.datasets.simulated import SimulatedSubstitute
 from experiments.datasets.usgra import Usgra
 from experiments.errors import InputError
-from experiments.paths import conf_dir
 from registration.errors import InputError as PhantomInputError
 
 REAL_SETS = ("carotid", "musv_artery", "musv_vein", "san_raffaele", "usgra")
@@ -30,8 +29,9 @@ def small(tmp_path: Path, **changes: object) -> SimulatedSubstitute:
 
 @pytest.mark.parametrize("name", REAL_SETS)
 def test_every_real_set_reads_unless_asked_to_simulate(name: str, tmp_path) -> None:
-    node = yaml.safe_load((conf_dir() / "dataset" / f"{name}.yaml").read_text())
-    dataset = registry.build({**node, "root": str(tmp_path / "none")})
+    ((config, _),) = compose_points(["study=segmentation", f"dataset={name}", "seed=3"])
+    dataset = registry.build({**config["dataset"], "root": str(tmp_path / "none")})
+    assert dataset.stand_in.seed == 3
     assert not dataset.simulate and dataset.name.startswith(name)
     with pytest.raises(InputError, match=r"found no folder .*none; pass dataset\.root="):
         dataset()

@@ -11,7 +11,13 @@ from scipy.spatial.transform import Rotation
 from registration import transforms
 from registration.errors import InputError
 from registration.geometry.shapes import PrincipalFrame
-from registration.rigid.acceptance import Judge, displacement_mm, named_motion, probes, weak_motion
+from registration.rigid.acceptance import (
+    AcceptanceCriteria,
+    displacement_mm,
+    named_motion,
+    probes,
+    weak_motion,
+)
 
 OBLIQUE = Rotation.from_rotvec([0.7, -0.4, 1.1])
 CENTRE = np.array([20.0, -300, 41])
@@ -43,22 +49,22 @@ def test_a_motion_is_named(turn: list[float], shift_mm: list[float], names: tupl
 
 
 def test_a_motion_too_small_to_matter_has_no_name() -> None:
-    assert named_motion(motion([0, 0, 0], [0.2, 0, 0]), VESSEL, least_mm=0.5) == ()
+    assert named_motion(motion([0, 0, 0], [0.2, 0, 0]), VESSEL, min_mm=0.5) == ()
     assert named_motion(np.eye(4), VESSEL) == ()
 
 
-def test_an_answer_is_accepted_with_what_speaks_for_it() -> None:
-    verdict, reason = Judge()(**CALM)
+def test_a_result_is_accepted_with_what_speaks_for_it() -> None:
+    verdict, reason = AcceptanceCriteria()(**CALM)
     assert verdict == "accepted"
     assert "worse by 8.0 standard errors" in reason
     assert "the predicted TRE without deformation is up to 0.4 mm (95 %)" in reason
-    assert "no other pose" in Judge()(**(CALM | {"gap": float("inf")}))[1]
-    assert "no error was predicted" in Judge()(**(CALM | {"expected_mm": float("nan")}))[1]
+    assert "no other pose" in AcceptanceCriteria()(**(CALM | {"gap": float("inf")}))[1]
+    assert "no error was predicted" in AcceptanceCriteria()(**(CALM | {"expected_mm": float("nan")}))[1]
 
 
 @pytest.mark.parametrize("expected_mm", [0.0, 1e-15, 4e-4])
 def test_clouds_without_noise_promise_no_error_of_nothing(expected_mm: float) -> None:
-    verdict, reason = Judge()(**(CALM | {"expected_mm": expected_mm}))
+    verdict, reason = AcceptanceCriteria()(**(CALM | {"expected_mm": expected_mm}))
     assert verdict == "accepted"
     assert "the clouds fit without noise, which predicts nothing" in reason
     assert "0.0 mm" not in reason
@@ -66,18 +72,18 @@ def test_clouds_without_noise_promise_no_error_of_nothing(expected_mm: float) ->
 
 
 def test_several_axes_that_are_tried_ask_for_a_larger_gap() -> None:
-    assert Judge().needed_gap(1) == 2.0
+    assert AcceptanceCriteria().needed_gap(1) == 2.0
     # A third of the normal tail beyond 2: 0.0228 / 3.
-    assert Judge().needed_gap(3) == pytest.approx(2.428, abs=1e-3)
+    assert AcceptanceCriteria().needed_gap(3) == pytest.approx(2.428, abs=1e-3)
     close = CALM | {"gap": 2.2}
-    assert Judge()(**close)[0] == "accepted"
-    verdict, reason = Judge()(**close, tries=3)
+    assert AcceptanceCriteria()(**close)[0] == "accepted"
+    verdict, reason = AcceptanceCriteria()(**close, tries=3)
     assert verdict == "ambiguous"
     assert "worse by 2.2 standard errors, at least 2.4 are needed" in reason
 
 
 def test_a_rival_that_is_better_is_not_called_worse() -> None:
-    _, reason = Judge()(**(CALM | {"gap": -5.23}))
+    _, reason = AcceptanceCriteria()(**(CALM | {"gap": -5.23}))
     assert "another pose explains the clouds better, by 5.2 standard errors" in reason
 
 
@@ -98,8 +104,8 @@ def test_a_rival_that_is_better_is_not_called_worse() -> None:
         ),
     ],
 )
-def test_an_answer_is_not_accepted_for_a_reason(change: dict[str, object], verdict: str, said: str) -> None:
-    found = Judge()(**(CALM | change))
+def test_a_result_is_not_accepted_for_a_reason(change: dict[str, object], verdict: str, said: str) -> None:
+    found = AcceptanceCriteria()(**(CALM | change))
     assert found[0] == verdict
     assert re.search(said, found[1])
 
@@ -127,7 +133,7 @@ def test_displacements_are_root_mean_squares() -> None:
     np.testing.assert_allclose(found, [5, np.sqrt((4 + 36) / 2)])
 
 
-@pytest.mark.parametrize("settings", [{"tolerated_mm": 0.0}, {"least_gap": -1.0}, {"least_inliers": 1.5}])
+@pytest.mark.parametrize("settings", [{"max_tre_mm": 0.0}, {"min_gap": -1.0}, {"min_inlier_share": 1.5}])
 def test_settings_out_of_range_are_refused(settings: dict[str, float]) -> None:
     with pytest.raises(InputError, match=f"{next(iter(settings))}: expected"):
-        Judge(**settings)
+        AcceptanceCriteria(**settings)

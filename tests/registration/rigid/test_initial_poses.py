@@ -11,7 +11,7 @@ from registration import transforms
 from registration.geometry.shapes import principal_frame
 from registration.perturbation.perturbation import Piece, draw
 from registration.rigid.initial_poses import (
-    MOST_WINDOWS,
+    MAX_WINDOWS,
     arc_length_mm,
     arc_windows,
     centerline_starts,
@@ -125,7 +125,7 @@ def test_a_longer_moving_cloud_and_a_sliver_have_bounded_starts() -> None:
     assert len(symmetry_starts(FIXED, piece, rolls=6, slide_share=0.25, axis_share=1.0)) == 12
     sliver = np.random.default_rng(3).normal(size=(50, 3)) * [0.05, 0.01, 0.01]
     starts = symmetry_starts(sliver, FIXED, rolls=6, slide_share=0.01, axis_share=1.0)
-    assert 0 < len(starts) <= 12 * MOST_WINDOWS
+    assert 0 < len(starts) <= 12 * MAX_WINDOWS
 
 
 def test_inversion_and_slides_can_be_left_out() -> None:

@@ -22,14 +22,16 @@ from registration.rigid.comparators import (
 )
 from registration.rigid.multi_start import MultiStartICP
 from registration.rigid.result import RigidResult
-from registration.rigid.search_cone import USUAL_DEG, USUAL_MM, Bound, SearchCone
+from registration.rigid.search_cone import DEFAULT_BOUND, Bound, SearchBound, SearchCone
+from registration.rigid.stages import Stages
+from registration.rigid.uncertainty import Uncertainty
 
 TUBE = bent_tube()
 FIXED = draw(TUBE, 1500, Piece(), np.random.default_rng(0))
 MOVING = draw(TUBE, 600, Piece(0.7, "start"), np.random.default_rng(1))
 FEATURES = FpfhFeatures(2.0, 12.0)
 METHODS: dict[str, Callable[..., RigidResult]] = {
-    "multistart": MultiStartICP(fine_points=600, replicates=20),
+    "multistart": MultiStartICP(stages=Stages(fine_points=600), uncertainty=Uncertainty(replicates=20)),
     "single_icp": SingleStartICP(),
     "single_icp_centred": SingleStartICP(align_centroids=True),
     "single_icp_plane": SingleStartICP(refine_by="plane"),
@@ -74,7 +76,7 @@ def test_no_method_goes_farther_from_a_known_pose_than_its_bound(name: str, cone
 
 
 def test_the_usual_bound_is_the_one_that_is_documented() -> None:
-    assert (USUAL_DEG, USUAL_MM) == (45.0, 20.0)
+    assert (DEFAULT_BOUND.angle_deg, DEFAULT_BOUND.radius_mm) == (45.0, 20.0)
     method = MultiStartICP()
     assert (method.cone_deg, method.cone_radius_mm) == (45.0, 20.0)
 
@@ -113,7 +115,9 @@ def test_an_answer_at_the_bound_says_so() -> None:
 
 
 def test_a_method_has_a_bound_of_its_own_where_the_cone_leaves_it_open() -> None:
-    tight = MultiStartICP(fine_points=600, replicates=20, cone_deg=10.0, cone_radius_mm=4.0)
+    tight = MultiStartICP(
+        stages=Stages(fine_points=600), uncertainty=Uncertainty(replicates=20), bound=SearchBound(10.0, 4.0)
+    )
     with pytest.raises(InputError, match="outside the search cone of 10 degrees and 4 mm"):
         tight(MOVING, FIXED, turned(40.0))
     found = tight(MOVING, FIXED, turned(8.0), search_cone=SearchCone(radius_mm=15.0))

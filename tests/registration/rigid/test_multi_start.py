@@ -20,9 +20,13 @@ from registration.metrics.surface_distance import pose_error
 from registration.perturbation.perturbation import Perturbation, Piece, Trial
 from registration.phantom.random_anatomy import draw_lines
 from registration.phantom.shapes import surround
+from registration.rigid.correspondence import Correspondence
 from registration.rigid.icp.rejection import NormalRejection
 from registration.rigid.multi_start import MultiStartICP
-from registration.rigid.search_cone import SearchCone
+from registration.rigid.search_cone import SearchBound, SearchCone
+from registration.rigid.stages import Stages
+from registration.rigid.starts import Starts
+from registration.rigid.uncertainty import Uncertainty
 
 TUBE = bent_tube()
 METHOD = MultiStartICP()
@@ -56,8 +60,8 @@ def test_noise_and_outliers_cost_accuracy_and_not_the_pose() -> None:
 
 
 @pytest.mark.parametrize("number", range(4))
-def test_a_piece_among_strays_is_as_long_as_it_is(number: int) -> None:
-    """Strays lie all around: taken for the vessel's, they would make the piece twice as long."""
+def test_a_piece_among_isolated_points_is_as_long_as_it_is(number: int) -> None:
+    """Isolated points lie all around: taken for the vessel's, they would make the piece twice as long."""
     trial = problem(piece=Piece(0.4, "end"), number=number, noise_mm=0.3, outlier_share=0.1)
     found = METHOD(trial.moving_mm, trial.fixed_mm)
     assert error_mm(found.fixed_T_moving, trial) < 2
@@ -108,7 +112,7 @@ def test_the_result_carries_all_candidates_best_first() -> None:
     assert result.rmse_trimmed_mm < result.rmse_mm < 1.5
     assert result.inlier_share > 0.95
     assert result.verdict == "accepted", result.reason
-    assert result.ambiguity_gap > METHOD.judge.least_gap
+    assert result.ambiguity_gap > METHOD.acceptance.min_gap
     best = result.candidates[0]
     assert (best.inlier_share, best.coverage) == (result.inlier_share, result.coverage)
     assert result.coverage > 0.95
@@ -125,7 +129,7 @@ def test_two_candidates_of_a_stage_are_different_poses() -> None:
     placed = np.stack([transforms.apply(candidate.fixed_T_moving, trial.moving_mm) for candidate in coarse])
     for index in range(1, len(placed)):
         apart = np.sqrt(((placed[:index] - placed[index]) ** 2).sum(axis=2).mean(axis=1))
-        assert apart.min() > 0.5 * METHOD.basin_share * radius_mm
+        assert apart.min() > 0.5 * METHOD.stages.basin_share * radius_mm
 
 
 def test_a_known_pose_keeps_the_search_near_it() -> None:
@@ -136,24 +140,24 @@ def test_a_known_pose_keeps_the_search_near_it() -> None:
         Rotation.from_rotvec(np.pi * axis / np.linalg.norm(axis)), trial.moving_mm.mean(axis=0)
     )
     wrong = transforms.compose(trial.fixed_T_moving, over)
-    narrow = dataclasses.replace(METHOD, cone_deg=20.0)
+    narrow = dataclasses.replace(METHOD, bound=SearchBound(angle_deg=20.0))
     assert error_mm(narrow(trial.moving_mm, trial.fixed_mm, wrong).fixed_T_moving, trial) > 10
     near = transforms.compose(transforms.translation((2.0, -2.0, 1.0)), trial.fixed_T_moving)
     assert error_mm(narrow(trial.moving_mm, trial.fixed_mm, near).fixed_T_moving, trial) < 0.2
 
 
-def test_no_answer_lies_outside_a_search_cone() -> None:
+def test_no_result_lies_outside_a_search_cone() -> None:
     trial = problem(number=6)
     off = transforms.compose(transforms.translation((3.0, -2.0, 1.0)), trial.fixed_T_moving)
     found = METHOD(trial.moving_mm, trial.fixed_mm, off, search_cone=SearchCone(30.0, 15.0))
     assert error_mm(found.fixed_T_moving, trial) < 0.2
     assert found.verdict == "accepted"
     away = transforms.compose(transforms.translation((60.0, 0, 0)), trial.fixed_T_moving)
-    with pytest.raises(InputError, match="search_cone: expected a cone that holds an answer"):
+    with pytest.raises(InputError, match="search_cone: expected a cone that holds a result"):
         METHOD(trial.moving_mm, trial.fixed_mm, away, search_cone=SearchCone(5.0, 1.0))
 
 
-def test_centerlines_give_the_same_answer_from_other_starts() -> None:
+def test_centerlines_give_the_same_result_from_other_starts() -> None:
     trial = problem(piece=Piece(0.45, "end"), number=7)
     middle = TUBE.vertices_mm[:-2].reshape(-1, 32, 3).mean(axis=1)
     inside = Piece(0.45, "end").contains(middle, TUBE)
@@ -162,7 +166,9 @@ def test_centerlines_give_the_same_answer_from_other_starts() -> None:
     found = METHOD(trial.moving_mm, trial.fixed_mm, **lines)
     assert error_mm(found.fixed_T_moving, trial) < 0.5
     alone = METHOD(trial.moving_mm, trial.fixed_mm)
-    ignoring = dataclasses.replace(METHOD, use_centerline=False)(trial.moving_mm, trial.fixed_mm, **lines)
+    ignoring = dataclasses.replace(METHOD, starts=Starts(use_centerline=False))(
+        trial.moving_mm, trial.fixed_mm, **lines
+    )
     np.testing.assert_array_equal(ignoring.fixed_T_moving, alone.fixed_T_moving)
     assert found.iterations != alone.iterations
 
@@ -186,14 +192,18 @@ def test_a_dense_noisy_cloud_is_thinned_and_found() -> None:
     trial = problem(number=3, noise_mm=0.2, fixed_points=60_000)
     found = METHOD(trial.moving_mm, trial.fixed_mm)
     assert error_mm(found.fixed_T_moving, trial) < 0.3
-    whole = dataclasses.replace(METHOD, fixed_points=60_000)(trial.moving_mm, trial.fixed_mm)
+    whole = dataclasses.replace(METHOD, correspondence=Correspondence(max_fixed_points=60_000))(
+        trial.moving_mm, trial.fixed_mm
+    )
     assert whole.rmse_mm < found.rmse_mm
     assert error_mm(found.fixed_T_moving, trial) < error_mm(whole.fixed_T_moving, trial)
 
 
 def test_an_ablated_search_has_fewer_starts() -> None:
     trial = problem(number=2)
-    lone = dataclasses.replace(METHOD, rolls=1, invert=False, slide=False)(trial.moving_mm, trial.fixed_mm)
+    lone = dataclasses.replace(METHOD, starts=Starts(rolls=1, invert=False, slide=False))(
+        trial.moving_mm, trial.fixed_mm
+    )
     assert sum(candidate.starts for candidate in lone.candidates) == 1
 
 
@@ -226,7 +236,9 @@ def test_walls_that_lie_apart_do_not_pull_the_pose(refine_by: str) -> None:
 @pytest.mark.parametrize("refine_by", ["plane", "symmetric"])
 def test_every_refinement_finds_a_noisy_vessel(refine_by: str) -> None:
     trial = problem(number=9, noise_mm=0.3)
-    method = dataclasses.replace(METHOD, refine_by=refine_by, rejections=(NormalRejection(60.0),))
+    method = dataclasses.replace(
+        METHOD, refine_by=refine_by, correspondence=Correspondence(rejections=(NormalRejection(60.0),))
+    )
     found = method(trial.moving_mm, trial.fixed_mm)
     assert error_mm(found.fixed_T_moving, trial) < 0.8
     assert found.verdict == "accepted", found.reason
@@ -247,7 +259,7 @@ def test_a_straight_tube_slides_and_rolls(seed: int) -> None:
     assert result.rmse_mm < 1
     assert result.verdict == "ambiguous"
     assert {"slide", "roll"} <= set(result.weak_directions)
-    assert result.ambiguity_gap < METHOD.judge.least_gap
+    assert result.ambiguity_gap < METHOD.acceptance.min_gap
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -384,40 +396,42 @@ def test_few_points_are_enough_to_run() -> None:
 
 
 @pytest.mark.parametrize(
-    "settings",
+    "part, name, value",
     [
-        {"rolls": 0},
-        {"slide_share": 0.0},
-        {"axis_share": 1.5},
-        {"first_points": 2},
-        {"first_iterations": 0},
-        {"first_share": 0.0},
-        {"centerline_places": 0},
-        {"blocks": 1},
-        {"replicates": 5},
-        {"inflation": 0.0},
-        {"coarse_points": 2},
-        {"coarse_cells": 4},
-        {"coarse_iterations": 0},
-        {"survivors": 0},
-        {"middle_points": 1},
-        {"finalists": 0},
-        {"fine_points": 2},
-        {"fixed_points": 2},
-        {"max_iterations": 0},
-        {"tolerance": 0.0},
-        {"keep": 1.1},
-        {"refine_by": "line"},
-        {"neighbours": 2},
-        {"basin_share": -0.1},
-        {"cone_deg": 181.0},
-        {"inlier_spacings": 0.0},
-        {"seed": -1},
+        (Starts, "rolls", 0),
+        (Starts, "slide_share", 0.0),
+        (Starts, "axis_share", 1.5),
+        (Starts, "centerline_places", 0),
+        (Uncertainty, "blocks", 1),
+        (Uncertainty, "replicates", 5),
+        (Uncertainty, "inflation", 0.0),
+        (Stages, "first_points", 2),
+        (Stages, "first_iterations", 0),
+        (Stages, "first_share", 0.0),
+        (Stages, "coarse_points", 2),
+        (Stages, "coarse_cells", 4),
+        (Stages, "coarse_iterations", 0),
+        (Stages, "survivors", 0),
+        (Stages, "middle_points", 1),
+        (Stages, "finalists", 0),
+        (Stages, "fine_points", 2),
+        (Stages, "max_iterations", 0),
+        (Stages, "tolerance", 0.0),
+        (Stages, "basin_share", -0.1),
+        (Correspondence, "max_fixed_points", 2),
+        (Correspondence, "neighbours", 2),
+        (Correspondence, "inlier_spacings", 0.0),
+        (SearchBound, "angle_deg", 181.0),
+        (MultiStartICP, "keep", 1.1),
+        (MultiStartICP, "refine_by", "line"),
+        (MultiStartICP, "seed", -1),
+        (Starts, "compact_share", 1.5),
+        (SearchBound, "radius_mm", 0.0),
     ],
 )
-def test_settings_out_of_range_are_refused(settings: dict[str, object]) -> None:
-    with pytest.raises(InputError, match=f"{next(iter(settings))}: expected"):
-        dataclasses.replace(METHOD, **settings)
+def test_settings_out_of_range_are_refused(part: type, name: str, value: object) -> None:
+    with pytest.raises(InputError, match=f"{name}: expected"):
+        part(**{name: value})
 
 
 def test_clouds_and_poses_that_are_none_are_refused() -> None:

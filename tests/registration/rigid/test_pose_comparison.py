@@ -26,7 +26,7 @@ def test_poses_that_move_points_alike_are_one() -> None:
     assert [group.tolist() for group in groups] == [[0, 2], [1, 3], [4]]
 
 
-def test_blocks_are_equal_and_compact_whatever_strays_there_are() -> None:
+def test_blocks_are_equal_and_compact_whatever_isolated_points_there_are() -> None:
     cloud = np.concatenate(
         [bent_tube().sample(1600, np.random.default_rng(0)), [[900.0, 0, 0], [0, -700.0, 0]]]
     )

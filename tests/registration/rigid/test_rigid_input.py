@@ -20,11 +20,13 @@ from registration.rigid.comparators import (
 from registration.rigid.multi_start import MultiStartICP
 from registration.rigid.result import RigidResult
 from registration.rigid.rigid_input import frame_of_points
+from registration.rigid.stages import Stages
+from registration.rigid.uncertainty import Uncertainty
 
 CLOUD = draw(bent_tube(), 400, Piece(), np.random.default_rng(0))
 FEATURES = FpfhFeatures(2.0, 12.0)
 METHODS = [
-    MultiStartICP(fine_points=300, replicates=20),
+    MultiStartICP(stages=Stages(fine_points=300), uncertainty=Uncertainty(replicates=20)),
     SingleStartICP(),
     GeneralisedICP(50.0, 1e-3),
     FpfhRansac(FEATURES, 3.0),

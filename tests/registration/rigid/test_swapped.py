@@ -1,4 +1,4 @@
-"""A longer moving cloud: registered the other way, and the answer turned round."""
+"""A longer moving cloud: registered the other way, and the result inverted."""
 
 from __future__ import annotations
 
@@ -62,10 +62,10 @@ def test_a_wall_outside_is_outside_from_both_sides() -> None:
     assert MultiStartICP()(part, wide).wall_offset_mm == pytest.approx(-0.4, abs=0.12)
 
 
-def test_stray_points_make_no_cloud_longer() -> None:
+def test_isolated_points_make_no_cloud_longer() -> None:
     rng = np.random.default_rng(3)
     whole = cloud(Piece(), 0, 2000)
-    strays = rng.uniform(whole.min(axis=0) - 30, whole.max(axis=0) + 30, (200, 3))
-    assert not is_longer(np.concatenate([whole, strays]), cloud(Piece(), 1, 2000))
+    isolated = rng.uniform(whole.min(axis=0) - 30, whole.max(axis=0) + 30, (200, 3))
+    assert not is_longer(np.concatenate([whole, isolated]), cloud(Piece(), 1, 2000))
     assert is_longer(whole, cloud(Piece(0.6, "end"), 1, 2000))
     assert not is_longer(cloud(Piece(0.6, "end"), 1, 2000), whole)

@@ -69,7 +69,12 @@ def record(found: Registered) -> dict[str, Any]:
         "ambiguity_gap": "inf" if result.ambiguity_gap == math.inf else _finite(result.ambiguity_gap),
         "weak_directions": list(result.weak_directions),
         "wall_offset_mm": _finite(result.wall_offset_mm),
-        "predicted_tre_mm": {"low": _finite(low_mm), "high": _finite(high_mm), "level": 0.9},
+        "predicted_tre_mm": {
+            "low": _finite(low_mm),
+            "high": _finite(high_mm),
+            "level": 0.9,
+            "includes_deformation": False,
+        },
         "initial": _initial(pair),
         "centerlines": {
             side: None if path is None else str(path)

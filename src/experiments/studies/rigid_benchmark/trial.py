@@ -73,7 +73,12 @@ def record(result: RigidResult, targets_mm: np.ndarray) -> dict[str, Any]:
         "reason": result.reason,
         "ambiguity_gap": _gap(result.ambiguity_gap),
         "weak_directions": list(result.weak_directions),
-        "predicted_tre_mm": {"low": plain(low_mm), "high": plain(high_mm), "level": LEVEL},
+        "predicted_tre_mm": {
+            "low": plain(low_mm),
+            "high": plain(high_mm),
+            "level": LEVEL,
+            "includes_deformation": False,
+        },
         "candidates": [
             {
                 "fixed_T_moving": one.fixed_T_moving.tolist(),

@@ -16,7 +16,7 @@ from registration.rigid.result import FAILED, NOT_JUDGED, UNJUDGED, Candidate, R
 from registration.rigid.search_cone import UNBOUNDED, Bound, SearchCone, bound_around
 
 
-def one_answer(
+def single_result(
     moving_mm: Float64[np.ndarray, "m 3"],
     target: TreeTarget,
     fixed_T_moving: Float64[np.ndarray, "4 4"],
@@ -32,7 +32,7 @@ def one_answer(
 ) -> RigidResult:
     """The result of a method that went from ``start`` to ``fixed_T_moving``, measured on all moving points.
 
-    It has failed if it ended outside the bound around ``initial``, which is that of ``search_cone`` or the usual one;
+    It has failed if it ended outside the bound around ``initial``, which is that of ``search_cone`` or the default one;
     its pose is then the one on the bound. ``begin_s`` is when the method began, by ``time.perf_counter``.
     """
     bound = bound_around(initial, search_cone, moving_mm)

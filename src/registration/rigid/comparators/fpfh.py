@@ -56,9 +56,9 @@ class FpfhRansac:
         fixed_centerline_mm: ArrayLike | None = None,
         moving_frame: ArrayLike | None = None,
     ) -> RigidResult:
-        """Register ``moving_mm`` to ``fixed_mm`` from anywhere; ``initial`` is refined beside what is found.
+        """Register ``moving_mm`` to ``fixed_mm`` from anywhere; ``initial`` is refined too, and the better pose wins.
 
-        Clouds are arrays or lists of shape (m, 3) and (n, 3), poses (4, 4). An answer outside the bound around
+        Clouds are arrays or lists of shape (m, 3) and (n, 3), poses (4, 4). A result outside the bound around
         ``initial`` (``search_cone``, or 45 degrees and 20 mm) has failed: the pose is then the one on that bound.
         Centerlines and frames are not used. Raises InputError for a cloud that is empty, of another shape, not finite,
         degenerate or in metres, an ``initial`` that is not rigid, a cone without one, or if no features match and
@@ -95,13 +95,13 @@ class FpfhFastGlobal:
 
     Zhou, Park and Koltun, "Fast global registration", ECCV 2016. Pairs within ``max_distance_mm`` count in the end. A
     triple of matches is left out if an edge is shorter than ``edge_similarity`` times its counterpart, and at most
-    ``most_triples`` are kept. ``refine`` takes the pose to its optimum. Deterministic in ``seed``.
+    ``max_triples`` are kept. ``refine`` takes the pose to its optimum. Deterministic in ``seed``.
     """
 
     features: FpfhFeatures
     max_distance_mm: float
     edge_similarity: float = 0.95
-    most_triples: int = 1000
+    max_triples: int = 1000
     iterations: int = 64
     refine: SingleStartICP = field(default_factory=lambda: SingleStartICP(refine_by="plane", keep=0.9))
     seed: int = 0
@@ -109,7 +109,7 @@ class FpfhFastGlobal:
     def __post_init__(self) -> None:
         require_positive("max_distance_mm", self.max_distance_mm)
         require_positive("edge_similarity", self.edge_similarity, 1.0)
-        require_count("most_triples", self.most_triples, 1)
+        require_count("max_triples", self.max_triples, 1)
         require_count("iterations", self.iterations, 1)
         require_count("seed", self.seed, 0)
 
@@ -124,9 +124,9 @@ class FpfhFastGlobal:
         fixed_centerline_mm: ArrayLike | None = None,
         moving_frame: ArrayLike | None = None,
     ) -> RigidResult:
-        """Register ``moving_mm`` to ``fixed_mm`` from anywhere; ``initial`` is refined beside what is found.
+        """Register ``moving_mm`` to ``fixed_mm`` from anywhere; ``initial`` is refined too, and the better pose wins.
 
-        Clouds are arrays or lists of shape (m, 3) and (n, 3), poses (4, 4). An answer outside the bound around
+        Clouds are arrays or lists of shape (m, 3) and (n, 3), poses (4, 4). A result outside the bound around
         ``initial`` (``search_cone``, or 45 degrees and 20 mm) has failed: the pose is then the one on that bound.
         Centerlines and frames are not used. Raises InputError for a cloud that is empty, of another shape, not finite,
         degenerate or in metres, an ``initial`` that is not rigid, a cone without one, or if no features match and
@@ -147,7 +147,7 @@ class FpfhFastGlobal:
                 maximum_correspondence_distance=self.max_distance_mm,
                 iteration_number=self.iterations,
                 tuple_scale=self.edge_similarity,
-                maximum_tuple_count=self.most_triples,
+                maximum_tuple_count=self.max_triples,
             )
             return registration.registration_fgr_based_on_feature_matching(
                 moving[0], fixed[0], moving[1], fixed[1], option
@@ -171,7 +171,7 @@ def _registered(
         method.features(fixed - fixed_centre_mm, "fixed_mm"),
     )
     pose = None
-    # Without a single inlier Open3D answers with the identity.
+    # Without a single inlier Open3D returns the identity.
     if found.fitness > 0:
         pose = transforms.compose(
             transforms.translation(fixed_centre_mm),

@@ -14,7 +14,7 @@ from registration.geometry.open3d_bridge import import_open3d, point_body
 from registration.geometry.point_cloud import with_normals
 
 # A thinned cloud needs so many points before the neighbourhood of any of them says something about its shape.
-LEAST_POINTS = 10
+MIN_POINTS = 10
 
 
 @dataclass(frozen=True)
@@ -49,9 +49,9 @@ class FpfhFeatures:
         open3d = import_open3d()
         cloud = point_body(points_mm)
         thinned_mm = np.asarray(cloud.voxel_down_sample(self.voxel_mm).points)
-        if len(thinned_mm) < LEAST_POINTS:
+        if len(thinned_mm) < MIN_POINTS:
             raise InputError(
-                f"{name}: expected at least {LEAST_POINTS} points a voxel of {self.voxel_mm:g} mm apart, "
+                f"{name}: expected at least {MIN_POINTS} points a voxel of {self.voxel_mm:g} mm apart, "
                 f"received {len(thinned_mm)}"
             )
         oriented = with_normals(thinned_mm, min(self.normal_neighbours, len(thinned_mm)))

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from registration import transforms
 from registration.checks import require_count, require_positive
-from registration.rigid.comparators.common import one_answer
+from registration.rigid.comparators.common import single_result
 from registration.rigid.icp.correspondence import TreeTarget
 from registration.rigid.result import RigidResult
 from registration.rigid.rigid_input import rigid_clouds
@@ -62,7 +62,7 @@ class GeneralisedICP:
     ) -> RigidResult:
         """Register ``moving_mm`` to ``fixed_mm`` from ``initial`` (a fixed_T_moving), or from where they lie.
 
-        Clouds are arrays or lists of shape (m, 3) and (n, 3), poses (4, 4). An answer outside the bound around
+        Clouds are arrays or lists of shape (m, 3) and (n, 3), poses (4, 4). A result outside the bound around
         ``initial`` (``search_cone``, or 45 degrees and 20 mm) has failed: the pose is then the one on that bound.
         Centerlines and frames are not used. Raises InputError for a cloud that is empty, of another shape, not finite,
         degenerate or in metres, an ``initial`` that is not rigid, or a cone without one.
@@ -73,7 +73,7 @@ class GeneralisedICP:
         known = known_pose(initial, search_cone)
         start = np.eye(4) if known is None else known
         pose, iterations, converged = self._align(moving, fixed, start)
-        return one_answer(
+        return single_result(
             moving,
             TreeTarget(fixed),
             pose,

@@ -24,21 +24,21 @@ class KissMatcher:
     """Lim et al., "KISS-Matcher: fast and robust point cloud registration revisited", ICRA 2025, by its own package.
 
     Clouds are thinned to one point in each cube of ``voxel_mm``; normals reach ``normal_voxels`` and features
-    ``feature_voxels`` times that. At most ``most_matches`` go to the solver. ``refine`` takes the pose to its optimum.
+    ``feature_voxels`` times that. At most ``max_matches`` go to the solver. ``refine`` takes the pose to its optimum.
     It needs the package kiss-matcher, which is imported at the call.
     """
 
     voxel_mm: float
     normal_voxels: float = 3.0
     feature_voxels: float = 5.0
-    most_matches: int = 5000
+    max_matches: int = 5000
     refine: SingleStartICP = field(default_factory=lambda: SingleStartICP(refine_by="plane", keep=0.9))
 
     def __post_init__(self) -> None:
         require_positive("voxel_mm", self.voxel_mm)
         require_positive("normal_voxels", self.normal_voxels)
         require_positive("feature_voxels", self.feature_voxels)
-        require_count("most_matches", self.most_matches, 3)
+        require_count("max_matches", self.max_matches, 3)
         if self.feature_voxels <= self.normal_voxels:
             raise InputError(
                 f"feature_voxels: expected more than normal_voxels ({self.normal_voxels:g}), "
@@ -56,9 +56,9 @@ class KissMatcher:
         fixed_centerline_mm: ArrayLike | None = None,
         moving_frame: ArrayLike | None = None,
     ) -> RigidResult:
-        """Register ``moving_mm`` to ``fixed_mm`` from anywhere; ``initial`` is refined beside what is found.
+        """Register ``moving_mm`` to ``fixed_mm`` from anywhere; ``initial`` is refined too, and the better pose wins.
 
-        Clouds are arrays or lists of shape (m, 3) and (n, 3), poses (4, 4). An answer outside the bound around
+        Clouds are arrays or lists of shape (m, 3) and (n, 3), poses (4, 4). A result outside the bound around
         ``initial`` (``search_cone``, or 45 degrees and 20 mm) has failed: the pose is then the one on that bound.
         Centerlines and frames are not used. Raises InputError for a cloud that is empty, of another shape, not finite,
         degenerate or in metres, an ``initial`` that is not rigid, a cone without one, if nothing matches and there is
@@ -76,7 +76,7 @@ class KissMatcher:
         package = _package()
         config = package.KISSMatcherConfig(
             voxel_size=self.voxel_mm,
-            num_max_corr=self.most_matches,
+            num_max_corr=self.max_matches,
             normal_r_gain=self.normal_voxels,
             fpfh_r_gain=self.feature_voxels,
             # Its bounds on noise are clamped to what suits maps in metres otherwise.

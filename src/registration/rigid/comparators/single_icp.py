@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from registration import transforms
 from registration.checks import require_count, require_positive
 from registration.errors import InputError
-from registration.rigid.comparators.common import one_answer
+from registration.rigid.comparators.common import single_result
 from registration.rigid.icp.correspondence import TreeTarget
 from registration.rigid.icp.loop import align
 from registration.rigid.result import RigidResult
@@ -58,7 +58,7 @@ class SingleStartICP:
     ) -> RigidResult:
         """Register ``moving_mm`` to ``fixed_mm`` from ``initial`` (a fixed_T_moving), or from where they lie.
 
-        Clouds are arrays or lists of shape (m, 3) and (n, 3), poses (4, 4). An answer outside the bound around
+        Clouds are arrays or lists of shape (m, 3) and (n, 3), poses (4, 4). A result outside the bound around
         ``initial`` (``search_cone``, or 45 degrees and 20 mm) has failed: the pose is then the one on that bound.
         Centerlines and frames are not used. Raises InputError for a cloud that is empty, of another shape, not finite,
         degenerate or in metres, an ``initial`` that is not rigid, or a cone without one.
@@ -80,7 +80,7 @@ class SingleStartICP:
             max_iterations=self.max_iterations,
             tolerance=self.tolerance,
         )
-        return one_answer(
+        return single_result(
             moving,
             target,
             found.fixed_T_moving[0],

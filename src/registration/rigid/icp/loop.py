@@ -16,7 +16,7 @@ from registration.rigid.icp.correspondence import Target
 from registration.rigid.icp.estimation import Estimation, PointToPlane, PointToPoint
 from registration.rigid.icp.pairs import Pairs, closest_pairs
 from registration.rigid.icp.rejection import Rejection, trimming_weights
-from registration.rigid.icp.robust_kernels import RobustKernel, usual_size
+from registration.rigid.icp.robust_kernels import RobustKernel, robust_scale
 
 # A residual below this share of the cloud's radius is rounding: two equal clouds have met.
 FLOOR_SHARE = 1e-10
@@ -41,9 +41,9 @@ class Alignments:
     """
 
     fixed_T_moving: Float64[np.ndarray, "s 4 4"]
-    rmse_mm: Float64[np.ndarray, "s"]
-    iterations: Int64[np.ndarray, "s"]
-    converged: Bool[np.ndarray, "s"]
+    rmse_mm: Float64[np.ndarray, " s"]
+    iterations: Int64[np.ndarray, " s"]
+    converged: Bool[np.ndarray, " s"]
 
 
 def align(
@@ -128,7 +128,7 @@ def align(
     return Alignments(poses, history_mm[0], iterations, converged)
 
 
-def _size_mm(motion: np.ndarray, centre_mm: np.ndarray, radius_mm: float) -> Float64[np.ndarray, "s"]:
+def _size_mm(motion: np.ndarray, centre_mm: np.ndarray, radius_mm: float) -> Float64[np.ndarray, " s"]:
     """How far a small motion takes a cloud of that centre and radius, at most: its shift and its turn together."""
     shift_mm = (motion[:, :3, :3] @ centre_mm[..., None])[..., 0] + motion[:, :3, 3] - centre_mm
     # The Frobenius distance of a rotation from the identity is the square root of two times its angle.
@@ -149,7 +149,7 @@ def _weights(
     for rejection in rejections:
         weights = weights * rejection(pairs)
     if kernel is not None:
-        weights = weights * kernel(residuals_mm / usual_size(residuals_mm, floor_mm))
+        weights = weights * kernel(residuals_mm / robust_scale(residuals_mm, floor_mm))
     bare = (weights > 0).sum(axis=1) < 3
     if bare.any():
         weights[bare] = trimming_weights(pairs.squared_mm2[bare], np.finfo(float).tiny)

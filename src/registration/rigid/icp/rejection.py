@@ -82,7 +82,7 @@ class DistanceRejection:
 
     Parameters
     ----------
-    most_mm : float
+    max_distance_mm : float
         Largest distance of a pair in mm.
 
     Raises
@@ -95,10 +95,10 @@ class DistanceRejection:
     Z. Zhang, Int. J. Comput. Vis. 13(2), 1994.
     """
 
-    most_mm: float
+    max_distance_mm: float
 
     def __post_init__(self) -> None:
-        require_positive("most_mm", self.most_mm)
+        require_positive("max_distance_mm", self.max_distance_mm)
 
     def __call__(self, pairs: Pairs) -> Float64[np.ndarray, "s n"]:
         """Keep the pairs within the distance.
@@ -113,7 +113,7 @@ class DistanceRejection:
         ndarray, shape (s, n)
             1 for a pair that counts, 0 for one that does not.
         """
-        return (pairs.squared_mm2 <= self.most_mm**2).astype(np.float64)
+        return (pairs.squared_mm2 <= self.max_distance_mm**2).astype(np.float64)
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ class NormalRejection:
 
     Parameters
     ----------
-    most_deg : float, optional
+    max_angle_deg : float, optional
         Largest angle in degrees, above 0 to 90.
 
     Raises
@@ -135,10 +135,10 @@ class NormalRejection:
     K. Pulli, 3DIM 1999.
     """
 
-    most_deg: float = 45.0
+    max_angle_deg: float = 45.0
 
     def __post_init__(self) -> None:
-        require_positive("most_deg", self.most_deg, 90.0)
+        require_positive("max_angle_deg", self.max_angle_deg, 90.0)
 
     def __call__(self, pairs: Pairs) -> Float64[np.ndarray, "s n"]:
         """Keep the pairs of surfaces that face alike.
@@ -161,7 +161,7 @@ class NormalRejection:
         if pairs.normals is None or pairs.moved_normals is None:
             raise InputError("pairs: expected normals of both clouds to compare them, received none")
         cosine = np.abs(np.einsum("snk,snk->sn", pairs.normals, pairs.moved_normals))
-        return (cosine >= np.cos(np.deg2rad(self.most_deg))).astype(np.float64)
+        return (cosine >= np.cos(np.deg2rad(self.max_angle_deg))).astype(np.float64)
 
 
 def trimming_weights(squared: Float64[np.ndarray, "s n"], keep: float) -> Float64[np.ndarray, "s n"]:

@@ -65,7 +65,10 @@ def test_null_is_no_answer(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "told, expected",
     [
-        ({"verdict": "sure"}, "expected a verdict of accepted, ambiguous, failed, received 'sure'"),
+        (
+            {"verdict": "sure"},
+            "expected a verdict of accepted, ambiguous, failed, not judged, received 'sure'",
+        ),
         ({"fixed_T_moving": [[1.0]]}, "expected fixed_T_moving as 4 rows of 4 numbers"),
         ({"fixed_T_moving": (2 * np.eye(4)).tolist()}, "fixed_T_moving"),
         ({"predicted_tre_mm": 3.0}, "expected numbers as registration.json has them"),
@@ -124,7 +127,7 @@ def test_a_doubted_answer_is_compared_with_the_best_second_pose() -> None:
 
 
 def test_an_answer_that_was_wrongly_accepted_is_compared_too_where_the_method_judges_itself() -> None:
-    row = answer_row(Answer(POSE, tre_low_mm=0.0, tre_high_mm=1.0), TRUTH, CASE)
+    row = answer_row(Answer(POSE, "accepted", tre_low_mm=0.0, tre_high_mm=1.0), TRUTH, CASE)
     assert not math.isnan(row["second_pose_gap"])
     assert math.isnan(row["ambiguous_rightly"])
 

@@ -6,12 +6,14 @@ import pandas as pd
 import pytest
 from scored_cases import scored_cases
 
+from experiments.analysis.segmentation.case_table import SMOKE, smoke_note
 from experiments.analysis.segmentation.comparison import compare_models
 from experiments.analysis.segmentation.comparison_findings import (
     comparison_metrics,
     comparison_table,
     describe_comparison,
 )
+from experiments.analysis.segmentation.findings import describe
 
 GAINS = {"unet": 0.0, "same": 0.002, "better": 0.05}
 NINE_GROUPS = compare_models(scored_cases(GAINS, groups=9, noise=0.004, simulated=True))
@@ -104,3 +106,19 @@ def test_what_was_trained_on_is_told() -> None:
 
 def test_nothing_to_say_of_no_comparison() -> None:
     assert describe_comparison(pd.DataFrame()) == () and not len(comparison_table(pd.DataFrame()))
+
+
+def test_networks_trained_for_a_look_alone_are_compared_with_nothing_and_called_so_on_every_line() -> None:
+    """Of nine groups the difference would be significant, whatever the training was for."""
+    names = {f"{SMOKE}unet": 0.05, f"{SMOKE}unet3plus": 0.0, "unet": 0.0, "same": 0.002}
+    cases = scored_cases(names, groups=9, noise=0.004)
+    compared = compare_models(cases)
+    assert set(compared["first"]) | set(compared["second"]) == {"unet", "same"}
+    said = describe(cases)
+    assert [sentence.startswith(SMOKE) for sentence in said] == [True, True, False, False]
+    (note,) = smoke_note(cases)
+    assert "trainer=smoke shows that all works and not how well" in note
+    alone = cases[cases["model"].str.startswith(SMOKE)]
+    assert not len(compare_models(alone))
+    assert describe_comparison(compare_models(alone)) == ()
+    assert smoke_note(cases[cases["model"] == "unet"]) == ()

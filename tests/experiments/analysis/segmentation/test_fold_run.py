@@ -84,3 +84,9 @@ def test_how_a_training_went() -> None:
         "images_per_s": 7.0,
         "peak_memory_mb": 320.0,
     }
+
+
+def test_a_smoke_training_is_called_so_wherever_the_network_is_named() -> None:
+    settings = {"max_epochs": 1, "batch_size": 2, "learning_rate": 0.001, "patience": 1}
+    parts = (UNet(width=4), Preprocessing(64), TrainerSettings(**settings, smoke=True), Augmentation())
+    assert FoldRun(*parts, DiceCrossEntropy(), seed=0, fold=0).model_name == "smoke-trained unet"

@@ -89,7 +89,8 @@ def test_metrics_and_tables_keep_pairs_and_truth_apart() -> None:
 def test_sentences_and_figure_say_what_is_simulated() -> None:
     table = cases(np.full((4, 4), 0.3))
     said = describe(table)
-    assert said[0].startswith("vein: two sweeps are 0.30 mm apart on average")
+    assert said[0].startswith("vein: 6 pairs of sweeps lie 0.30 mm apart on average")
+    assert "95 % interval over 4 sweeps 0.30 to 0.30" in said[0]
     assert "0.100 mm too far in" in said[0]
     assert "< 0.8 mm" in said[1]
     assert "not comparable" in said[1]
@@ -98,3 +99,10 @@ def test_sentences_and_figure_say_what_is_simulated() -> None:
     assert "simulated" in figure.get_suptitle()
     # The published line is in view.
     assert figure.axes[1].get_ylim()[1] > 0.8
+
+
+def test_two_sweeps_have_no_interval_and_the_sentence_says_so() -> None:
+    said = describe(cases(np.full((2, 2), 0.3)))
+    assert said[0].startswith("vein: 1 pair of sweeps lies 0.30 mm apart on average")
+    assert "too few sweeps for an interval" in said[0]
+    assert "nan" not in " ".join(said)

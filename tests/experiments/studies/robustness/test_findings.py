@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 import pandas as pd
-from robustness_rows import FAR, binned, row
+import pytest
+from robustness_rows import FAR, SILENT, binned, row
 
 from experiments.studies.robustness.findings import describe
 
@@ -16,23 +17,25 @@ def test_each_method_and_piece_has_its_sentence_and_what_holds_for_all_comes_las
     said = describe(
         pd.DataFrame(
             [
-                *binned("multistart", [4, 3], overlap=0.4, place="end"),
-                *binned("single_icp", [4, 0], rmse_mm=0.2, overlap=0.4, place="end", **NOT_PREDICTED),
+                *binned("multistart", [20, 15], 20, overlap=0.4, place="end"),
+                *binned("single_icp", [20, 0], 20, rmse_mm=0.2, overlap=0.4, place="end", **SILENT),
             ]
         )
     )
-    assert said[0].startswith("multistart at overlap 0.4 (end): 7 of 8 trials within 2 mm of the truth (88%")
-    assert said[1].startswith("single_icp at overlap 0.4 (end): 4 of 8")
+    assert said[0].startswith(
+        "multistart at overlap 0.4 (end): 35 of 40 trials within 2 mm of the truth (88%"
+    )
+    assert said[1].startswith("single_icp at overlap 0.4 (end): 20 of 40")
     assert said[2] == (
-        "multistart accepted 100.0% of its answers, of which 87.5% lie within 2 mm; its predicted 90 % intervals hold "
-        "the true error in 87.5% of them."
+        "multistart accepted 40 of its 40 answers, of which 35 of 40 (87.5%, Wilson 95 % interval 73.9% to 94.5%) lie "
+        "within 2 mm; its predicted 90 % intervals hold the true error in 35 of 40 (87.5%, Wilson 95 % interval 73.9% "
+        "to 94.5%) of them."
     )
-    assert said[3].startswith(
-        "multistart captures rotations up to 15 degrees on its worst piece and 15 on its best"
-    )
-    assert "4 trials a bin at least" in said[4]
-    assert said[5].startswith("RMSE hides 5 of 16 trials")
-    assert said[6].startswith("All trials are on one anatomy: tests across anatomies are not possible")
+    assert said[3] == "single_icp: its answers are not judged."
+    assert said[4].startswith("multistart captures rotations up to 15 degrees (at least 95% success")
+    assert "in these trials; 20 trials a bin at least" in said[5]
+    assert said[6].startswith("RMSE hides 25 of 80 trials")
+    assert said[7].startswith("All trials are on one anatomy: tests across anatomies are not possible")
 
 
 def test_failures_and_factors_are_said() -> None:
@@ -52,13 +55,28 @@ def test_failures_and_factors_are_said() -> None:
         )
     )
     assert said[1] == (
-        "multistart at overlap 1 gave no answer in 1 of 1 trials, which count as failed (first: RuntimeError: lost)."
+        "multistart at overlap 1 gave no answer in 1 of 1 trial, which count as failed (first: RuntimeError: lost)."
     )
     assert said[2] == "multistart by noise_mm, trials within 2 mm: 0: 1 of 1, 0.5: 0 of 1."
-    assert not any("accepted" in sentence for sentence in said)
+    # One of the two that were accepted is right; no error was predicted, so nothing is said of intervals.
+    assert said[3].startswith("multistart accepted 2 of its 3 answers, of which 1 of 2 (50.0%")
+    assert "intervals hold" not in said[3]
     assert not any("anatomy" in sentence for sentence in said)
 
 
 def test_several_anatomies_are_said_to_be_pooled() -> None:
     said = describe(pd.DataFrame([row("a", anatomy=name) for name in ("first", "second")]))
     assert said[-1].startswith("Wilson intervals pool the trials of 2 anatomies")
+
+
+@pytest.mark.parametrize("trials", [1, 4, 9])
+def test_too_few_trials_a_bin_show_no_capture_range(trials: int) -> None:
+    said = describe(pd.DataFrame(binned("multistart", [trials, trials, 0], trials)))
+    assert not any("captures" in sentence for sentence in said)
+    count = "1 trial" if trials == 1 else f"{trials} trials"
+    assert f"No capture range: a bin of angles has {count}, at least 10 are needed for a rate of 95%." in said
+
+
+def test_one_trial_is_not_called_trials() -> None:
+    said = describe(pd.DataFrame([row()]))
+    assert said[0].startswith("multistart at overlap 1: 1 of 1 trial within 2 mm")

@@ -6,7 +6,7 @@ import math
 
 import pandas as pd
 import pytest
-from robustness_rows import FAR, binned, row
+from robustness_rows import FAR, SILENT, binned, row
 
 from experiments.studies.robustness.metrics import (
     by_bin,
@@ -14,6 +14,7 @@ from experiments.studies.robustness.metrics import (
     crossed,
     groups,
     inside,
+    judges,
     lies,
     methods,
     rate_metrics,
@@ -69,11 +70,15 @@ def test_the_capture_range_ends_before_the_first_bin_that_falls_short() -> None:
     assert ranged([18, 20, 20]) == 0
     gap = pd.DataFrame(
         [
-            *binned("a", [4]),
-            *(each | {"angle_from_deg": 30.0, "angle_to_deg": 45.0} for each in binned("a", [4])),
+            *binned("a", [10], 10),
+            *(each | {"angle_from_deg": 30.0, "angle_to_deg": 45.0} for each in binned("a", [10], 10)),
         ]
     )
     assert capture_range_deg(gap) == 15
+    assert ranged([10, 10], 10) == 30
+    # Nine trials a bin, all of them right, are too few for a rate of 95 %.
+    assert math.isnan(ranged([9, 9], 9))
+    assert math.isnan(ranged([1, 1], 1))
     flips = pd.DataFrame([row(rotation="flip", angle_from_deg=math.nan, angle_to_deg=math.nan)])
     assert math.isnan(capture_range_deg(flips))
 
@@ -92,3 +97,16 @@ def test_groups_keep_their_order_and_levels_that_are_no_number() -> None:
         ("b", 1),
     ]
     assert len(crossed(cases)) == 2
+
+
+def test_a_method_that_does_not_judge_has_no_acceptance() -> None:
+    rates = rate_metrics(pd.DataFrame([row(**SILENT), row(tre_mm=40.0, **SILENT)]))
+    assert rates["success_tre_rate"] == 0.5
+    for name in ("accepted_rate", "success_tre_accepted_rate", "tre_interval_coverage", "trials_accepted"):
+        assert math.isnan(rates[name]), name
+    # One that raised in some trials still does not judge the others; one that only ever raised says nothing.
+    lost = row(tre_mm=math.inf, error="RuntimeError: lost", accepted=False)
+    assert not judges(pd.DataFrame([row(**SILENT), lost]))
+    assert not judges(pd.DataFrame([lost]))
+    assert judges(pd.DataFrame([row(accepted=False), lost]))
+    assert rate_metrics(pd.DataFrame([row(), lost]))["accepted_rate"] == 0.5

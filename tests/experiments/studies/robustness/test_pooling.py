@@ -30,10 +30,10 @@ def test_surfaces_whose_files_have_one_name_are_two_anatomies() -> None:
 
 
 def test_one_method_with_two_settings_is_two_methods() -> None:
-    cases = pooled([job("multistart", {"rigid.multistart.rolls": rolls}) for rolls in ("12", "24")])
+    cases = pooled([job("multistart", {"rigid.multistart.starts.rolls": rolls}) for rolls in ("12", "24")])
     assert list(dict.fromkeys(cases["method"])) == [
-        "multistart rigid.multistart.rolls=12",
-        "multistart rigid.multistart.rolls=24",
+        "multistart rigid.multistart.starts.rolls=12",
+        "multistart rigid.multistart.starts.rolls=24",
     ]
 
 

@@ -6,14 +6,14 @@ import math
 
 import pandas as pd
 import pytest
-from robustness_rows import FAR, binned, row
+from robustness_rows import FAR, SILENT, binned, row
 
 from experiments.studies.robustness.tables import capture_ranges, tables
 
 CASES = pd.DataFrame(
     [
         *binned("multistart", [4, 4, 3]),
-        *binned("single_icp", [4, 2, 0], rmse_mm=0.4, tre_low_mm=math.nan, tre_high_mm=math.nan),
+        *binned("single_icp", [4, 2, 0], rmse_mm=0.4, **SILENT),
         *binned("multistart", [4, 4, 4], overlap=0.6, place="end"),
         row("multistart", rotation="flip", angle_from_deg=math.nan, angle_to_deg=math.nan, trial=0),
         *(
@@ -48,17 +48,30 @@ def test_verdicts_count_what_was_taken_wrongly_and_left_wrongly() -> None:
     assert interval["tre_high_mm_median"] == 0.6
 
 
+def test_verdicts_are_shown_for_methods_that_judge_alone() -> None:
+    assert set(tables(CASES)["verdicts"]["method"]) == {"multistart"}
+    assert "verdicts" not in tables(pd.DataFrame([row(**SILENT)]))
+
+
 def test_intervals_are_shown_for_methods_that_predict_them_alone() -> None:
     table = tables(CASES)["tre_intervals"]
     assert table[["method", "overlap"]].to_numpy().tolist() == [["multistart", 1.0], ["multistart", 0.6]]
 
 
 def test_capture_ranges_say_how_many_trials_they_rest_on() -> None:
-    table = capture_ranges(CASES[CASES["factor"] == "rotation"])
+    few = capture_ranges(CASES[CASES["factor"] == "rotation"])
+    assert few["trials_a_bin"].tolist() == [4, 4, 4]
+    assert few["capture_range_deg"].isna().all()
+    enough = [
+        *binned("multistart", [20, 20, 15], 20),
+        *binned("single_icp", [20, 10, 0], 20, **SILENT),
+        *binned("multistart", [20, 20, 20], 20, overlap=0.6, place="end"),
+    ]
+    table = capture_ranges(pd.DataFrame(enough))
     assert table[["method", "overlap", "capture_range_deg", "trials_a_bin"]].to_numpy().tolist() == [
-        ["multistart", 1.0, 30.0, 4],
-        ["single_icp", 1.0, 15.0, 4],
-        ["multistart", 0.6, 45.0, 4],
+        ["multistart", 1.0, 30.0, 20],
+        ["single_icp", 1.0, 15.0, 20],
+        ["multistart", 0.6, 45.0, 20],
     ]
     assert table["lowest_rate"].tolist() == [0.75, 0.0, 1.0]
 

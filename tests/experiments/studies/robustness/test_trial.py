@@ -75,7 +75,8 @@ def test_what_a_method_says_of_itself_is_in_the_row() -> None:
     assert (row["tre_low_mm"], row["tre_high_mm"]) == pytest.approx((0.05, 0.95))
     assert row["runtime_s"] == 0.25
     silent = trial(lambda moving, fixed: answer(IDENTITY))((0, 0))
-    assert silent["accepted"] and math.isnan(silent["tre_low_mm"]) and math.isnan(silent["ambiguity_gap"])
+    assert (silent["verdict"], silent["accepted"]) == ("not judged", False)
+    assert math.isnan(silent["tre_low_mm"]) and math.isnan(silent["ambiguity_gap"])
 
 
 def test_a_method_that_takes_frames_gets_them_and_one_that_does_not_is_left_alone() -> None:

@@ -1,4 +1,4 @@
-"""The answer of a method that follows one pose: what is measured, and when it has failed."""
+"""The result of a method that follows one pose: what is measured, and when it has failed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from registration import transforms
 from registration.errors import InputError
 from registration.rigid.comparators import SingleStartICP
-from registration.rigid.comparators.common import one_answer, refined
+from registration.rigid.comparators.common import refined, single_result
 from registration.rigid.icp.correspondence import TreeTarget
 from registration.rigid.result import RigidResult
 from registration.rigid.search_cone import SearchCone, known_pose
@@ -20,10 +20,10 @@ from registration.rigid.search_cone import SearchCone, known_pose
 BOX = np.array([[x, y, z] for x in (0.0, 40.0) for y in (0.0, 20.0) for z in (0.0, 10.0)])
 
 
-def answer(
+def result_of(
     pose: np.ndarray, cone: SearchCone | None = None, initial: np.ndarray | None = None
 ) -> RigidResult:
-    return one_answer(
+    return single_result(
         BOX,
         TreeTarget(BOX),
         pose,
@@ -40,12 +40,12 @@ def answer(
 
 def test_residuals_are_those_of_the_pose() -> None:
     """The box is moved by 2 mm along its longest edge: every corner is 2 mm from its own, within 0.3 * 10 mm."""
-    found = answer(transforms.translation((2.0, 0.0, 0.0)))
+    found = result_of(transforms.translation((2.0, 0.0, 0.0)))
     assert found.rmse_mm == pytest.approx(2.0)
     assert found.rmse_trimmed_mm == pytest.approx(2.0)
     assert found.inlier_share == 1.0
     assert (found.iterations, found.converged, found.verdict) == (7, True, "not judged")
-    assert answer(transforms.translation((4.0, 0.0, 0.0))).inlier_share == 0.0
+    assert result_of(transforms.translation((4.0, 0.0, 0.0))).inlier_share == 0.0
 
 
 @pytest.mark.parametrize(
@@ -59,15 +59,15 @@ def test_the_cone_bounds_the_turn_and_the_way_of_the_centroid(
     known = transforms.translation((100.0, -30.0, 5.0))
     turn = transforms.rotate_about(Rotation.from_euler("z", angle_deg, degrees=True), BOX.mean(axis=0))
     pose = transforms.compose(known, transforms.translation((0.0, shift_mm, 0.0)), turn)
-    found = answer(pose, SearchCone(10.0, 5.0), known)
+    found = result_of(pose, SearchCone(10.0, 5.0), known)
     assert found.verdict == verdict
-    assert answer(pose, None, known).verdict == "not judged"
+    assert result_of(pose, None, known).verdict == "not judged"
 
 
 def test_both_ways_are_measured_where_the_clouds_lie_beside_each_other() -> None:
     """Half the box on the whole one: 0 mm there, and back 0 mm from the half that is covered."""
     half = BOX[BOX[:, 0] == 0.0]
-    found = one_answer(
+    found = single_result(
         half,
         TreeTarget(BOX),
         np.eye(4),

@@ -39,24 +39,24 @@ def test_a_pose_far_away_is_found(method: FpfhRansac | FpfhFastGlobal) -> None:
 
 
 @METHODS
-def test_the_same_seed_gives_the_same_answer_whatever_ran_before(method: FpfhRansac | FpfhFastGlobal) -> None:
+def test_the_same_seed_gives_the_same_result_whatever_ran_before(method: FpfhRansac | FpfhFastGlobal) -> None:
     noise = 0.4 * np.random.default_rng(5).normal(size=FIXED.shape)
     moving = moved_by(90.0, 30.0, 2)[0]
     features = [FEATURES(cloud - cloud.mean(axis=0), "cloud") for cloud in (moving, FIXED + noise)]
 
-    def answer(seed: int) -> bytes:
+    def result_of(seed: int) -> bytes:
         chosen = dataclasses.replace(method, seed=seed)
         if isinstance(chosen, FpfhRansac):
             # So few draws that the best of them depends on which were drawn.
             chosen = dataclasses.replace(chosen, max_iterations=50)
         else:
-            chosen = dataclasses.replace(chosen, most_triples=60)
+            chosen = dataclasses.replace(chosen, max_triples=60)
         return np.array(chosen.search(*features).transformation).tobytes()
 
-    first = answer(1)
-    others = {answer(seed) for seed in range(8)}
+    first = result_of(1)
+    others = {result_of(seed) for seed in range(8)}
     assert len(others) > 1
-    assert answer(1) == first
+    assert result_of(1) == first
 
 
 @METHODS
@@ -111,7 +111,7 @@ def test_settings_out_of_range_are_refused(
     [
         (RANSAC, {"max_iterations": 0}),
         (RANSAC, {"confidence": 0.0}),
-        (FAST, {"most_triples": 0}),
+        (FAST, {"max_triples": 0}),
         (FAST, {"iterations": 0}),
     ],
 )

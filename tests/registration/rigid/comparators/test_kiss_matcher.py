@@ -47,7 +47,7 @@ def test_a_package_that_is_not_there_is_asked_for_with_the_command(monkeypatch: 
         {"voxel_mm": 0.0},
         {"normal_voxels": 0.0},
         {"feature_voxels": 2.0},
-        {"most_matches": 2},
+        {"max_matches": 2},
     ],
 )
 def test_settings_out_of_range_are_refused(settings: dict[str, float]) -> None:

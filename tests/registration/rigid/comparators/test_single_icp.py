@@ -91,7 +91,7 @@ def test_along_normals_it_fails_upside_down_too() -> None:
     assert np.linalg.norm(apart_mm, axis=1).max() > 20
 
 
-def test_an_answer_outside_the_cone_has_failed() -> None:
+def test_a_result_outside_the_cone_has_failed() -> None:
     moving = displaced(0.2, 3.0, 0)
     method = SingleStartICP()
     inside = method(moving, FIXED, np.eye(4), search_cone=SearchCone(30.0, 10.0))

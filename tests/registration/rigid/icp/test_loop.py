@@ -1,4 +1,4 @@
-"""The loop of ICP held against brute force and answers known by construction."""
+"""The loop of ICP held against brute force and results known by construction."""
 
 from __future__ import annotations
 
@@ -100,8 +100,8 @@ def test_two_poses_that_change_places_forever_count_as_settled() -> None:
 
 
 def test_trimming_shuts_out_points_that_belong_nowhere() -> None:
-    stray = MOVING[:60] + np.array([0.0, 25.0, 0.0])
-    spoilt = np.concatenate([MOVING, stray])
+    isolated = MOVING[:60] + np.array([0.0, 25.0, 0.0])
+    spoilt = np.concatenate([MOVING, isolated])
     target = TreeTarget(FIXED, neighbours=12)
     trimmed = align(spoilt, target, near()[None], keep=0.8, max_iterations=100, tolerance=1e-6)
     plain = align(spoilt, target, near()[None], keep=1.0, max_iterations=100, tolerance=1e-6)
@@ -109,9 +109,9 @@ def test_trimming_shuts_out_points_that_belong_nowhere() -> None:
     assert displacement_mm(plain.fixed_T_moving[0], np.eye(4)) > 1
 
 
-def test_a_kernel_or_a_rejection_shuts_strays_out_as_trimming_does() -> None:
-    stray = MOVING[:60] + np.array([0.0, 25.0, 0.0])
-    spoilt = np.concatenate([MOVING, stray])
+def test_a_kernel_or_a_rejection_shuts_outliers_out_as_trimming_does() -> None:
+    isolated = MOVING[:60] + np.array([0.0, 25.0, 0.0])
+    spoilt = np.concatenate([MOVING, isolated])
     target = TreeTarget(FIXED, neighbours=12)
     more = {"max_iterations": 100, "tolerance": 1e-6}
     for part in ({"kernel": Tukey()}, {"rejections": (DistanceRejection(5.0),)}):

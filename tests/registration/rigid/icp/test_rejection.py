@@ -54,7 +54,8 @@ def test_normals_that_are_missing_are_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    "rule, setting", [(TrimRejection, "keep"), (DistanceRejection, "most_mm"), (NormalRejection, "most_deg")]
+    "rule, setting",
+    [(TrimRejection, "keep"), (DistanceRejection, "max_distance_mm"), (NormalRejection, "max_angle_deg")],
 )
 def test_settings_out_of_range_are_refused(rule: type, setting: str) -> None:
     with pytest.raises(InputError, match=f"{setting}: expected"):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from registration.errors import InputError
-from registration.rigid.icp.robust_kernels import Huber, Tukey, Welsch, usual_size
+from registration.rigid.icp.robust_kernels import Huber, Tukey, Welsch, robust_scale
 
 AT = np.array([0.0, 1.0, -2.0, 4.0])
 
@@ -29,14 +29,14 @@ def test_the_usual_tuning_is_95_percent_efficient_on_normal_residuals(kernel: Hu
     assert efficiency == pytest.approx(0.95, abs=0.002)
 
 
-def test_the_usual_size_is_a_standard_deviation_that_strays_do_not_move() -> None:
+def test_the_robust_scale_is_a_standard_deviation_that_outliers_do_not_move() -> None:
     residuals = 0.3 * np.random.default_rng(0).standard_normal((2, 20_000))
     residuals[1, :2000] = 50.0
-    size = usual_size(residuals, 1e-9)
+    size = robust_scale(residuals, 1e-9)
     assert size.shape == (2, 1)
     assert size[0, 0] == pytest.approx(0.3, rel=0.03)
     assert size[1, 0] == pytest.approx(0.3, rel=0.2)
-    np.testing.assert_allclose(usual_size(np.zeros((1, 5)), 0.01), 0.01)
+    np.testing.assert_allclose(robust_scale(np.zeros((1, 5)), 0.01), 0.01)
 
 
 @pytest.mark.parametrize("kernel", [Huber, Tukey, Welsch])

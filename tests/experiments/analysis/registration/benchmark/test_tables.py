@@ -48,7 +48,7 @@ MINE = pd.DataFrame(
 OTHER = MINE.assign(
     method="other",
     success_tre_symmetric=[False, False, True, False, False, False],
-    verdict="accepted",
+    verdict="not judged",
     tre_high_mm=NAN,
     ambiguity_gap=NAN,
     covered_by_interval=NAN,
@@ -119,12 +119,13 @@ def test_sentences_say_what_failed_and_what_was_doubted() -> None:
     said = " ".join(describe_benchmark(pd.concat([MINE, OTHER], ignore_index=True)))
     assert "mine: 3 of 6 cases within 2 mm TRE (50.0%, 95 % interval over 3 anatomies" in said
     assert "are right (wrong: b_whole)." in said
-    assert "mine doubts 3 answers (1 of them declared failed), 1 of which are right" in said
+    assert "mine doubts 3 of 6 answers (declared failed: 1; right all the same: 1)" in said
     assert "in 1 of 2 a second pose explains the clouds within their noise" in said
     assert "right answers that were doubted without one: 1 (c_whole)" in said
+    assert "other: its answers are not judged." in said
+    assert "other accepts" not in said
     assert "80.0 % (Wilson 95 % interval" in said
     assert "mine gave no answer to 1 of 6 cases, which count as failed (first: lost)" in said
-    assert "other does not judge its answers: all are accepted." in said
     assert "mine is right alone in 3 cases, other in 1" in said
     third = OTHER.assign(method="third")
     pairs = [one for one in describe_benchmark(pd.concat([OTHER, MINE, third])) if "McNemar" in one]
@@ -160,9 +161,18 @@ def test_the_figure_has_its_three_parts() -> None:
     figure = benchmark_figures(pd.concat([MINE, OTHER], ignore_index=True))["rigid_benchmark"]
     risk, predicted, kinds = figure.axes
     # Two orders and one point for the method that judges itself, one point for the other.
-    assert len(risk.lines) == 4
+    assert len(risk.lines) == 3
     assert risk.lines[2].get_xdata()[0] == pytest.approx(0.5)
     assert risk.lines[2].get_ydata()[0] == pytest.approx(1 / 3)
     assert sum(len(dots.get_offsets()) for dots in predicted.collections) == 5
     assert [label.get_text() for label in kinds.get_xticklabels()] == ["whole", "piece"]
     assert "simulated" in figure.get_suptitle()
+
+
+def test_a_method_that_does_not_judge_has_no_acceptance() -> None:
+    found = benchmark_metrics(OTHER)
+    for name in ("acceptance_rate", "success_accepted_rate", "accepted_failures", "over_cautious"):
+        assert name not in found
+    methods = benchmark_tables(OTHER)["methods, simulated"]
+    assert methods["acceptance_rate"].isna().all()
+    assert not {"accepted wrongly, simulated", "not accepted, simulated"} & set(benchmark_tables(OTHER))
