@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from models.errors import InputError
-from models.training.fold import schedules
+from models.training import schedules
 
 ACCELERATORS = ("cpu", "gpu", "auto")
 PRECISIONS = ("32-true", "16-mixed", "bf16-mixed")
