@@ -223,7 +223,7 @@ def probes(frame: PrincipalFrame, slide_mm: float) -> Float64[np.ndarray, "k 4 4
 
 def displacement_mm(
     motions: Float64[np.ndarray, "k 4 4"], points_mm: Float64[np.ndarray, "n 3"]
-) -> Float64[np.ndarray, "k"]:
+) -> Float64[np.ndarray, " k"]:
     """Compute by how much each motion displaces points.
 
     Parameters

@@ -71,7 +71,7 @@ class Found:
     """
 
     candidates: tuple[Candidate, ...]
-    gap: Float64[np.ndarray, "c"]
+    gap: Float64[np.ndarray, " c"]
     iterations: int
     settled: bool
     outside: Candidate | None = None
@@ -299,7 +299,7 @@ def _divided(candidates: list[Candidate], within: Bound | None) -> tuple[list[Ca
     return inside, [one for one, is_held in zip(candidates, held, strict=True) if not is_held]
 
 
-def _gaps(evidence: Evidence, candidates: list[Candidate]) -> Float64[np.ndarray, "c"]:
+def _gaps(evidence: Evidence, candidates: list[Candidate]) -> Float64[np.ndarray, " c"]:
     if not candidates:
         return np.zeros(0)
     return evidence.gaps(np.stack([one.fixed_T_moving for one in candidates]))

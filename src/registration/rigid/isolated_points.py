@@ -13,7 +13,7 @@ NEIGHBOUR, ISOLATION_FACTOR = 8, 4.0
 MIN_CLOUD_POINTS = 50
 
 
-def isolated_points(points_mm: Float64[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
+def isolated_points(points_mm: Float64[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
     """Find the points that have hardly any others around them.
 
     Parameters
@@ -32,7 +32,7 @@ def isolated_points(points_mm: Float64[np.ndarray, "n 3"]) -> Bool[np.ndarray, "
     return is_isolated(np.sqrt(np.asarray(squared_mm2)[:, -1]))
 
 
-def is_isolated(away_mm: Float64[np.ndarray, "n"]) -> Bool[np.ndarray, "n"]:
+def is_isolated(away_mm: Float64[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
     """Find the isolated points from the distances to their neighbours.
 
     Parameters

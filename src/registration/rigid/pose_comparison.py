@@ -31,7 +31,7 @@ BESIDE_INLIERS = 3.0
 
 def distinct(
     poses: Float64[np.ndarray, "s 4 4"], probe_mm: Float64[np.ndarray, "p 3"], reach_mm: float
-) -> list[Int64[np.ndarray, "_"]]:
+) -> list[Int64[np.ndarray, " _"]]:
     """Group poses that move points alike.
 
     Parameters
@@ -62,7 +62,7 @@ def distinct(
     return groups
 
 
-def blocks_of(points_mm: Float64[np.ndarray, "n 3"], count: int) -> Int64[np.ndarray, "n"]:
+def blocks_of(points_mm: Float64[np.ndarray, "n 3"], count: int) -> Int64[np.ndarray, " n"]:
     """Divide a cloud into compact blocks of equally many points.
 
     The cloud is halved across its longest side again and again, as a k-d tree is built: isolated points around it do
@@ -92,7 +92,7 @@ def blocks_of(points_mm: Float64[np.ndarray, "n 3"], count: int) -> Int64[np.nda
     return block
 
 
-def blocks_of_frames(frame: Int64[np.ndarray, "n"], count: int) -> Int64[np.ndarray, "n"]:
+def blocks_of_frames(frame: Int64[np.ndarray, " n"], count: int) -> Int64[np.ndarray, " n"]:
     """Divide points into blocks of consecutive frames.
 
     Parameters
@@ -135,7 +135,7 @@ class Evidence:
     """
 
     moving_mm: Float64[np.ndarray, "m 3"]
-    block: Int64[np.ndarray, "m"]
+    block: Int64[np.ndarray, " m"]
     target: TreeTarget
     smoothed: TreeTarget
     offset: bool = False
@@ -161,7 +161,7 @@ class Evidence:
         """
         return np.stack([self._squared_mm2(pose) for pose in poses])
 
-    def _squared_mm2(self, pose: np.ndarray) -> Float64[np.ndarray, "m"]:
+    def _squared_mm2(self, pose: np.ndarray) -> Float64[np.ndarray, " m"]:
         key = pose.tobytes()
         if key not in self._known:
             pairs = closest_pairs(self.moving_mm, self.smoothed, pose[None])
@@ -209,7 +209,7 @@ class Evidence:
         floor_mm = FLOOR_SPACINGS * self.smoothed.spacing_mm
         return np.minimum(squared, LOSS_CAP**2 * max(scale_mm2, floor_mm**2))
 
-    def gaps(self, poses: Float64[np.ndarray, "s 4 4"]) -> Float64[np.ndarray, "s"]:
+    def gaps(self, poses: Float64[np.ndarray, "s 4 4"]) -> Float64[np.ndarray, " s"]:
         """Compute by how many standard errors each pose explains the points worse than the first one does.
 
         Parameters

@@ -64,7 +64,7 @@ def points_on_line(points_mm: ArrayLike | None, name: str) -> Float64[np.ndarray
     return None if points_mm is None else require_points(points_mm, name, 2)
 
 
-def frame_of_points(moving_frame: ArrayLike | None, count: int) -> Int64[np.ndarray, "m"] | None:
+def frame_of_points(moving_frame: ArrayLike | None, count: int) -> Int64[np.ndarray, " m"] | None:
     """Bring the frames that points were seen in into one form.
 
     Parameters

@@ -103,7 +103,7 @@ def local_fit(
     moving_mm: Float64[np.ndarray, "m 3"],
     target: SmoothedTarget,
     fixed_T_moving: Float64[np.ndarray, "4 4"],
-    block: Int64[np.ndarray, "m"],
+    block: Int64[np.ndarray, " m"],
     kernel: RobustKernel,
     offset: bool = False,
 ) -> LocalFit:
