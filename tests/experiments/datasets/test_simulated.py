@@ -31,7 +31,7 @@ def small(tmp_path: Path, **changes: object) -> SimulatedSubstitute:
 def test_every_real_set_reads_unless_asked_to_simulate(name: str, tmp_path) -> None:
     ((config, _),) = compose_sweep(["study=segmentation", f"dataset={name}", "seed=3"])
     dataset = registry.build({**config["dataset"], "root": str(tmp_path / "none")})
-    assert dataset.stand_in.seed == 3
+    assert dataset.substitute.seed == 3
     assert not dataset.simulate and dataset.name.startswith(name)
     with pytest.raises(InputError, match=r"found no folder .*none; pass dataset\.root="):
         dataset()
