@@ -91,7 +91,7 @@ def is_text(key: str) -> bool:
     Returns
     -------
     bool
-        Whether a setting.
+        Whether the setting is a name or a path.
     """
     return key.lstrip("+~").rpartition(".")[2] in TEXT
 
