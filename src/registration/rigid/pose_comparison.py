@@ -21,12 +21,12 @@ from registration.rigid.icp.robust_kernels import MEDIAN_TO_SIGMA
 
 # A standardised residual beyond this is an outlier under either pose and says nothing more.
 LOSS_CAP = 3.0
-# Beside its tangent plane a fixed point stands for the surface as far as this many spacings around it.
+# Next to its tangent plane a fixed point stands for the surface as far as this many spacings around it.
 PATCH_SPACINGS = 3.0
 # Residuals below this share of the spacing are the sampling's, not the pose's.
 FLOOR_SPACINGS = 0.1
-# A fixed point within so many inlier distances of the moved cloud lies beside it.
-BESIDE_INLIERS = 3.0
+# A fixed point within so many inlier distances of the moved cloud counts for the way back.
+NEAR_INLIERS = 3.0
 
 
 def distinct(
@@ -166,10 +166,10 @@ class Evidence:
         if key not in self._known:
             pairs = closest_pairs(self.moving_mm, self.smoothed, pose[None])
             gap_mm = pairs.gap_mm[0]
-            beside_mm = np.sqrt(np.maximum(pairs.squared_mm2[0] - gap_mm**2, 0.0))
+            across_mm = np.sqrt(np.maximum(pairs.squared_mm2[0] - gap_mm**2, 0.0))
             along_mm2 = (gap_mm - np.median(gap_mm) if self.offset else gap_mm) ** 2
             reach_mm = PATCH_SPACINGS * self.smoothed.spacing_mm
-            self._known[key] = along_mm2 + np.maximum(beside_mm - reach_mm, 0.0) ** 2
+            self._known[key] = along_mm2 + np.maximum(across_mm - reach_mm, 0.0) ** 2
         return self._known[key]
 
     def wall_offset_mm(self, pose: Float64[np.ndarray, "4 4"]) -> float:
@@ -251,7 +251,7 @@ def two_way(
     fixed_T_moving: Float64[np.ndarray, "4 4"],
     rmse_mm: float,
     inlier_mm: float,
-    beside_mm: float,
+    near_mm: float,
 ) -> TwoWay:
     """Add the way back to the residual of the way there.
 
@@ -267,7 +267,7 @@ def two_way(
         Root mean square distance in mm of the way there.
     inlier_mm : float
         A fixed point within this distance in mm of the moved cloud is covered.
-    beside_mm : float
+    near_mm : float
         A fixed point within this distance in mm counts for the way back: a part of a vessel leaves most of the whole
         uncovered, which is no fault of the pose.
 
@@ -277,8 +277,8 @@ def two_way(
         Residuals both ways.
     """
     back_mm = moving.distances_mm(transforms.apply(transforms.invert_rigid(fixed_T_moving), fixed_mm))
-    beside = back_mm[back_mm <= beside_mm]
-    back_mm2 = float((beside**2).mean()) if len(beside) else float("inf")
+    near = back_mm[back_mm <= near_mm]
+    back_mm2 = float((near**2).mean()) if len(near) else float("inf")
     return TwoWay(float(np.sqrt(0.5 * (rmse_mm**2 + back_mm2))), float((back_mm <= inlier_mm).mean()))
 
 
@@ -310,4 +310,4 @@ def both_ways(
         Residuals both ways.
     """
     inlier_mm = inlier_spacings * max(fixed.spacing_mm, moving.spacing_mm)
-    return two_way(moving, fixed.points_mm, fixed_T_moving, rmse_mm, inlier_mm, BESIDE_INLIERS * inlier_mm)
+    return two_way(moving, fixed.points_mm, fixed_T_moving, rmse_mm, inlier_mm, NEAR_INLIERS * inlier_mm)

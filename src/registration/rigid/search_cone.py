@@ -185,12 +185,12 @@ class Bound:
         """
         turn_deg, away_mm = self.away(fixed_T_moving)
         near = [
-            f"{value:.1f} of {most:g} {unit}"
-            for value, most, unit in (
+            f"{value:.1f} of {limit:g} {unit}"
+            for value, limit, unit in (
                 (turn_deg, self.angle_deg, "degrees"),
                 (away_mm, self.radius_mm, "mm"),
             )
-            if value > EDGE_SHARE * most
+            if value > EDGE_SHARE * limit
         ]
         if not near:
             return ""
@@ -286,5 +286,5 @@ def bound_around(
     return Bound(initial, search_cone or SearchCone(), moving_mm.mean(axis=0), default)
 
 
-def _share(most: float, value: float) -> float:
-    return min(1.0, (1 - INSIDE_SHARE) * most / value) if value > 0 else 1.0
+def _share(limit: float, value: float) -> float:
+    return min(1.0, (1 - INSIDE_SHARE) * limit / value) if value > 0 else 1.0

@@ -83,16 +83,16 @@ def test_the_way_back_counts_what_the_moved_cloud_lies_beside() -> None:
     """A quarter of a grid, lifted by 1 mm: covered are its own 100 points and the two rows beside it."""
     quarter = GRID[(GRID[:, 0] < 10) & (GRID[:, 1] < 10)]
     found = two_way(
-        TreeTarget(quarter), GRID, transforms.translation((0, 0, 1.0)), 1.0, inlier_mm=1.01, beside_mm=1.01
+        TreeTarget(quarter), GRID, transforms.translation((0, 0, 1.0)), 1.0, inlier_mm=1.01, near_mm=1.01
     )
     assert found.coverage == pytest.approx(100 / 400)
     assert found.rmse_bidirectional_mm == pytest.approx(1)
     wider = two_way(
-        TreeTarget(quarter), GRID, transforms.translation((0, 0, 1.0)), 1.0, inlier_mm=1.01, beside_mm=1.5
+        TreeTarget(quarter), GRID, transforms.translation((0, 0, 1.0)), 1.0, inlier_mm=1.01, near_mm=1.5
     )
     # Twenty points more, each the square root of 2 away.
     assert wider.rmse_bidirectional_mm == pytest.approx(np.sqrt(0.5 * (1 + (100 + 20 * 2) / 120)))
     away = two_way(
-        TreeTarget(quarter), GRID, transforms.translation((0, 0, 99.0)), 99.0, inlier_mm=1.0, beside_mm=1.0
+        TreeTarget(quarter), GRID, transforms.translation((0, 0, 99.0)), 99.0, inlier_mm=1.0, near_mm=1.0
     )
     assert (away.coverage, away.rmse_bidirectional_mm) == (0.0, float("inf"))
