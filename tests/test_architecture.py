@@ -184,3 +184,21 @@ def test_there_is_no_module_called_utils() -> None:
 
 def test_the_packages_are_the_three() -> None:
     assert {path.parent.name for path in SRC.glob("*/__init__.py")} == set(structure.PACKAGES)
+
+
+def test_the_picture_names_every_module_in_its_room() -> None:
+    text = (REPOSITORY / "docs" / "architecture.md").read_text(encoding="utf-8")
+    drawn = text.split("<!-- rooms -->")[1].split("```")[1]
+    rooms: dict[str, set[str]] = {}
+    trail: list[str] = []
+    for line in filter(None, drawn.splitlines()):
+        place, rest = line[:29].strip(), line[29:].strip()
+        if place:
+            depth = (len(line) - len(line.lstrip())) // 2
+            trail = [*trail[:depth], place.removeprefix("src/").strip("/").replace("/", ".")]
+        rooms.setdefault(".".join(trail), set()).update(rest.split("   ")[0].split())
+    expected: dict[str, set[str]] = {}
+    for name, module in MODULES.items():
+        if not is_door(name):
+            expected.setdefault(module.package, set()).add(name.rpartition(".")[2])
+    assert rooms == expected

@@ -8,12 +8,26 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import get_context
 
+# Kernels of OpenBLAS for x86-64 with AVX2, which newer processors run too; other kernels round differently.
+KERNELS = "Haswell"
+_KERNEL_SETTING = "OPENBLAS_CORETYPE"
+
 
 def process_pool(workers: int) -> ProcessPoolExecutor:
     """A pool of ``workers`` processes, each a fresh interpreter with one thread for its linear algebra.
 
     Forking after Open3D or torch has started its threads can hang. Threads of several processes that compete for the
     same cores make each of them take several times as long.
+
+    Parameters
+    ----------
+    workers : int
+        Number of processes.
+
+    Returns
+    -------
+    ProcessPoolExecutor
+        The pool.
     """
     return ProcessPoolExecutor(workers, get_context("spawn"), initializer=_take_one_thread)
 
@@ -27,6 +41,28 @@ def _take_one_thread() -> None:
     from threadpoolctl import threadpool_limits
 
     threadpool_limits(1)
+
+
+@contextmanager
+def same_kernels() -> Iterator[None]:
+    """Have processes that start in this block round as on every x86-64 processor with AVX2.
+
+    OpenBLAS chooses its kernels by the processor, and the last bits of a product differ between them. Numbers that are
+    compared by a digest are therefore made in processes of one kernel. Where the processor has no AVX2, or the user
+    has chosen kernels, nothing is changed.
+    """
+    import numpy as np
+
+    features = getattr(getattr(np, "_core", None), "_multiarray_umath", None)
+    has_avx2 = bool(getattr(features, "__cpu_features__", {}).get("AVX2"))
+    if not has_avx2 or _KERNEL_SETTING in os.environ:
+        yield
+        return
+    os.environ[_KERNEL_SETTING] = KERNELS
+    try:
+        yield
+    finally:
+        del os.environ[_KERNEL_SETTING]
 
 
 @contextmanager

@@ -245,7 +245,7 @@ class Reconstruction:
             gathered.removed,
             seconds,
             pieces,
-            # A method without such a width closes no gap knowingly: then no step between frames is called one.
+            # A method without such a width has no limit: no step between frames then counts as a gap.
             float(getattr(self.surface, "bridge_mm", 0.0)) or np.inf,
             pieces.mesh,
             smoothed,

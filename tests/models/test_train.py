@@ -13,7 +13,7 @@ from drawn_vessels import drawn_frames
 
 from models.checkpoint import Checkpoint
 from models.networks.monai_network import MonaiNetwork
-from models.networks.registry import RECIPES
+from models.networks.registry import recipes
 from models.predictor import Predictor
 from models.train import TrainingPlan, main
 
@@ -84,7 +84,7 @@ def machine(tmp_path_factory: pytest.TempPathFactory) -> Machine:
 
 
 def test_trains_every_network_with_torch_lightning_and_scikit_image_alone(machine: Machine) -> None:
-    assert set(SETTINGS) == {name for name in RECIPES if name != MonaiNetwork.name}
+    assert set(SETTINGS) == {name for name in recipes() if name != MonaiNetwork.name}
     said = machine.finished.stdout
     assert said.count("trained ") == len(SETTINGS), machine.finished.stderr
     assert said.startswith("found: ['torch', 'lightning', 'skimage']\n")

@@ -1,1 +1,1 @@
-"""A user's own files, named by settings."""
+"""Files of the user that settings name."""

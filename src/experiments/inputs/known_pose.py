@@ -1,4 +1,4 @@
-"""What is known of the answer before a search: a pose from a file or from landmarks, and how far to look from it."""
+"""Initial poses: what is known of the result before a search, and how far from it to search."""
 
 from __future__ import annotations
 
@@ -19,9 +19,21 @@ SOURCES = ("file", "landmarks")
 
 @dataclass(frozen=True)
 class InitialPose:
-    """A rigid ``fixed_T_moving`` in mm, its ``source`` (file or landmarks), and a bound on the search around it.
+    """A pose known before a search, and a bound on the search around it.
 
-    Without a ``search_cone`` the method's own bound holds.
+    Parameters
+    ----------
+    fixed_T_moving : ndarray, shape (4, 4)
+        A rigid transform, in mm.
+    source : {'file', 'landmarks'}
+        Where it comes from.
+    search_cone : SearchCone or None
+        Bound on the search; None: the method's own.
+
+    Raises
+    ------
+    InputError
+        If the transform is not rigid or the source is another.
     """
 
     fixed_T_moving: Float64[np.ndarray, "4 4"]
@@ -40,10 +52,28 @@ def initial_pose(
     search_cone_deg: float | None = None,
     search_radius_mm: float | None = None,
 ) -> InitialPose | None:
-    """The pose in ``path``, else the one that lays ``pairs`` of landmarks on each other, else None.
+    """Return the pose in a file, else the one that aligns landmarks.
 
-    A bound that is given without the other leaves that to the method's own. Raises InputError for a file that
-    cannot be read, a pose that is not rigid, and a bound with no pose to search around.
+    Parameters
+    ----------
+    path : Path or None
+        File of a transform.
+    pairs : LandmarkPairs or None
+        Landmarks of both surfaces.
+    search_cone_deg : float or None
+        Largest rotation from the pose; None: the method's own.
+    search_radius_mm : float or None
+        Largest shift from the pose; None: the method's own.
+
+    Returns
+    -------
+    InitialPose or None
+        None where neither file nor landmarks are given.
+
+    Raises
+    ------
+    InputError
+        If the file can't be read, the pose is not rigid, or a bound has no pose to search around.
     """
     cone = _cone(search_cone_deg, search_radius_mm)
     if path is not None:

@@ -20,7 +20,25 @@ SweepReader = Callable[[Path], "TrackedSweep"]
 
 
 def require_exists(path: str, setting: str) -> Path:
-    """The path in a setting, or InputError where nothing lies there."""
+    """Check that a file or folder is there.
+
+    Parameters
+    ----------
+    path : str
+        The path in a setting.
+    setting : str
+        Name of the setting, for the message.
+
+    Returns
+    -------
+    Path
+        The path.
+
+    Raises
+    ------
+    InputError
+        If there is nothing.
+    """
     found = Path(path).expanduser()
     if not found.exists():
         raise InputError(f"{setting}: expected a file or folder, received {path!r}, where there is none")
@@ -28,7 +46,18 @@ def require_exists(path: str, setting: str) -> Path:
 
 
 def input_data(path: Path) -> InputData:
-    """A file by its digest, or a folder by the names and digests of all files in it."""
+    """Describe a file by its digest, or a folder by the names and digests of all files in it.
+
+    Parameters
+    ----------
+    path : Path
+        A file or folder.
+
+    Returns
+    -------
+    InputData
+        Name, digest and path.
+    """
     if path.is_file():
         return InputData(path.name, files.digest(path), str(path))
     total = hashlib.sha256()
@@ -38,7 +67,18 @@ def input_data(path: Path) -> InputData:
 
 
 def interval_ms(times_s: np.ndarray) -> tuple[float, float]:
-    """Median and largest interval between successive times, in ms; NaN for fewer than two."""
+    """Compute the intervals between successive times.
+
+    Parameters
+    ----------
+    times_s : ndarray, shape (n,)
+        Times.
+
+    Returns
+    -------
+    (float, float)
+        Median and largest interval in ms; NaN for fewer than two times.
+    """
     if len(times_s) < 2:
         return float("nan"), float("nan")
     intervals = np.diff(times_s) * 1e3
@@ -46,5 +86,16 @@ def interval_ms(times_s: np.ndarray) -> tuple[float, float]:
 
 
 def describe_dropped(dropped: Mapping[str, int]) -> str:
-    """The counts of dropped frames as part of a sentence."""
+    """Describe the counts of dropped frames as part of a sentence.
+
+    Parameters
+    ----------
+    dropped : mapping of str to int
+        Number of frames by reason.
+
+    Returns
+    -------
+    str
+        The counts, or none.
+    """
     return ", ".join(f"{count} {reason}" for reason, count in dropped.items()) or "none"

@@ -26,16 +26,55 @@ SPACES = ("lps", "ras")
 
 
 def require_path(value: str | Path | None, name: str, what: str) -> Path:
-    """Return the path, or raise InputError that says what ``name`` must name."""
+    """Check that a setting names a path.
+
+    Parameters
+    ----------
+    value : str, Path or None
+        Value of the setting.
+    name : str
+        Name of the setting, for the message.
+    what : str
+        What it must name, for the message.
+
+    Returns
+    -------
+    Path
+        The path.
+
+    Raises
+    ------
+    InputError
+        If the value is None or empty.
+    """
     if value is None or not str(value):
         raise InputError(f"{name}: expected {what}, received none")
     return Path(value)
 
 
 def read_mm(path: Path, name: str, unit: str | None, space: str | None = "lps") -> Surface:
-    """Read a surface and convert it from ``unit`` (mm, m, or none for mm) and ``space`` to millimetres in LPS.
+    """Read a surface in millimetres and LPS.
 
-    ``space`` is lps, ras, or none for what the file's header says (lps if it says nothing).
+    Parameters
+    ----------
+    path : Path
+        A mesh or point cloud.
+    name : str
+        Name of the setting, for messages.
+    unit : {'mm', 'm'} or None
+        Unit of the file; None: mm.
+    space : {'lps', 'ras'} or None
+        Axes of the file; None: what its header says, else lps.
+
+    Returns
+    -------
+    Mesh or ndarray, shape (n, 3)
+        The surface.
+
+    Raises
+    ------
+    InputError
+        If the file can't be read, or unit or space are not among these.
     """
     if unit is not None and unit not in MM_PER_UNIT:
         raise InputError(f"{name}_unit: expected mm, m or null, received {unit!r}")
@@ -46,7 +85,27 @@ def read_mm(path: Path, name: str, unit: str | None, space: str | None = "lps") 
 
 
 def read_space(path: Path, name: str, space: str | None) -> str:
-    """The axes of a file, lps or ras: as the user says, else as its header does, else lps."""
+    """Return the axes of a file: those given, else those in its header, else lps.
+
+    Parameters
+    ----------
+    path : Path
+        A mesh or point cloud.
+    name : str
+        Name of the setting, for messages.
+    space : {'lps', 'ras'} or None
+        What the user gives.
+
+    Returns
+    -------
+    {'lps', 'ras'}
+        The axes.
+
+    Raises
+    ------
+    InputError
+        If ``space`` is not among these.
+    """
     if space is None:
         return stated_space(path) or "lps"
     if space not in SPACES:
@@ -55,7 +114,24 @@ def read_space(path: Path, name: str, space: str | None) -> str:
 
 
 def require_solid(surface: Surface, name: str) -> None:
-    """Raise InputError if all points lie in one plane: a vessel does not, and its mirror image would fit as well."""
+    """Check that points do not all lie in one plane.
+
+    Parameters
+    ----------
+    surface : Mesh or ndarray, shape (n, 3)
+        In mm.
+    name : str
+        Name of the setting, for the message.
+
+    Raises
+    ------
+    InputError
+        If they do.
+
+    Notes
+    -----
+    A vessel does not, and the mirror image of points in a plane would fit as well.
+    """
     points_mm = points_of(surface)
     if isinstance(surface, Mesh):
         points_mm = points_mm[np.unique(surface.triangles)]
@@ -65,23 +141,73 @@ def require_solid(surface: Surface, name: str) -> None:
 
 
 def refuse_metres(surface: Surface, other: Surface, name: str, unit: str | None, hint: str) -> None:
-    """Raise InputError if ``surface``, whose unit was not stated, looks like metres beside ``other``."""
+    """Check that a surface whose unit was not given does not look like metres.
+
+    Parameters
+    ----------
+    surface : Mesh or ndarray, shape (n, 3)
+        The surface.
+    other : Mesh or ndarray, shape (n, 3)
+        The surface that it is to be registered with.
+    name : str
+        Name of the setting, for the message.
+    unit : str or None
+        The unit given; with one, nothing is checked.
+    hint : str
+        What to do, for the message.
+
+    Raises
+    ------
+    InputError
+        If its bounding box has a diagonal below 1, or a hundred times smaller than the other's.
+    """
     own, others = diagonal_mm(points_of(surface)), diagonal_mm(points_of(other))
     if unit is None and (own < METRES_BELOW or HUNDREDFOLD * own <= others):
         raise InputError(
-            f"{name}: expected millimetres, received a bounding box with a diagonal of {own:.3g} beside one of "
+            f"{name}: expected millimetres, received a bounding box with a diagonal of {own:.3g} compared with one of "
             f"{others:.3g}, which looks like metres; {hint}"
         )
 
 
 def read_pose(path: Path, name: str) -> np.ndarray:
-    """Read ``fixed_T_moving`` (4, 4), in mm, from any file that ``read_transform`` reads."""
+    """Read a pose from any file that ``read_transform`` reads.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    name : str
+        Name of the setting, for messages.
+
+    Returns
+    -------
+    ndarray, shape (4, 4)
+        ``fixed_T_moving`` in mm.
+
+    Raises
+    ------
+    InputError
+        If the file can't be read.
+    """
     with naming(name):
         return read_transform(path)
 
 
 def read_frames(path: Path, surface: Surface) -> np.ndarray | None:
-    """The number of the frame that each point of a sweep's cloud was seen in, (n,), where a PLY file has it."""
+    """Read which frame of a sweep each point of its cloud was seen in.
+
+    Parameters
+    ----------
+    path : Path
+        File of the cloud.
+    surface : Mesh or ndarray, shape (n, 3)
+        What was read from it.
+
+    Returns
+    -------
+    ndarray of int, shape (n,), or None
+        Frame numbers; None where the file is no PLY file that has them.
+    """
     if isinstance(surface, Mesh) or path.suffix.lower() != ".ply":
         return None
     with quiet_open3d() as open3d:
@@ -92,7 +218,23 @@ def read_frames(path: Path, surface: Surface) -> np.ndarray | None:
 
 
 def one_method(rigid: object) -> tuple[str, Any]:
-    """The name and the object of the only method in ``rigid``."""
+    """Return the only method of a setting.
+
+    Parameters
+    ----------
+    rigid : object
+        Value of the setting ``rigid``: a mapping of name to method.
+
+    Returns
+    -------
+    (str, object)
+        Name and method.
+
+    Raises
+    ------
+    InputError
+        If there are none or several.
+    """
     if not isinstance(rigid, dict) or len(rigid) != 1:
         received = ", ".join(rigid) if isinstance(rigid, dict) else repr(rigid)
         raise InputError(f"rigid: expected exactly one method, received {received or 'none'}")
@@ -100,13 +242,35 @@ def one_method(rigid: object) -> tuple[str, Any]:
 
 
 def points_of(surface: Surface) -> np.ndarray:
-    """The vertices of a mesh, or the points of a cloud."""
+    """Return the vertices of a mesh, or the points of a cloud.
+
+    Parameters
+    ----------
+    surface : Mesh or ndarray, shape (n, 3)
+        The surface.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        Points in mm.
+    """
     return surface.vertices_mm if isinstance(surface, Mesh) else surface
 
 
 @contextmanager
 def naming(setting: str) -> Iterator[None]:
-    """Put the name of the setting before what the reading of its file refuses."""
+    """Put the name of a setting before what the reading of its file refuses.
+
+    Parameters
+    ----------
+    setting : str
+        Name of the setting.
+
+    Raises
+    ------
+    InputError
+        In place of the InputError of ``registration`` that is raised within the context.
+    """
     try:
         yield
     except registration_errors.InputError as refusal:

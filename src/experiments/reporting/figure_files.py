@@ -1,4 +1,7 @@
-"""Figures as files, with every name in them as it is."""
+"""Files of figures, in which every name is shown as it is.
+
+Studies draw with matplotlib and hand the figure over; the formats are the same for all of them.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +16,19 @@ if TYPE_CHECKING:
 def save_figure(figure: Figure, stem: Path, suffixes: Sequence[str] = ("png", "svg"), dpi: int = 150) -> None:
     """Write a figure to ``<stem>.<suffix>`` for each suffix.
 
-    Names of cases, models and files are plain text: two dollar signs in one would otherwise begin and end a formula,
-    which is shown as another text or ends the drawing. No figure of this project has formulas.
+    Names of cases, models and files are plain text: two dollar signs in one would otherwise begin and end a
+    formula, which is shown as another text or ends the drawing. No figure of this project has formulas.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        Figure to write; its text is set to plain text.
+    stem : Path
+        Path without suffix.
+    suffixes : sequence of str, optional
+        Formats.
+    dpi : int, optional
+        Resolution of raster formats.
     """
     import matplotlib
     from matplotlib.text import Text

@@ -1,4 +1,4 @@
-"""What the thesis published, read from ``conf/published.yaml``, to stand beside what is measured here."""
+"""Values that the thesis published, read from ``conf/published.yaml``, for comparison with measured ones."""
 
 from __future__ import annotations
 
@@ -15,7 +15,24 @@ NOT_COMPARABLE = "not comparable"
 
 @dataclass(frozen=True)
 class Published:
-    """One published value: ``value`` as ``relation`` says (below, about), on which ``data``, and its ``place``."""
+    """One published value.
+
+    Parameters
+    ----------
+    value : float
+        The value.
+    relation : {"below", "about"}
+        How it was stated.
+    data : str
+        Data it was measured on.
+    place : str
+        Place of publication.
+
+    Raises
+    ------
+    InputError
+        If the relation is unknown.
+    """
 
     value: float
     relation: str
@@ -28,16 +45,46 @@ class Published:
 
     @property
     def text(self) -> str:
-        """The value as a reader takes it."""
+        """The value with its relation, as text."""
         return f"{RELATIONS[self.relation]} {self.value:g}"
 
     def beside(self, simulated: bool) -> str:
-        """What stands beside a measured value: numbers of simulated data are not comparable with a laboratory's."""
+        """Format the value for a table next to a measured one.
+
+        Parameters
+        ----------
+        simulated : bool
+            Whether the measured value comes from simulated data, which are not comparable with a
+            laboratory's.
+
+        Returns
+        -------
+        str
+            The value, marked where it is not comparable.
+        """
         return f"{self.text} ({NOT_COMPARABLE}: simulated)" if simulated else self.text
 
 
 def published(study: str, metric: str) -> Published:
-    """The published value of a study's metric; InputError where there is none."""
+    """Return the published value of a metric.
+
+    Parameters
+    ----------
+    study : str
+        Name of the study.
+    metric : str
+        Name of the metric.
+
+    Returns
+    -------
+    Published
+        The value.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
     known = yaml.safe_load((conf_dir() / "published.yaml").read_text(encoding="utf-8"))
     try:
         return Published(**known[study][metric])

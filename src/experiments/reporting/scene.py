@@ -1,4 +1,4 @@
-"""An interactive page in three dimensions: one HTML file with everything in it, layers switched by the legend."""
+"""Interactive 3-D pages: one self-contained HTML file each, its layers switched by the legend."""
 
 from __future__ import annotations
 
@@ -29,11 +29,29 @@ _COLORS = "Viridis"
 
 @dataclass(frozen=True)
 class Scene:
-    """Layers in one frame, in mm, with a ``title`` and ``notes`` in plain sentences beside the picture.
+    """Interactive 3-D page of surfaces, lines and clouds in one coordinate frame.
 
-    ``values_name`` is what the colours of all layers with values stand for, ``values_range_mm`` where their scale
-    begins and ends (from the values themselves if None). ``space`` names the frame of the axes, as in ``ct (LPS)``.
-    Large surfaces and clouds are thinned for the page, the note under the picture says so.
+    Large surfaces and clouds are decimated for the page; a note below the view reports it.
+
+    Parameters
+    ----------
+    layers : sequence of Layer
+        What is shown, in mm; at least one, with names that differ.
+    title : str
+        Title of the page.
+    notes : sequence of str, optional
+        Sentences below the view.
+    space : str, optional
+        Coordinate frame of the axes.
+    values_name : str, optional
+        Label of the colour scale of all layers with values.
+    values_range_mm : tuple of float or None, optional
+        Lower and upper end of the colour scale; None takes those of the values.
+
+    Raises
+    ------
+    InputError
+        If there is no layer, names repeat, or the range is not increasing.
     """
 
     layers: Sequence[Layer]
@@ -57,11 +75,23 @@ class Scene:
             )
 
     def write(self, path: Path) -> None:
-        """Write the page, replacing what is there; its folder must exist."""
+        """Write the page, replacing an existing file.
+
+        Parameters
+        ----------
+        path : Path
+            The file; its folder must exist.
+        """
         files.write_text(Path(path), self.html())
 
     def html(self) -> str:
-        """The whole page as text."""
+        """Render the page.
+
+        Returns
+        -------
+        str
+            HTML with everything it needs, the script of plotly.js included.
+        """
         from plotly.offline import get_plotlyjs  # type: ignore[import-untyped]
 
         traces = [layer.trace(self._most(layer)) for layer in self.layers]

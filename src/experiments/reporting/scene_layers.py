@@ -1,4 +1,4 @@
-"""What an interactive page shows: surfaces, lines and clouds, each as data for plotly.js, thinned for a page."""
+"""Layers of an interactive 3-D page: surfaces, lines and clouds as traces of plotly.js."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _LIGHT = {"ambient": 0.55, "diffuse": 0.7, "specular": 0.15, "roughness": 0.6, "
 
 
 class Layer(Protocol):
-    """What a scene can hold: it says how large it is, and becomes one trace of plotly.js, thinned to a size."""
+    """A layer of a scene, which becomes one trace of plotly.js."""
 
     @property
     def unit(self) -> str:
@@ -37,28 +37,64 @@ class Layer(Protocol):
 
     @property
     def name(self) -> str:
-        """What the legend calls it."""
+        """Name in the legend."""
 
     @property
     def size(self) -> int:
-        """Its triangles or points."""
+        """Number of triangles or points."""
 
     @property
     def has_values(self) -> bool:
         """Whether it is coloured by values."""
 
     def bounds_mm(self) -> np.ndarray:
-        """Its lowest and highest coordinates (2, 3)."""
+        """Compute the bounding box.
+
+        Returns
+        -------
+        ndarray, shape (2, 3)
+            Lowest and highest coordinates in mm.
+        """
 
     def trace(self, most: int) -> dict[str, Any]:
-        """Its data for plotly.js with at most about ``most`` triangles or points."""
+        """Convert the layer to a trace of plotly.js.
+
+        Parameters
+        ----------
+        most : int
+            Approximate largest number of triangles or points.
+
+        Returns
+        -------
+        dict
+            The trace.
+        """
 
 
 @dataclass(frozen=True)
 class SurfaceLayer:
-    """A mesh in mm, half transparent, in one ``color`` or coloured by ``values_mm`` (v,) at its vertices.
+    """A semi-transparent surface.
 
-    ``shown`` False leaves it out at first; a click in the legend shows it.
+    Parameters
+    ----------
+    name : str
+        Name in the legend.
+    mesh : Mesh
+        Surface in mm.
+    color : str, optional
+        Colour where there are no values.
+    opacity : float, optional
+        Above 0 and up to 1.
+    values_mm : ndarray, shape (v,), or None, optional
+        Values at the vertices that colour it.
+    shown : bool, optional
+        Whether it is visible at first; a click in the legend switches it.
+
+    Raises
+    ------
+    InputError
+        If the opacity is out of range, the mesh has no triangles, or values are not finite or of another
+        number.
     """
 
     name: str
@@ -82,7 +118,7 @@ class SurfaceLayer:
 
     @property
     def size(self) -> int:
-        """Its triangles."""
+        """Number of triangles."""
         return len(self.mesh.triangles)
 
     @property
@@ -91,11 +127,28 @@ class SurfaceLayer:
         return self.values_mm is not None
 
     def bounds_mm(self) -> np.ndarray:
-        """Its lowest and highest coordinates (2, 3)."""
+        """Compute the bounding box.
+
+        Returns
+        -------
+        ndarray, shape (2, 3)
+            Lowest and highest coordinates in mm.
+        """
         return bounds_of(self.mesh.vertices_mm)
 
     def trace(self, most: int) -> dict[str, Any]:
-        """A mesh3d trace of at most about ``most`` triangles."""
+        """Convert the surface to a mesh3d trace.
+
+        Parameters
+        ----------
+        most : int
+            Approximate largest number of triangles.
+
+        Returns
+        -------
+        dict
+            The trace.
+        """
         mesh, values = thinned(self.mesh, self.values_mm, most)
         corners = {axis: packed_index(mesh.triangles[:, at]) for at, axis in enumerate("ijk")}
         trace = {
@@ -116,7 +169,28 @@ class SurfaceLayer:
 
 @dataclass(frozen=True)
 class LineLayer:
-    """Lines in mm, each a row of points (n, 3); ``radius_mm``, where given, has one array (n,) a line."""
+    """Lines of one colour.
+
+    Parameters
+    ----------
+    name : str
+        Name in the legend.
+    lines_mm : sequence of ndarray, shape (n, 3)
+        Points of each line in mm.
+    color : str, optional
+        Colour.
+    width_px : float, optional
+        Width in px.
+    radius_mm : sequence of ndarray, shape (n,), or None, optional
+        Radius at each point of each line in mm, shown where the pointer rests.
+    shown : bool, optional
+        Whether it is visible at first; a click in the legend switches it.
+
+    Raises
+    ------
+    InputError
+        If there is no point, a coordinate is not finite, or radii differ in number from the points.
+    """
 
     name: str
     lines_mm: Sequence[np.ndarray]
@@ -137,7 +211,24 @@ class LineLayer:
 
     @classmethod
     def of(cls, name: str, centerline: Centerline, color: str = RED, shown: bool = True) -> LineLayer:
-        """The lines of a centerline, their radius told where the pointer rests."""
+        """Make a layer of a centerline.
+
+        Parameters
+        ----------
+        name : str
+            Name in the legend.
+        centerline : Centerline
+            Lines with radii in mm.
+        color : str, optional
+            Colour.
+        shown : bool, optional
+            Whether it is visible at first.
+
+        Returns
+        -------
+        LineLayer
+            The layer.
+        """
         lines = centerline.lines
         radius_mm = [line.radius_mm for line in lines]
         return cls(name, [line.points_mm for line in lines], color, radius_mm=radius_mm, shown=shown)
@@ -149,20 +240,37 @@ class LineLayer:
 
     @property
     def size(self) -> int:
-        """Its points."""
+        """Number of points of all lines."""
         return sum(len(line) for line in self.lines_mm)
 
     @property
     def has_values(self) -> bool:
-        """Never: lines have one colour."""
+        """Always False: lines have one colour."""
         return False
 
     def bounds_mm(self) -> np.ndarray:
-        """Its lowest and highest coordinates (2, 3)."""
+        """Compute the bounding box.
+
+        Returns
+        -------
+        ndarray, shape (2, 3)
+            Lowest and highest coordinates in mm.
+        """
         return bounds_of(np.concatenate(list(self.lines_mm)))
 
     def trace(self, most: int) -> dict[str, Any]:
-        """A scatter3d trace; every so many points are left out of long lines, never their ends."""
+        """Convert the lines to one scatter3d trace.
+
+        Parameters
+        ----------
+        most : int
+            Approximate largest number of points; long lines are subsampled, their ends kept.
+
+        Returns
+        -------
+        dict
+            The trace.
+        """
         step = max(int(np.ceil(self.size / max(most, 1))), 1)
         # NaN ends a line, so that one trace and one entry of the legend hold them all.
         gap = np.full((1, 4), np.nan)
@@ -189,7 +297,28 @@ class LineLayer:
 
 @dataclass(frozen=True)
 class CloudLayer:
-    """Points in mm (n, 3), in one ``color`` or coloured by ``values_mm`` (n,)."""
+    """A point cloud.
+
+    Parameters
+    ----------
+    name : str
+        Name in the legend.
+    points_mm : ndarray, shape (n, 3)
+        Points in mm.
+    color : str, optional
+        Colour where there are no values.
+    size_px : float, optional
+        Size of a point in px.
+    values_mm : ndarray, shape (n,), or None, optional
+        Values that colour the points.
+    shown : bool, optional
+        Whether it is visible at first; a click in the legend switches it.
+
+    Raises
+    ------
+    InputError
+        If there is no point, a coordinate is not finite, or values are not finite or of another number.
+    """
 
     name: str
     points_mm: np.ndarray
@@ -211,7 +340,7 @@ class CloudLayer:
 
     @property
     def size(self) -> int:
-        """Its points."""
+        """Number of points."""
         return len(self.points_mm)
 
     @property
@@ -220,11 +349,28 @@ class CloudLayer:
         return self.values_mm is not None
 
     def bounds_mm(self) -> np.ndarray:
-        """Its lowest and highest coordinates (2, 3)."""
+        """Compute the bounding box.
+
+        Returns
+        -------
+        ndarray, shape (2, 3)
+            Lowest and highest coordinates in mm.
+        """
         return bounds_of(self.points_mm)
 
     def trace(self, most: int) -> dict[str, Any]:
-        """A scatter3d trace of at most ``most`` points, drawn at random where there are more, always the same ones."""
+        """Convert the points to a scatter3d trace.
+
+        Parameters
+        ----------
+        most : int
+            Largest number of points; where there are more, a fixed random subset is shown.
+
+        Returns
+        -------
+        dict
+            The trace.
+        """
         kept = np.arange(len(self.points_mm))
         if len(kept) > most:
             kept = np.sort(np.random.default_rng(0).choice(len(kept), max(most, 1), replace=False))

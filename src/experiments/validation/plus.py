@@ -1,7 +1,7 @@
-"""What the PLUS toolkit published for its test data beside what this project computes from the same files.
+"""Values that the PLUS toolkit published for its test data, compared with those computed here.
 
-The published values stand in the files themselves (results of calibrations, reconstructed volumes, baselines of
-tests) or in the toolkit's tests (bounds of interpolated poses).
+The published values stand in the files themselves (results of calibrations, reconstructed volumes, baselines
+of tests) or in the toolkit's tests (bounds of interpolated poses).
 """
 
 from __future__ import annotations
@@ -28,9 +28,22 @@ _LAG_S, _LAG_TOLERANCE_S = -0.0648, 0.005
 
 @dataclass(frozen=True)
 class Value:
-    """One line: a published value or bound, ours, and whether ours is within ``tolerance`` of it.
+    """A published value or bound compared with the value computed here.
 
-    ``kind`` is ``equal``, ``below`` (ours is under the bound) or ``report`` (no value was published).
+    Parameters
+    ----------
+    file : str
+        File of the test data.
+    quantity : str
+        What is compared, with its unit.
+    published : float
+        Published value or bound; NaN where there is none.
+    ours : float
+        Value computed here.
+    kind : {"equal", "below", "report"}, optional
+        Whether ours must be within ``tolerance`` of the value, below the bound, or nothing was published.
+    tolerance : float, optional
+        Largest absolute difference for ``equal``.
     """
 
     file: str
@@ -42,7 +55,7 @@ class Value:
 
     @property
     def met(self) -> bool | None:
-        """Whether the value is met; None where there is none to meet."""
+        """Whether the value is met; None where nothing was published."""
         if self.kind == "report":
             return None
         return (
@@ -53,7 +66,7 @@ class Value:
 
     @property
     def published_text(self) -> str:
-        """The published value or bound as the table shows it."""
+        """The published value or bound as text for the table."""
         if self.kind == "report":
             return "-"
         if self.kind == "below":
@@ -62,7 +75,18 @@ class Value:
 
 
 def reading_values(plus: Path) -> Iterator[Value]:
-    """Frame counts, invalid transforms, recordings of poses alone, a stylus."""
+    """Compare what is read: frame counts, invalid transforms, recordings of poses alone, a stylus.
+
+    Parameters
+    ----------
+    plus : Path
+        Folder of PLUS's test data.
+
+    Yields
+    ------
+    Value
+        One comparison.
+    """
     from registration.readers.plus.config import read_device_set
     from registration.readers.plus.fields import frame_transform, read_sequence
     from registration.readers.plus.reader import PlusReader
@@ -80,7 +104,18 @@ def reading_values(plus: Path) -> Iterator[Value]:
 
 
 def interpolation_values(plus: Path) -> Iterator[Value]:
-    """The largest jump between poses at five times the rate at which they were recorded, as PLUS tests it."""
+    """Compare the largest jump between poses at five times the recorded rate, as PLUS tests it.
+
+    Parameters
+    ----------
+    plus : Path
+        Folder of PLUS's test data.
+
+    Yields
+    ------
+    Value
+        One comparison.
+    """
     from registration import transforms
     from registration.readers.plus.fields import frame_times_s, frame_transform, read_sequence
 
@@ -96,7 +131,18 @@ def interpolation_values(plus: Path) -> Iterator[Value]:
 
 
 def temporal_values(plus: Path) -> Iterator[Value]:
-    """The tracker's lag in the water tank, from our line and from PLUS's, and how far the lines lie apart."""
+    """Compare the tracker's lag in the water tank, from our line and from PLUS's, and the lines' distance.
+
+    Parameters
+    ----------
+    plus : Path
+        Folder of PLUS's test data.
+
+    Yields
+    ------
+    Value
+        One comparison.
+    """
     from registration.calibration.line_detection import LineDetector
     from registration.calibration.temporal import TemporalCalibration, principal_motion_mm
     from registration.readers.plus.reader import PlusReader
@@ -121,7 +167,18 @@ def temporal_values(plus: Path) -> Iterator[Value]:
 
 
 def spatial_values(plus: Path) -> Iterator[Value]:
-    """N-wire calibration with both phantoms: the matrix, its corners, its errors."""
+    """Compare the N-wire calibration with both phantoms: the matrix, its corners, its errors.
+
+    Parameters
+    ----------
+    plus : Path
+        Folder of PLUS's test data.
+
+    Yields
+    ------
+    Value
+        One comparison.
+    """
     from registration import transforms
     from registration.calibration.spatial import middle_points_mm, phantom_registration
     from registration.readers.plus.config import read_device_set
@@ -144,7 +201,18 @@ def spatial_values(plus: Path) -> Iterator[Value]:
 
 
 def cropped_values(plus: Path) -> Iterator[Value]:
-    """Where the first pixel of a sequence that PLUS cropped lies, and how far from the same pixel of the whole one."""
+    """Compare where the first pixel of a sequence that PLUS cropped lies, also with the uncropped sequence.
+
+    Parameters
+    ----------
+    plus : Path
+        Folder of PLUS's test data.
+
+    Yields
+    ------
+    Value
+        One comparison.
+    """
     from registration import transforms
     from registration.readers.plus.reader import PlusReader
     from registration.synchronisation import synchronise
@@ -165,7 +233,18 @@ def cropped_values(plus: Path) -> Iterator[Value]:
 
 
 def placement_values(plus: Path) -> Iterator[Value]:
-    """Frames pasted into a volume beside PLUS's own reconstructions."""
+    """Compare volumes compounded of frames with PLUS's own reconstructions.
+
+    Parameters
+    ----------
+    plus : Path
+        Folder of PLUS's test data.
+
+    Yields
+    ------
+    Value
+        One comparison.
+    """
     spine, wires = "SpinePhantomFreehand", "NwirePhantomFreehand"
     spine_set = "SpinePhantomFreehandReconstructionOnly"
     wires_set, wires_clip = "NwirePhantomFreehand_vtkVolumeReconstructorTest2", ((167, 62), (495, 488))
@@ -187,7 +266,18 @@ ALL: tuple[Callable[[Path], Iterator[Value]], ...] = (
 
 
 def table(values: list[Value]) -> pd.DataFrame:
-    """The values as a table of text, ready to print."""
+    """Format the comparisons as a table of text.
+
+    Parameters
+    ----------
+    values : list of Value
+        The comparisons.
+
+    Returns
+    -------
+    DataFrame
+        Columns file, quantity, PLUS, ours, met.
+    """
     import pandas as pd
 
     met = {True: "yes", False: "NO", None: "-"}

@@ -15,9 +15,9 @@ from models.averaging.channel_ties import ChannelTies
 from models.averaging.members import Weights, combination, require_alike
 from models.errors import InputError
 
-# A permutation by which channels are taken: channel i of the result is channel permutation[i].
+# Permutations by group: channel i of the result is channel permutation[i] of the input.
 Permutations = Mapping[int, np.ndarray]
-# Of the agreement: less than that is rounding.
+# Smallest relative gain of the agreement; smaller ones are rounding.
 _MIN_GAIN = 1e-6
 
 

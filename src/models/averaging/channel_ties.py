@@ -23,7 +23,7 @@ from models.averaging.channel_groups import ChannelGroups, Layout
 from models.errors import InputError
 from models.networks.registry import NetworkRecipe
 
-# Modules and functions that treat every channel alike and apart from the others.
+# Modules and functions that process every channel independently and in the same way.
 _CHANNELWISE_MODULES = (
     nn.Identity, nn.ReLU, nn.LeakyReLU, nn.ELU, nn.GELU, nn.SiLU, nn.Sigmoid, nn.Tanh, nn.Dropout, nn.Dropout2d,
     nn.MaxPool2d, nn.AvgPool2d, nn.Upsample, nn.ReplicationPad2d, nn.ConstantPad2d,
@@ -78,18 +78,7 @@ class ChannelTies:
 def channel_ties(recipe: NetworkRecipe) -> ChannelTies:
     """Find the ties of a network by following an image through it, in training mode for all its outputs.
 
-    The network is in training mode so that all outputs are there. No memory is taken and no random number drawn:
-    tensors have shapes alone.
-
-    Parameters
-    ----------
-    recipe : NetworkRecipe
-        Architecture.
-
-    Returns
-    -------
-    ChannelTies
-        Groups of channels and the axes on which they lie.
+    No memory is taken and no random number drawn: tensors have shapes alone.
 
     Parameters
     ----------
@@ -148,7 +137,7 @@ class _Trace(TorchFunctionMode):
         self.groups = ChannelGroups()
         self.axes: dict[str, dict[int, Layout]] = {}
         self.network = network
-        # One layer may stand under several names.
+        # One layer may have several names.
         self.names: dict[int, list[str]] = {}
         for name, tensor in network.state_dict(keep_vars=True).items():
             self.names.setdefault(id(tensor), []).append(name)

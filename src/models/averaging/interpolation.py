@@ -181,11 +181,6 @@ def interpolation_barriers(
     PairwiseBarriers
         The paths and their barriers.
 
-    Returns
-    -------
-    PairwiseBarriers
-        The paths and their barriers.
-
     Raises
     ------
     InputError

@@ -17,7 +17,7 @@ from models.averaging.batch_statistics import (
 from models.averaging.members import Weights
 from models.errors import InputError
 
-# Added to variances, as in a normalisation layer.
+# Added to variances before the square root, as in a normalisation layer.
 EPSILON = 1e-5
 
 Convolution = nn.Conv2d | nn.ConvTranspose2d
@@ -77,7 +77,7 @@ def repair(
 
 
 def _hidden_convolutions(network: nn.Module) -> list[Convolution]:
-    # A single output channel is a logit or a gate, whose scale means something.
+    # A single output channel is a logit or a gate, whose scale matters.
     return [
         module
         for module in network.modules()

@@ -13,13 +13,13 @@ from scipy.optimize import minimize
 from models.array_types import Float, Float32, Float64, Shaped
 from models.errors import InputError
 
-# Probabilities nearer to 0 and 1 have no logit of their own in 32 bits.
+# Probabilities nearer to 0 and 1 have no distinct logit in 32 bits.
 MIN_PROBABILITY = 2.0**-24
-# The factor of the logits, 1 / temperature, is sought between these.
+# Bounds of the factor of the logits, 1 / temperature.
 FACTORS = (1e-3, 1e3)
 _BELOW_HALF = np.nextafter(np.float32(0.5), np.float32(0.0))
 
-# Logits and masks of the same shape, in batches; called anew for every pass.
+# Returns batches of logits and masks of the same shape; called for every pass.
 Batches = Callable[[], Iterable[tuple[np.ndarray, np.ndarray]]]
 
 

@@ -12,7 +12,7 @@ from models.array_types import Bool
 from models.errors import InputError
 from models.postprocessing.components import Components, bounding_box, components, require_connectivity
 
-# Relative: lengths and areas that differ by less are the same.
+# Relative differences of lengths and areas below this are rounding.
 ROUNDING = 1e-9
 
 
@@ -197,7 +197,7 @@ def filled(mask: Bool[np.ndarray, "h w"], connectivity: int) -> Bool[np.ndarray,
     background = ndimage.generate_binary_structure(2, 3 - connectivity)
     labels, _ = ndimage.label(~framed, structure=background)
     result = mask.copy()
-    # The frame is one component of the background: all that is open hangs together with it.
+    # The padding is one component of the background: all that is open is connected with it.
     result[box] = (labels != labels[0, 0])[1:-1, 1:-1]
     return result
 

@@ -12,7 +12,7 @@ from models.errors import InputError
 from models.postprocessing.component_scores import ComponentScorer, SelectionCase
 from models.postprocessing.options import Option, PostprocessingGrid
 
-# DSCs that differ by less are the same.
+# Differences of DSC below this are rounding.
 DSC_ROUNDING = 1e-9
 
 
@@ -66,11 +66,6 @@ def select_postprocessing(
     -------
     PostprocessingSelection
         The selected option, and the scores of all.
-
-    Returns
-    -------
-    PostprocessingSelection
-        The best option, and the scores of all.
 
     Raises
     ------

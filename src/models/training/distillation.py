@@ -14,7 +14,7 @@ from models.array_types import Float
 from models.errors import InputError
 from models.training.losses import Loss
 
-# The ensemble's probabilities are kept from 0 and 1 by this, so that their logits are finite.
+# Smallest distance of the ensemble's probabilities from 0 and 1, so that their logits are finite.
 MIN_PROBABILITY = 2.0**-20
 
 

@@ -11,9 +11,9 @@ from registration.geometry.shapes import Mesh
 from registration.metrics.surface_distance import SurfaceDistance
 from registration.reconstruction.taubin import TaubinSmoothing
 
-# Iterations that tell a rough wall, and those that then take off what is left of noise as large as the triangles.
-TELLING, CLEANING = 10, 60
-# Of a normal distribution's absolute values.
+# Iterations of smoothing to detect a rough wall, and those to remove noise as large as the triangles.
+DETECTION_ITERATIONS, CLEANING_ITERATIONS = 10, 60
+# Standard deviation of a normal distribution over the median of its absolute values.
 DEVIATION_PER_MEDIAN = 1.4826
 
 
@@ -42,7 +42,7 @@ def smooth_if_rough(mesh: Mesh, rough_radii: float) -> Mesh:
     """
     if not len(mesh.triangles):
         return mesh
-    smooth = _smoothed(mesh, TELLING)
+    smooth = _smoothed(mesh, DETECTION_ITERATIONS)
     if smooth is None:
         return mesh
     try:
@@ -52,7 +52,7 @@ def smooth_if_rough(mesh: Mesh, rough_radii: float) -> Mesh:
     moved_mm = SurfaceDistance(smooth)(mesh.vertices_mm)
     if DEVIATION_PER_MEDIAN * float(np.median(moved_mm)) <= rough_radii * radius_mm:
         return mesh
-    return _smoothed(smooth, CLEANING) or smooth
+    return _smoothed(smooth, CLEANING_ITERATIONS) or smooth
 
 
 def _smoothed(mesh: Mesh, iterations: int) -> Mesh | None:

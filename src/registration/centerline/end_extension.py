@@ -7,7 +7,7 @@ import numpy as np
 from registration.centerline.vessel_walls import Walls
 from registration.geometry.shapes import Polyline
 
-# A blunt end begins less than two radii after the last sphere that fills the vessel; a wall farther on is not its end.
+# Largest distance of the end, in radii: a blunt end is less than two radii past the last sphere that fills the vessel.
 MAX_RADII = 3.0
 
 

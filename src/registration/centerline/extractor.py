@@ -25,9 +25,9 @@ from registration.geometry.shapes import Centerline, Mesh, Polyline
 from registration.reconstruction.surface import SurfaceMethod
 from registration.reconstruction.vessel_pieces import VesselPieces
 
-# A cap over a hole takes part as a wall, so it needs points inside.
+# Rings of points of the cap over a hole, which is sampled like the wall.
 CAP_RINGS = 6
-# Two lines this many radii apart run in one vessel; a line is moved by as much where it leaves another.
+# Largest distance, in radii, of two lines in one vessel; a line is moved by up to this where it leaves another.
 TOGETHER_RADII = 0.05
 
 

@@ -12,8 +12,8 @@ from registration.centerline.medial_axis import MedialAxis
 from registration.errors import InputError
 from registration.geometry.shapes import Polyline
 
-# Ways that leave the lines so many radii apart and meet again are a loop. A handle that noise made, or a hole in the
-# wall of a flat vessel, is narrower.
+# Smallest width of a loop, in radii, between the places where it leaves the lines. A handle made by noise, or a hole
+# in the wall of a flat vessel, is narrower.
 LOOP_RADII = 2.0
 
 

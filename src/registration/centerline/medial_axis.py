@@ -17,14 +17,14 @@ from registration.centerline.vessel_walls import Walls
 from registration.errors import InputError
 from registration.geometry.shapes import Mesh
 
-# Points are shaken by this share of their spacing: vertices of a drawn tube lie on common spheres, whose Delaunay
-# tetrahedra have no volume and no circumcentre.
+# Share of their spacing by which points are jittered: vertices of a synthetic tube lie on common spheres, whose
+# Delaunay tetrahedra have no volume and no circumcentre.
 JOGGLE_SHARE = 1e-3
-# Above the square root of 2 the scaled spheres leave out the sheet that runs into a square rim.
+# Factor of the scale axis transform; above the square root of 2 it excludes the sheet into a square rim.
 SCALE = 2.0
-# Points of a wall at most, which bounds the memory: a million tetrahedra or so, at about a kilobyte each.
+# Largest number of points of a wall, which bounds the memory: about a million tetrahedra of a kilobyte each.
 MAX_POINTS = 120_000
-# Spheres at most; where more fit inside, as in a thin wall, fewer points are taken of it.
+# Largest number of spheres; where more fit inside, as in a thin wall, it is sampled by fewer points.
 MAX_SPHERES = 150_000
 # Spheres compared at a time, which bounds the memory.
 BLOCK = 4096
@@ -45,7 +45,7 @@ class MedialAxis:
     """
 
     centres_mm: Float64[np.ndarray, "n 3"]
-    radius_mm: Float64[np.ndarray, "n"]
+    radius_mm: Float64[np.ndarray, " n"]
     apart_mm: csr_array
 
     @property
@@ -73,7 +73,7 @@ class MedialAxis:
         chosen = np.unique(row.astype(np.int64) * len(self.radius_mm) + column, return_index=True)[1]
         return csr_array((lengths_mm[chosen], (row[chosen], column[chosen])), shape=pairs.shape)
 
-    def is_main(self) -> Bool[np.ndarray, "n"]:
+    def is_main(self) -> Bool[np.ndarray, " n"]:
         """Find the spheres that belong to a vessel, and not to a spike into a roughness or a cap's rim.
 
         A sphere is excluded if a larger one contains it once both are ``SCALE`` times as large (scale axis
@@ -101,7 +101,7 @@ class MedialAxis:
             main[block] = (cdist(self.centres_mm[block], self.centres_mm[near]) >= limit_mm).all(axis=1)
         return main
 
-    def _blocks(self, side_mm: float) -> Iterator[Int64[np.ndarray, "b"]]:
+    def _blocks(self, side_mm: float) -> Iterator[Int64[np.ndarray, " b"]]:
         """All spheres, in blocks that lie in one cube each: what contains a sphere is near it."""
         cube = np.floor(self.centres_mm / side_mm).astype(np.int64)
         _, owner = np.unique(cube, axis=0, return_inverse=True)
@@ -199,7 +199,7 @@ def sample_evenly(
     chosen = _one_a_cube(points_mm, fine * size_mm)
     side_mm, max_points = fine * size_mm, MAX_POINTS if max_points is None else max_points
     while len(chosen) > max_points:
-        # As many on a surface go with the square of their spacing.
+        # The number of points on a surface is inversely proportional to the square of their spacing.
         side_mm *= 1.1 * np.sqrt(len(chosen) / max_points)
         chosen = _one_a_cube(points_mm, side_mm)
     points_mm = points_mm[chosen]
@@ -207,7 +207,7 @@ def sample_evenly(
     return points_mm + JOGGLE_SHARE * coarse * size_mm * shake
 
 
-def _one_a_cube(points_mm: Float64[np.ndarray, "p 3"], side_mm: float) -> Int64[np.ndarray, "k"]:
+def _one_a_cube(points_mm: Float64[np.ndarray, "p 3"], side_mm: float) -> Int64[np.ndarray, " k"]:
     cube = np.floor((points_mm - points_mm.min(axis=0)) / side_mm).astype(np.int64)
     return np.unique(cube, axis=0, return_index=True)[1].astype(np.int64)
 
@@ -254,7 +254,7 @@ def _lattices(mesh: Mesh, max_edge_mm: float) -> list[Float64[np.ndarray, "p 3"]
 
 def _circumspheres(
     corners_mm: Float64[np.ndarray, "n 4 3"],
-) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n"]]:
+) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, " n"]]:
     """Centre and radius of the sphere through each four points; NaN where they lie in a plane."""
     a, b, c = np.moveaxis(corners_mm[:, 1:] - corners_mm[:, :1], 1, 0)
     normal = np.cross(b, c)
@@ -269,7 +269,7 @@ def _circumspheres(
 
 def _stay_inside(
     centres_mm: np.ndarray, radius_mm: np.ndarray, first: np.ndarray, second: np.ndarray, walls: Walls
-) -> Bool[np.ndarray, "e"]:
+) -> Bool[np.ndarray, " e"]:
     """Whether the way between two centres stays inside; spheres that overlap by half need no look."""
     apart_mm = np.linalg.norm(centres_mm[first] - centres_mm[second], axis=1)
     clear = apart_mm <= 0.5 * np.minimum(radius_mm[first], radius_mm[second])

@@ -8,7 +8,7 @@ from scipy.signal import savgol_filter
 
 from registration.centerline.vessel_walls import Walls
 
-# Pitch of the candidates around a path, in radii, one round after another; each round looks this many steps out.
+# Spacing of the candidates around a path, in radii, in successive rounds, and number of steps to each side.
 PITCHES_RADII = (0.05, 0.02, 0.01)
 STEPS_OUT = 4
 
@@ -77,7 +77,7 @@ def resample(points_mm: Float64[np.ndarray, "n 3"], step_mm: float) -> Float64[n
 
 
 def _cheapest(
-    line_mm: Float64[np.ndarray, "n 3"], pitch_mm: Float64[np.ndarray, "n"], walls: Walls
+    line_mm: Float64[np.ndarray, "n 3"], pitch_mm: Float64[np.ndarray, " n"], walls: Walls
 ) -> Float64[np.ndarray, "n 3"]:
     first, second = _across(line_mm)
     steps = np.arange(-STEPS_OUT, STEPS_OUT + 1)

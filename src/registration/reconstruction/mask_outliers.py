@@ -13,13 +13,13 @@ from registration.reconstruction.mask_specks import specks
 
 POSITION, SIZE, SHAPE = "position", "size", "shape"
 REASONS = (POSITION, SIZE, SHAPE)
-# How many times the test is repeated at most with the masks found so far left out of the comparison.
-ROUNDS = 8
-# With fewer masks than this on a side there is no line through them.
+# Largest number of repetitions of the test, each without the masks rejected so far.
+MAX_ROUNDS = 8
+# Smallest number of masks on a side that a line is fitted to.
 MIN_MASKS_A_SIDE = 3
-# Of a normal distribution's absolute values.
+# Standard deviation of a normal distribution over the median of its absolute values.
 DEVIATION_PER_MEDIAN = 1.4826
-# A mask at the sweep's end has neighbours on one side only, from which its place is extrapolated.
+# Factor of the limits at the sweep's ends: neighbours on one side only, from which positions are extrapolated.
 END_SLACK = 1.5
 
 
@@ -45,13 +45,13 @@ class MaskCheck:
 
     masks: Bool[np.ndarray, "k height width"] | Float[np.ndarray, "k height width"]
     reason: tuple[str, ...]
-    excess: Float64[np.ndarray, "k"]
-    specks: Bool[np.ndarray, "k"]
-    empty: Bool[np.ndarray, "k"]
+    excess: Float64[np.ndarray, " k"]
+    specks: Bool[np.ndarray, " k"]
+    empty: Bool[np.ndarray, " k"]
     undecided: float = 0.0
 
     @property
-    def rejected(self) -> Bool[np.ndarray, "k"]:
+    def rejected(self) -> Bool[np.ndarray, " k"]:
         """Which masks were rejected."""
         return np.array([reason != "" for reason in self.reason], dtype=bool)
 
@@ -156,7 +156,7 @@ class MaskOutliers:
             return none
         good = series.shown.copy()
         factors = np.zeros((count, 3))
-        for _ in range(ROUNDS):
+        for _ in range(MAX_ROUNDS):
             factors = self._factors(series, good)
             found = series.shown & ~(factors.max(axis=1) > 1)
             if (found == good).all():
@@ -173,7 +173,7 @@ class MaskOutliers:
         reason = tuple(REASONS[worst[frame]] if bad[frame] else "" for frame in range(count))
         return reason, np.where(bad, factors.max(axis=1), 0.0), 0.0
 
-    def _factors(self, series: MaskSeries, good: Bool[np.ndarray, "k"]) -> Float64[np.ndarray, "k 3"]:
+    def _factors(self, series: MaskSeries, good: Bool[np.ndarray, " k"]) -> Float64[np.ndarray, "k 3"]:
         """By how many times its limit each mask is off in position, size and shape, by the side that fits best."""
         usable = np.flatnonzero(good)
         found = np.full((len(good), 3, 3), np.nan)
@@ -188,7 +188,7 @@ class MaskOutliers:
                 if len(others) >= MIN_MASKS_A_SIDE:
                     found[frame, side] = series.differences(int(frame), others)
         ends = np.isnan(found[:, 2, 0])
-        # A vessel that ends in a sweep, ends in a dome.
+        # A vessel that ends within the sweep ends in a dome: smaller masks are no outliers there.
         found[ends, :, 1] = np.maximum(found[ends, :, 1], 0.0)
         known = np.where(np.isnan(found), np.inf, np.abs(found))
         best = known.min(axis=1)

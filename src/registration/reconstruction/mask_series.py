@@ -10,8 +10,8 @@ from jaxtyping import Bool, Float64, Int64
 
 from registration import transforms
 
-# A mask of at most so many pixels is compared pixel by pixel; of a larger one as many are drawn evenly.
-PIXELS = 400
+# Number of pixels that are compared; larger masks are sampled evenly.
+MAX_PIXELS = 400
 
 
 @dataclass(frozen=True)
@@ -38,11 +38,11 @@ class MaskSeries:
 
     filled: Bool[np.ndarray, "k height width"]
     world_A_pixel: Float64[np.ndarray, "k 4 4"]
-    shown: Bool[np.ndarray, "k"]
+    shown: Bool[np.ndarray, " k"]
     middle_mm: Float64[np.ndarray, "k 3"]
     middle_px: Float64[np.ndarray, "k 2"]
-    radius_mm: Float64[np.ndarray, "k"]
-    path_mm: Float64[np.ndarray, "k"]
+    radius_mm: Float64[np.ndarray, " k"]
+    path_mm: Float64[np.ndarray, " k"]
 
     @classmethod
     def of(cls, masks: np.ndarray, world_A_pixel: np.ndarray, level: float) -> MaskSeries:
@@ -100,12 +100,12 @@ class MaskSeries:
         found = []
         for frame, own in enumerate(self.filled):
             row, column = np.nonzero(own)
-            few = np.linspace(0, len(row) - 1, min(PIXELS, len(row))).astype(np.int64)
+            few = np.linspace(0, len(row) - 1, min(MAX_PIXELS, len(row))).astype(np.int64)
             offset_px = np.stack([column[few], row[few]], axis=1) - self.middle_px[frame]
             found.append(offset_px * self.pixel_mm[frame])
         return found
 
-    def differences(self, frame: int, others: Int64[np.ndarray, "n"]) -> tuple[float, float, float]:
+    def differences(self, frame: int, others: Int64[np.ndarray, " n"]) -> tuple[float, float, float]:
         """Compute how far a mask is from the prediction by others.
 
         Parameters
@@ -142,15 +142,15 @@ class MaskSeries:
         column, row = np.rint(place).astype(np.int64).T
         height, width = self.filled.shape[1:]
         there = (column >= 0) & (row >= 0) & (column < width) & (row < height)
-        # What the picture's edge cuts off says nothing about the shape.
+        # Pixels beyond the image border are unknown and do not count.
         if not there.any():
             return 1.0
         return 1 - float(self.filled[other][row[there], column[there]].mean())
 
 
 def _line_at(
-    path_mm: Float64[np.ndarray, "n"], values: Float64[np.ndarray, "n d"], place_mm: float
-) -> Float64[np.ndarray, "d"]:
+    path_mm: Float64[np.ndarray, " n"], values: Float64[np.ndarray, "n d"], place_mm: float
+) -> Float64[np.ndarray, " d"]:
     """Values at a place by the line of median slope through others."""
     first, second = np.triu_indices(len(path_mm), 1)
     run_mm = path_mm[second] - path_mm[first]

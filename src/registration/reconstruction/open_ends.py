@@ -16,13 +16,13 @@ from registration.geometry.point_cloud import OrientedCloud
 from registration.geometry.shapes import Mesh
 from registration.reconstruction.outlier_filters import VoxelDownsampling
 
-# A wall's points count for a piece of surface that faces within 60 degrees of them: the bulge's middle does not.
+# Points count for a vertex whose normal is within 60 degrees of theirs: the bulge's middle has none.
 MIN_COSINE = 0.5
-# A cloud denser than this many points along a bridge is thinned: wide bridges would otherwise see it all at once.
+# Cells along ``bridge_mm`` that the cloud is downsampled to, which bounds the number of neighbours of a vertex.
 CELLS_A_BRIDGE = 12
-# What is kept although nothing was measured there counts as just inside.
+# Depth of what is kept although nothing was measured there: just inside.
 SHALLOW_MM = 1e-6
-# Vertices queried at a time, which bounds the memory.
+# Vertices processed at a time, which bounds the memory.
 BLOCK = 2000
 
 
@@ -64,7 +64,7 @@ def measured_part(mesh: Mesh, cloud: OrientedCloud, bridge_mm: float) -> Mesh:
     return clip(mesh, past_mm)
 
 
-def beyond_mm(mesh: Mesh, cloud: OrientedCloud, bridge_mm: float) -> Float64[np.ndarray, "v"]:
+def beyond_mm(mesh: Mesh, cloud: OrientedCloud, bridge_mm: float) -> Float64[np.ndarray, " v"]:
     """Compute how far each vertex lies past the last measured points, along the surface.
 
     Parameters
@@ -118,7 +118,7 @@ def _past_mm(
 ) -> np.ndarray:
     """For each of ``count`` vertices, how far it lies past the points whose offsets from it are given."""
     weights = np.maximum(1 - (offset_mm**2).sum(axis=1) / bridge_mm**2, 0.0) + 1e-9
-    # The plane is the wall's and not the surface's: a bulge turns in, and would see the far side of the rim ahead.
+    # The plane is the wall's and not the surface's: a bulge turns inwards and would face the far side of the rim.
     outwards = _unit(_sums(weights[:, None] * facing, owner, count))[owner]
     along_mm = offset_mm - np.einsum("pi,pi->p", offset_mm, outwards)[:, None] * outwards
     outward = -_unit(_sums(weights[:, None] * along_mm, owner, count))
@@ -153,7 +153,7 @@ def vertex_normals(mesh: Mesh) -> Float64[np.ndarray, "v 3"]:
     return _unit(_sums(facing, mesh.triangles.reshape(-1), len(mesh.vertices_mm)))
 
 
-def clip(mesh: Mesh, values: Float64[np.ndarray, "v"], max_value: float = 0.0) -> Mesh:
+def clip(mesh: Mesh, values: Float64[np.ndarray, " v"], max_value: float = 0.0) -> Mesh:
     """Keep the part of a mesh where a function on its vertices does not exceed a value.
 
     Triangles across the border are cut on it, and neighbours share the new vertices, so the border is one

@@ -18,7 +18,7 @@ from registration.geometry.shapes import Mesh
 from registration.reconstruction.contours import ContourCloud
 from registration.reconstruction.open_ends import measured_part
 
-# The volume goes on this many cells past the outermost contours, so that the surface closes nowhere too early.
+# Cells of the volume past the outermost contours, so that the surface does not close too early.
 MARGIN_CELLS = 3
 MAX_CELLS = 2e8
 
@@ -114,11 +114,11 @@ class _Slice:
     sweep_T_world: Float64[np.ndarray, "4 4"]
     tree: cKDTree
 
-    def height_mm(self, points_mm: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n"]:
+    def height_mm(self, points_mm: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, " n"]:
         """How far points lie ahead of the plane."""
         return points_mm @ self.normal - self.offset_mm
 
-    def distance_mm(self, points_mm: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n"]:
+    def distance_mm(self, points_mm: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, " n"]:
         """Signed distance in the plane to the contours, from where each point projects to; negative inside."""
         projected_mm = points_mm - self.height_mm(points_mm)[:, None] * self.normal
         apart_mm, nearest = self.tree.query(projected_mm)
@@ -133,7 +133,7 @@ def _slices(cloud: ContourCloud, bridge_mm: float) -> list[_Slice]:
     normals = np.cross(cloud.world_A_pixel[used, :3, 0], cloud.world_A_pixel[used, :3, 1])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     middle_mm = np.array([cloud.points_mm[cloud.frame_index == frame].mean(axis=0) for frame in used])
-    # The frames may be numbered against the way their normals point.
+    # The frames may be numbered against the direction of their normals.
     along = middle_mm[-1] - middle_mm[0]
     normals *= np.sign(normals @ along)[:, None]
     sweep_T_world = _sweep_axes(normals, cloud.world_A_pixel[used[0], :3, 0], cloud.points_mm[0])

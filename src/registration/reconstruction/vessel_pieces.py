@@ -11,13 +11,13 @@ from registration.geometry.mesh_topology import Border, borders, keep_triangles,
 from registration.geometry.shapes import Mesh
 from registration.metrics.surface_distance import SurfaceDistance
 
-# Ends face each other within 60 degrees.
+# Cosine of 60 degrees, the largest angle between two ends that face each other.
 MIN_OPPOSING_COSINE = 0.5
 # An end lies on the axis of another to within its radius and this share of the gap, about 30 degrees.
 BEND_SHARE = 0.6
-# How far the widths of two ends may differ: where a vessel divides in a gap, a branch follows the trunk.
+# Largest ratio of the radii of two ends: where a vessel divides in a gap, a branch follows the trunk.
 MAX_RADIUS_RATIO = 3.0
-# The end of a branch lies so many of its radii from the wall that it came from, at most, and the branch is as long.
+# Largest distance, in its radii, of the end of a branch from the wall it leaves; the branch is at least as long.
 BRANCH_RADII = 2.0
 
 

@@ -23,7 +23,7 @@ class VolumeGrid:
     Parameters
     ----------
     origin_mm : ndarray, shape (3,)
-        Centre of the first voxel in the reference frame in mm.
+        Centre of the first voxel in the reference coordinate frame in mm.
     spacing_mm : float
         Distance between voxel centres in mm.
     size : tuple[int, int, int]
@@ -137,7 +137,7 @@ class VolumePlacement:
         Parameters
         ----------
         reference_A_pixel : ndarray, shape (n, 4, 4)
-            Affine matrix of each frame from pixels to the reference frame in mm.
+            Affine matrix of each frame from pixels to reference coordinates in mm.
         height_px, width_px : int
             Size of the frames in px.
 
@@ -171,7 +171,7 @@ class VolumePlacement:
         images : ndarray of uint8, shape (n, height, width)
             Grey values.
         reference_A_pixel : ndarray, shape (n, 4, 4)
-            Affine matrix of each frame from pixels to the reference frame in mm.
+            Affine matrix of each frame from pixels to reference coordinates in mm.
         grid : VolumeGrid or None, optional
             Grid to paste into; None takes that of the frames.
 
@@ -223,7 +223,7 @@ class VolumePlacement:
         weighted: np.ndarray,
         weight: np.ndarray,
         index: Float64[np.ndarray, "m 3"],
-        values: Float64[np.ndarray, "m"],
+        values: Float64[np.ndarray, " m"],
         size: tuple[int, int, int],
     ) -> None:
         """Add the pixels of one frame at fractional voxel indices, in place."""

@@ -13,7 +13,7 @@ from experiments import files
 from experiments.errors import InputError
 from experiments.outcome import Progress
 from experiments.paths import conf_dir
-from experiments.process_pool import process_pool
+from experiments.process_pool import process_pool, same_kernels
 from registration import errors as registration_errors
 from registration.benchmark.build import CaseSpec, build_case, specs
 from registration.benchmark.case_files import write_case, written_digest
@@ -93,12 +93,8 @@ def _made(folder: Path, missing: Sequence[CaseSpec], workers: int) -> Iterable[s
         [spec for spec in missing if spec.anatomy == anatomy]
         for anatomy in dict.fromkeys(spec.anatomy for spec in missing)
     ]
-    if workers == 1 or len(groups) == 1:
-        for group in groups:
-            for spec in group:
-                yield from _make(folder, [spec])
-        return
-    with process_pool(min(workers, len(groups))) as pool:
+    # In processes of their own also where one works: this one has loaded the kernels of its processor already.
+    with same_kernels(), process_pool(min(workers, len(groups))) as pool:
         for ready in as_completed([pool.submit(_make, folder, group) for group in groups]):
             yield from ready.result()
 
