@@ -22,7 +22,7 @@ from models.labelled_frames import LabelledFrames
 from models.networks.registry import NetworkRecipe, recipe_of
 from models.preprocessing.preprocessing import Preprocessing
 from models.training.augmentation import Augmentation
-from models.training.callback import TrainingCourse
+from models.training.callback import TrainingCallback
 from models.training.datamodule import FoldData
 from models.training.deep_supervision import training_loss
 from models.training.fold import initial_network
@@ -77,7 +77,7 @@ def in_fit(problem: Problem, folder: Path | None) -> float:
         if files is not None:
             Checkpoint(problem.model, network.state_dict(), problem.stage).save(files.weights_path(epoch))
 
-    course = TrainingCourse(Phase.whole(settings), data, None, save, files.save if files else None)
+    callback = TrainingCallback(Phase.whole(settings), data, None, save, files.save if files else None)
     steps, network = data.steps_per_epoch, initial_network(problem.model, 0)
     module = Segmenter(
         network,
@@ -86,7 +86,7 @@ def in_fit(problem: Problem, folder: Path | None) -> float:
         lambda step: settings.learning_rate_factor(step, steps),
     )
     with reproducible(settings), quiet(), tempfile.TemporaryDirectory() as scratch:
-        trainer = lightning_trainer(settings, course, settings.max_epochs, Path(scratch))
+        trainer = lightning_trainer(settings, callback, settings.max_epochs, Path(scratch))
         start_s = time.perf_counter()
         trainer.fit(module, datamodule=data)
         return time.perf_counter() - start_s

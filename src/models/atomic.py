@@ -1,6 +1,6 @@
 """Writing so that a file stands under its final name only when it is complete.
 
-The same few lines stand in ``registration.io.atomic``: the two packages do not know each other.
+``registration.io.atomic`` has the same few lines: the two packages do not import each other.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ def atomic_write(path: Path) -> Iterator[Path]:
         Temporary name to write to.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.parent / f".{path.stem}.partial-{os.getpid()}{path.suffix}"
+    temporary = path.parent / f".{path.stem}.partial-{os.getpid()}{path.suffix}"
     try:
-        yield beside
-        beside.replace(path)
+        yield temporary
+        temporary.replace(path)
     finally:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)

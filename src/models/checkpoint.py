@@ -73,8 +73,8 @@ class Checkpoint:
             "weights": {name: tensor.detach().cpu().contiguous() for name, tensor in self.weights.items()},
             "notes": dict(self.notes),
         }
-        with atomic_write(path) as beside:
-            torch.save(content, beside)
+        with atomic_write(path) as temporary:
+            torch.save(content, temporary)
 
     @staticmethod
     def load(path: str | Path) -> Checkpoint:

@@ -1,4 +1,4 @@
-"""The one exception that says the caller's input is at fault, not the program."""
+"""The one exception for faults of the caller's input, not of the program."""
 
 
 class InputError(ValueError):

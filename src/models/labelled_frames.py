@@ -91,7 +91,7 @@ class LabelledFrames:
         )
 
     def digest(self) -> str:
-        """Compute what tells one data set from another.
+        """Compute the hash that identifies the data set.
 
         Returns
         -------
@@ -123,8 +123,8 @@ class LabelledFrames:
             "spacing_mm": np.array([spacing or unknown for spacing in self.spacing_mm]).reshape(-1, 2),
             "simulated": np.array(self.simulated),
         }
-        with atomic_write(path) as beside:
-            np.savez_compressed(beside, **arrays)  # type: ignore[arg-type]
+        with atomic_write(path) as temporary:
+            np.savez_compressed(temporary, **arrays)  # type: ignore[arg-type]
 
     @staticmethod
     def load(path: str | Path) -> LabelledFrames:

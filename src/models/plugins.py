@@ -5,7 +5,7 @@ A plugin's distribution names its package::
     [project.entry-points."ctus.plugins"]
     my_vessels = "my_vessels"
 
-Nothing of a plugin is imported here; where its parts lie is told from the installed distributions.
+Nothing of a plugin is imported here; where its parts lie is read from the installed distributions.
 """
 
 from __future__ import annotations

@@ -232,7 +232,7 @@ class Predictor:
         """The network's input: the stage that a training data set goes through, image by image."""
         grey = frames if frames.ndim == 3 else np.stack([echo_grey(frame) for frame in frames])
         # Cleaned before they go to the device: it works on arrays.
-        # Turned or flipped frames are views with negative strides, which torch does not take; of a batch of one, numpy
+        # Rotated or flipped frames are views with negative strides, which torch does not take; of a batch of one, numpy
         # calls even such a view contiguous.
         clean = np.array(self.preprocessing.clean(grey), order="C")
         images = torch.tensor(clean, device=self.device)

@@ -131,7 +131,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("config", type=Path, help="YAML file")
     parser.add_argument("--out", type=Path, required=True, help="folder for the results")
-    parser.add_argument("--resume", action="store_true", help="go on with a training that was interrupted")
+    parser.add_argument("--resume", action="store_true", help="resume an interrupted training")
     given = parser.parse_args(arguments)
     try:
         plan = TrainingPlan.read(given.config, given.resume)
@@ -158,14 +158,14 @@ def _require_folder(out: Path) -> None:
 
 def _run(plan: TrainingPlan, out: Path) -> None:
     settings = plan.training.trainer
-    most = settings.max_epochs + settings.extend_epochs
-    epoch = iter(range(1, most + 1))
+    max_epochs = settings.max_epochs + settings.extend_epochs
+    epoch = iter(range(1, max_epochs + 1))
     trained = train_fold(
         plan.training,
         directory=out,
         state_directory=out / "state",
         on_epoch=lambda report: print(
-            f"epoch {next(epoch)} of {most}: validation DSC {report['validation_dsc']:.3f}", flush=True
+            f"epoch {next(epoch)} of {max_epochs}: validation DSC {report['validation_dsc']:.3f}", flush=True
         ),
     )
     rows = _scored(plan, trained)
@@ -245,7 +245,7 @@ def _require_apart(split: Mapping[str, Any], group_of: Mapping[str, str]) -> Non
 
 
 def _write_table(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    with atomic_write(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
+    with atomic_write(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()
         writer.writerows(rows)
@@ -257,8 +257,8 @@ def _write_json(path: Path, content: object) -> None:
 
 
 def _write_text(path: Path, text: str) -> None:
-    with atomic_write(path) as beside:
-        beside.write_text(text, encoding="utf-8")
+    with atomic_write(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -114,7 +114,7 @@ def test_writes_what_becomes_a_run(machine: Machine) -> None:
     assert len(history) == 2 and {"images_per_s", "peak_memory_mb", "learning_rate"} <= set(history[0])
 
 
-def test_a_killed_training_goes_on_to_the_same_result(machine: Machine, tmp_path, capsys) -> None:
+def test_a_killed_training_is_resumed_to_the_same_result(machine: Machine, tmp_path, capsys) -> None:
     assert machine.finished.returncode == -signal.SIGKILL, machine.finished.stderr
     assert "epoch 2 of 5" in machine.finished.stdout and "epoch 3 of 5" not in machine.finished.stdout
     config, out = machine.folder / "long" / "config.yaml", machine.folder / "long" / "out"

@@ -206,7 +206,7 @@ def _percentile(distances: Float64[np.ndarray, " n"]) -> float:
 
 
 def _percentile_of_length(distances: Float64[np.ndarray, " n"], lengths: Float64[np.ndarray, " n"]) -> float:
-    """The least distance within which 95 % of the contour's length lies."""
+    """The smallest distance within which 95 % of the contour's length lies."""
     if not len(distances):
         return float("inf")
     order = np.lexsort((lengths, distances))

@@ -14,12 +14,12 @@ from models.errors import InputError
 from models.networks.blocks import (
     GROUPS,
     Encoder,
+    SideOutputs,
     initialise,
     normalisation_layer,
     require_fields,
     require_size,
 )
-from models.networks.outputs import SideOutputs
 from models.networks.upsampled_convolution import UpsampledConvolution
 
 # The share of the coarsest features that the class branch drops in training, as in the authors' published code.

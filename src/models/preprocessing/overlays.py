@@ -2,7 +2,7 @@
 
 Two rules, each made to miss a graphic rather than to take an echo for one. Colour: an echo is grey, or tinted like the
 whole screen, so a small patch of strong colour is a graphic. Grey: an echo swells and fades over some pixels, so a thin
-stroke at the display's maximum with dark pixels right beside it is a graphic. What is taken out gets the value of
+stroke at the display's maximum with dark pixels next to it is a graphic. What is taken out gets the value of
 the nearest pixel that stays, which keeps the grain of the speckle around it.
 """
 
@@ -15,16 +15,16 @@ from models.array_types import Bool, UInt8
 # Difference between the strongest and the weakest of the three channels from which a pixel is coloured. Tissue on
 # the tinted screens of the USGRA data set stays below 45, the markers there reach 79 to 92.
 COLOURED = 64
-# Where a quarter of the pixels that are not dark has half of that, the screen is tinted and colour says nothing.
+# Where a quarter of the pixels that are not dark has half of that, the screen is tinted and colour means nothing.
 TINTED_SHARE, NOT_DARK = 0.25, 64
 # Patches of colour wider than twice this are colour Doppler or a colour map, not a mark.
 WIDEST_MARK_PX = 8
 # The display's maximum, with room for compression with losses.
 WHITE = 250
-# A stroke is at most twice this wide, less one; half of the pixels right beside it are darker by the first amount
+# A stroke is at most twice this wide, less one; half of the pixels next to it are darker by the first amount
 # at least and three quarters by the second.
 WIDEST_STROKE_PX = 3
-HALF_DARKER, MOST_DARKER = 80, 40
+HALF_DARKER, QUARTERS_DARKER = 80, 40
 # The slanted and curved strokes of a letter are softened below white: a thin part of this grey and brighter is taken
 # as a whole where strokes make up this share of it.
 SOFT_WHITE, STROKE_SHARE = 160, 0.1
@@ -88,15 +88,15 @@ def _strokes(frame: np.ndarray, white: np.ndarray) -> Bool[np.ndarray, "h w"]:
     from scipy import ndimage
 
     parts, count, width_px = _parts(white)
-    # Each pixel beside a part gets its number; one between two parts counts for the one with the higher number.
+    # Each pixel next to a part gets its number; one between two parts counts for the one with the higher number.
     around = np.where(white, 0, ndimage.maximum_filter(parts, 3, mode="nearest"))
-    beside = np.bincount(around.ravel(), minlength=count + 1)[1:]
+    neighbours = np.bincount(around.ravel(), minlength=count + 1)[1:]
     darker = 255 - frame
     stroke = np.zeros(count + 1, dtype=bool)
-    stroke[1:] = (width_px <= WIDEST_STROKE_PX) & (beside > 0)
-    for least, share in ((HALF_DARKER, 0.5), (MOST_DARKER, 0.75)):
-        dark = np.bincount(around[darker >= least], minlength=count + 1)[1:]
-        stroke[1:] &= dark >= share * beside
+    stroke[1:] = (width_px <= WIDEST_STROKE_PX) & (neighbours > 0)
+    for by, share in ((HALF_DARKER, 0.5), (QUARTERS_DARKER, 0.75)):
+        dark = np.bincount(around[darker >= by], minlength=count + 1)[1:]
+        stroke[1:] &= dark >= share * neighbours
     return np.asarray(stroke[parts])
 
 

@@ -244,9 +244,9 @@ class Preprocessing:
         )[:, 0]
         if (bottom - top, right - left) == placement.native:
             return native
-        whole = native.new_zeros((len(native), *placement.native))
-        whole[:, top:bottom, left:right] = native
-        return whole
+        full = native.new_zeros((len(native), *placement.native))
+        full[:, top:bottom, left:right] = native
+        return full
 
     @property
     def _corners(self) -> Corners | None:

@@ -25,7 +25,7 @@ THINNEST = 0.02
 SMALLEST_PART, SMALLEST_PART_BELOW = 0.1, 0.02
 # A sector fills at least this share of a frame.
 SMALLEST_SECTOR = 0.01
-# Sides that lean outwards by this much, each, make a fan; the least length of each is a share of the sector's height.
+# Sides that lean outwards by this much make a fan; the smallest length of each is a share of the sector's height.
 FAN_LEAN_DEG, FAN_SIDE = (5.0, 65.0), 0.15
 # Upright sides and a level top of this share of the sector's height and width make a rectangle.
 BOX_LEAN_DEG, BOX_SIDE = 1.0, 0.3
@@ -178,8 +178,8 @@ def _largest_parts(region: np.ndarray) -> np.ndarray:
     sizes[0] = 0
     columns = np.flatnonzero((parts == sizes.argmax()).any(axis=0))
     below = np.bincount(parts[:, columns[0] : columns[-1] + 1].ravel(), minlength=len(sizes)) == sizes
-    least = np.where(below, SMALLEST_PART_BELOW, SMALLEST_PART) * sizes.max()
-    large: np.ndarray = ((sizes >= least) & (sizes > 0))[parts]
+    smallest = np.where(below, SMALLEST_PART_BELOW, SMALLEST_PART) * sizes.max()
+    large: np.ndarray = ((sizes >= smallest) & (sizes > 0))[parts]
     return large
 
 

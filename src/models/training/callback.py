@@ -25,8 +25,8 @@ from models.training.throughput import Throughput, peak_memory_mb
 STATE_SHARE = 0.1
 
 
-class TrainingCourse(Callback):
-    """Lightning callback that leads a training through its phase.
+class TrainingCallback(Callback):
+    """Lightning callback that takes a training through its phase.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class TrainingCourse(Callback):
         self._throughput = Throughput(torch.device("cpu"))
         self._learning_rate = math.nan
         for report in self.history:
-            self._tell(report)
+            self._report_epoch(report)
 
     @property
     def runtime_s(self) -> float:
@@ -177,9 +177,9 @@ class TrainingCourse(Callback):
             self.save_weights(pl_module.network, len(self.history) - 1, report["validation_dsc"])
         trainer.should_stop = self.phase.is_over(self.history)
         self._write_state(trainer, pl_module)
-        self._tell(report)
+        self._report_epoch(report)
 
-    def _tell(self, report: Mapping[str, float]) -> None:
+    def _report_epoch(self, report: Mapping[str, float]) -> None:
         if self.on_epoch is not None:
             self.on_epoch(report)
 

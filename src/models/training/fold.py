@@ -1,4 +1,4 @@
-"""Training of one fold: the same first weights for all folds, the best epoch kept, gone on with where it stopped."""
+"""Training of one fold: the same first weights for all folds, the best epoch kept, resumed where it stopped."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from models.training.spec import FoldTraining
 from models.training.state import TrainingFolder, TrainingState
 
 if TYPE_CHECKING:
-    from models.training.callback import TrainingCourse
+    from models.training.callback import TrainingCallback
 
 OnEpoch = Callable[[Mapping[str, float]], None]
 
@@ -94,17 +94,17 @@ def train_fold(
             raise InputError(
                 "state_directory: expected the folder that the training keeps its state in, received none"
             )
-        course = _run(training, Phase.whole(settings), None, directory, lambda epoch: path, None, on_epoch)
-        return _trained(course, path)
+        callback = _run(training, Phase.whole(settings), None, directory, lambda epoch: path, None, on_epoch)
+        return _trained(callback, path)
     folder = TrainingFolder(state_directory, training.fingerprint)
     with folder.locked():
         phase, start, own = _where_to_begin(folder, training)
         weights = {True: own.weights_path, False: folder.weights_path}
-        course = _run(training, phase, start, directory, own.weights_path, own, on_epoch)
-        best = best_epoch(course.history)
-        with atomic_write(path) as beside:
-            shutil.copyfile(weights[best >= phase.first](best), beside)
-    return _trained(course, path)
+        callback = _run(training, phase, start, directory, own.weights_path, own, on_epoch)
+        best = best_epoch(callback.history)
+        with atomic_write(path) as temporary:
+            shutil.copyfile(weights[best >= phase.first](best), temporary)
+    return _trained(callback, path)
 
 
 def initial_network(model: NetworkRecipe, seed: int) -> nn.Module:
@@ -130,7 +130,7 @@ def initial_network(model: NetworkRecipe, seed: int) -> nn.Module:
 def _where_to_begin(
     folder: TrainingFolder, training: FoldTraining
 ) -> tuple[Phase, TrainingState | None, TrainingFolder]:
-    """The epochs to train, what they go on from, and the folder for their state."""
+    """The epochs to train, what they continue from, and the folder for their state."""
     settings = training.trainer
     phase = Phase.whole(settings)
     if not settings.extend_epochs:
@@ -162,10 +162,10 @@ def _run(
     weights_path: Callable[[int], Path],
     folder: TrainingFolder | None,
     on_epoch: OnEpoch | None,
-) -> TrainingCourse:
+) -> TrainingCallback:
     """Train the epochs of a phase that are not done."""
     # Lightning takes seconds to import: whoever only wants the settings' classes should not wait for it.
-    from models.training.callback import TrainingCourse
+    from models.training.callback import TrainingCallback
     from models.training.datamodule import FoldData
     from models.training.segmenter import Segmenter
     from models.training.trainer import fit, lightning_trainer, quiet, reproducible
@@ -180,11 +180,11 @@ def _run(
         settings.batch_size,
         seed,
     )
-    course = TrainingCourse(
+    callback = TrainingCallback(
         phase, data, start, _writer(training, weights_path), folder.save if folder else None, on_epoch
     )
-    if phase.is_over(course.history):
-        return course
+    if phase.is_over(callback.history):
+        return callback
     steps = data.steps_per_epoch
     network = initial_network(training.model, training.seed)
     if start is not None:
@@ -194,12 +194,12 @@ def _run(
         training.loss,
         settings,
         lambda step: phase.learning_rate_factor(step, steps),
-        step=len(course.history) * steps,
+        step=len(callback.history) * steps,
     )
     with reproducible(settings), quiet():
-        trainer = lightning_trainer(settings, course, phase.end - len(course.history), directory)
+        trainer = lightning_trainer(settings, callback, phase.end - len(callback.history), directory)
         fit(trainer, module, data)
-    return course
+    return callback
 
 
 def _writer(
@@ -215,7 +215,7 @@ def _writer(
     return write
 
 
-def _trained(course: TrainingCourse, path: Path) -> TrainedFold:
-    best = best_epoch(course.history)
-    history = tuple(course.history)
-    return TrainedFold(path, history, best, history[best]["validation_dsc"], course.runtime_s)
+def _trained(callback: TrainingCallback, path: Path) -> TrainedFold:
+    best = best_epoch(callback.history)
+    history = tuple(callback.history)
+    return TrainedFold(path, history, best, history[best]["validation_dsc"], callback.runtime_s)

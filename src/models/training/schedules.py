@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 
 SCHEDULES = ("cosine", "one_cycle")
-# The share of a one-cycle training in which the rate rises, where nothing else is said, and how far it goes down at
+# The default share of a one-cycle training in which the rate rises, and how far it goes down at
 # both ends: the customary values, which are also those of torch.
 ONE_CYCLE_RISE = 0.3
 FIRST_DIVISOR, LAST_DIVISOR = 25.0, 1e4

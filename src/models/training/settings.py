@@ -10,7 +10,7 @@ from models.training import schedules
 
 ACCELERATORS = ("cpu", "gpu", "auto")
 PRECISIONS = ("32-true", "16-mixed", "bf16-mixed")
-# Of the highest learning rate: what a finished training goes on with.
+# Fraction of the highest learning rate that a finished training is extended with.
 EXTENSION_FACTOR = 0.1
 
 

@@ -1,4 +1,4 @@
-"""All that decides a training, and by what it is known again."""
+"""Specification of a training, and its fingerprint."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from models.training.settings import TrainerSettings
 
 # To be raised when a training of the same settings is no longer the same training.
 VERSION = 2
-# Settings that say how far a training goes on, not which one it is.
+# Settings of how far a training is continued, not of which one it is.
 _HOW_FAR = ("resume", "extend_epochs")
 
 

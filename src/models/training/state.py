@@ -102,8 +102,8 @@ class TrainingFolder:
         """
         content = {field.name: getattr(state, field.name) for field in dataclasses.fields(state)}
         content |= {"format": FORMAT, "version": VERSION, "fingerprint": self.fingerprint}
-        with atomic_write(self.state_path) as beside:
-            torch.save(content, beside)
+        with atomic_write(self.state_path) as temporary:
+            torch.save(content, temporary)
         for path in self.path.glob("model-*.pt"):
             if path != self.weights_path(best_epoch(state.history)):
                 path.unlink()
@@ -170,4 +170,4 @@ class TrainingFolder:
 
     @property
     def _expected(self) -> str:
-        return f"{self.state_path}: expected the state of this very training (remove the file to start anew)"
+        return f"{self.state_path}: expected the state of this very training (remove the file to start again)"

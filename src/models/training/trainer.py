@@ -1,4 +1,4 @@
-"""Lightning's trainer set up for one fold, and the switches of torch that are thrown while it runs."""
+"""Lightning's trainer set up for one fold, and the switches of torch that are set while it runs."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from lightning.pytorch.plugins.environments import LightningEnvironment
 from models.training.settings import TrainerSettings
 
 
-def lightning_trainer(settings: TrainerSettings, course: Callback, epochs: int, directory: Path) -> Trainer:
-    """Set up a trainer that writes, logs and stops nothing by itself: that is left to ``course``.
+def lightning_trainer(settings: TrainerSettings, callback: Callback, epochs: int, directory: Path) -> Trainer:
+    """Set up a trainer that writes, logs and stops nothing by itself: that is left to ``callback``.
 
     Parameters
     ----------
     settings : TrainerSettings
         Device, precision and gradient clipping.
-    course : Callback
-        Leads the training.
+    callback : Callback
+        Callback that seeds, records and stops the training.
     epochs : int
         Number of epochs to train.
     directory : Path
@@ -42,7 +42,7 @@ def lightning_trainer(settings: TrainerSettings, course: Callback, epochs: int, 
         precision=settings.precision,
         max_epochs=epochs,
         gradient_clip_val=settings.gradient_clip,
-        callbacks=[course],
+        callbacks=[callback],
         # One process, wherever it was started: without this, Lightning takes over the signals of a Slurm job.
         plugins=[LightningEnvironment()],
         default_root_dir=directory,
@@ -87,7 +87,7 @@ def reproducible(settings: TrainerSettings) -> Iterator[None]:
     Parameters
     ----------
     settings : TrainerSettings
-        Says whether results must be deterministic.
+        Holds whether results must be deterministic.
     """
     deterministic = torch.are_deterministic_algorithms_enabled()
     warn_only = torch.is_deterministic_algorithms_warn_only_enabled()

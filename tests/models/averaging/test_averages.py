@@ -39,7 +39,7 @@ def test_greedy_leaves_out_what_lowers_the_score_and_tries_the_next() -> None:
     assert found.member_scores == (-3.0, -1.0, -2.0, -10.0)
 
 
-def test_greedy_adds_where_the_score_stays_and_goes_on_after_a_refusal() -> None:
+def test_greedy_adds_where_the_score_stays_and_continues_after_a_refusal() -> None:
     # 5, then 3 (same score, average 4), then 20 (worse), then 4.0 would come first: it is best alone.
     found = greedy_average(members(5, 3, 20, 4), near_four)
     assert found.members == ("fold 3",)  # 4.5 is worse than 4, and so is 3.5

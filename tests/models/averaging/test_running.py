@@ -60,7 +60,7 @@ def test_an_average_keeps_its_own_copy_and_the_types() -> None:
 
 
 @pytest.mark.parametrize("kind", [ExponentialAverage, StochasticAverage])
-def test_an_interrupted_average_goes_on_as_if_it_never_was(
+def test_an_interrupted_average_continues_as_if_it_never_was(
     kind: type[ExponentialAverage] | type[StochasticAverage],
 ) -> None:
     whole, before, after = kind(), kind(), kind()

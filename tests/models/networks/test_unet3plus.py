@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from models.errors import InputError
-from models.networks.outputs import SideOutputs
+from models.networks.blocks import SideOutputs
 from models.networks.unet3plus import UNet3Plus, gated
 
 SMALL = {"width": 4, "depth": 3, "dropout": 0.0}

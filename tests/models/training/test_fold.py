@@ -125,7 +125,7 @@ def test_every_epoch_reports_its_measures(tmp_path) -> None:
         assert report["images_per_s"] > 0 and report["peak_memory_mb"] > 0
 
 
-def test_a_training_that_diverges_says_so(tmp_path, monkeypatch) -> None:
+def test_a_training_that_diverges_is_refused(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(DiceCrossEntropy, "__call__", lambda self, logits, masks: logits.mean() * torch.nan)
     with pytest.raises(RuntimeError, match="expected a finite validation loss, received nan after 1 epochs"):
         trained(tmp_path)
@@ -154,7 +154,7 @@ def comparable(result: TrainedFold) -> list[dict[str, float]]:
 
 
 @pytest.mark.parametrize("schedule", ["cosine", "one_cycle"])
-def test_an_interrupted_training_goes_on_to_the_same_result(tmp_path, schedule: str) -> None:
+def test_an_interrupted_training_is_resumed_to_the_same_result(tmp_path, schedule: str) -> None:
     budget = settings(5, schedule=schedule, learning_rate=0.02)
     whole = trained(tmp_path / "whole", trainer=budget)
     state = tmp_path / "state"

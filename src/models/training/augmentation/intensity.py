@@ -45,7 +45,7 @@ class Speckle:
     def __post_init__(self) -> None:
         require_probability(self)
         require_amounts(self, "std")
-        require_amounts(self, "grain_px", least=1)
+        require_amounts(self, "grain_px", minimum=1)
 
     def __call__(self, images: Float32[Tensor, "b 1 h w"], draws: RandomDraws) -> Float32[Tensor, "b 1 h w"]:
         """Multiply images by 1 plus noise.

@@ -215,7 +215,7 @@ def require_probability(transform: Any) -> None:
         )
 
 
-def require_amounts(transform: object, *names: str, least: float = 0) -> None:
+def require_amounts(transform: object, *names: str, minimum: float = 0) -> None:
     """Check that fields of a transform are finite and not too small.
 
     Parameters
@@ -224,7 +224,7 @@ def require_amounts(transform: object, *names: str, least: float = 0) -> None:
         A transform with those fields.
     *names : str
         Names of the fields.
-    least : float
+    minimum : float
         Smallest value that is accepted.
 
     Raises
@@ -234,7 +234,7 @@ def require_amounts(transform: object, *names: str, least: float = 0) -> None:
     """
     for name in names:
         value = getattr(transform, name)
-        if not (math.isfinite(value) and value >= least):
+        if not (math.isfinite(value) and value >= minimum):
             raise InputError(
-                f"{type(transform).__name__}.{name}: expected a number of at least {least}, received {value}"
+                f"{type(transform).__name__}.{name}: expected a number of at least {minimum}, received {value}"
             )

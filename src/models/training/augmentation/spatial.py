@@ -150,7 +150,7 @@ class Elastic:
     def __post_init__(self) -> None:
         require_probability(self)
         require_amounts(self, "max_shift")
-        require_amounts(self, "control_points", least=2)
+        require_amounts(self, "control_points", minimum=2)
 
     def displacement(
         self, draws: RandomDraws, height: int, width: int
