@@ -37,7 +37,7 @@ class Repeat:
     ----------
     row : dict
         Row of the sweep in the table.
-    offset_mm : ndarray
+    offset_mm : ndarray, shape (n,)
         How far the sweep lies outside the truth in mm at each of many places of the truth, NaN where it has
         no counterpart.
     seen : Mesh or None, optional

@@ -105,7 +105,8 @@ def pair_transforms(prediction: Path, reference: Path, targets: str | None) -> T
     Raises
     ------
     InputError
-        If a file is set against a folder, or there are no references or no results of their names.
+        If a file is set against a folder, there are no references or no results of their names, or two
+        results have one name.
     """
     targets_mm = None if targets is None else _targets(Path(targets))
     reference, prediction = _one_file(reference, TRUTH_FILE), _one_file(prediction, ANSWER_FILE)
