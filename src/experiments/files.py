@@ -13,7 +13,15 @@ from registration.io.atomic import atomic_write
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write ``text`` to ``path`` as a whole or not at all."""
+    """Write ``text`` to ``path`` as a whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+        File to write.
+    text : str
+        Content.
+    """
     with atomic_write(path) as beside:
         beside.write_text(text, encoding="utf-8")
 
@@ -23,6 +31,16 @@ def staged(folder: Path) -> Iterator[Path]:
     """Give an empty folder beside ``folder``; when all went well, move every file in it to its place in ``folder``.
 
     Files that were in ``folder`` before and are not written again stay. After a failure nothing has changed.
+
+    Parameters
+    ----------
+    folder : Path
+        Final folder.
+
+    Returns
+    -------
+    Iterator[Path]
+        The empty folder.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     stage = Path(tempfile.mkdtemp(prefix=f".{folder.name}.partial-", dir=folder.parent))
@@ -41,12 +59,34 @@ def staged(folder: Path) -> Iterator[Path]:
 
 
 def names_in(folder: Path) -> tuple[str, ...]:
-    """Every file under a folder, by its name from there on."""
+    """Every file under a folder, by its name from there on.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder to list.
+
+    Returns
+    -------
+    tuple[str, ...]
+        Names, sorted.
+    """
     found = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
     return tuple(sorted(found))
 
 
 def digest(path: Path) -> str:
-    """SHA-256 of a file's bytes, in hexadecimal."""
+    """SHA-256 of a file's bytes, in hexadecimal.
+
+    Parameters
+    ----------
+    path : Path
+        File to read.
+
+    Returns
+    -------
+    str
+        The digest.
+    """
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -16,7 +16,17 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True)
 class InputData:
-    """A data set as a run used it: its name, a digest of its contents, and where it came from."""
+    """A data set as a run used it: its name, a digest of its contents, and where it came from.
+
+    Parameters
+    ----------
+    name : str
+        Name of the data set.
+    digest : str
+        Digest of its contents.
+    source : str
+        Where it came from.
+    """
 
     name: str
     digest: str
@@ -27,12 +37,27 @@ class InputData:
 class Outcome:
     """The result of one job of a study, or of a whole sweep.
 
-    ``metrics`` are finite or NaN scalars under the names of the metrics section; a failure is NaN or infinity here
-    and is turned into a ``_failed`` count by the tracker. ``cases`` is the per-case table (one row a case or trial).
-    ``history`` is one mapping of metrics per step (epoch, from 0). ``tables`` are small result tables that end the
-    terminal's output. ``figures`` are matplotlib figures by file stem. ``findings`` are plain sentences.
-    ``inputs`` are the data sets used. Files that a
-    study leaves in its workspace are tracked as they are.
+    A metric that is NaN or infinite is turned into a ``_failed`` count by the tracker. Files that a study leaves in its
+    workspace are tracked as they are.
+
+    Parameters
+    ----------
+    metrics : Mapping[str, float], optional
+        Scalars by metric name; NaN or infinite for a failure.
+    cases : pd.DataFrame or None, optional
+        One row a case or trial; None if the study has none.
+    history : tuple[Mapping[str, float], ...], optional
+        Metrics of each epoch or step, from 0.
+    tables : Mapping[str, pd.DataFrame], optional
+        Small result tables by title, shown at the end of the terminal's output.
+    figures : Mapping[str, Figure], optional
+        Figures by file stem.
+    findings : tuple[str, ...], optional
+        Results as plain sentences.
+    tags : Mapping[str, str], optional
+        Tags of the tracked run.
+    inputs : tuple[InputData, ...], optional
+        Data sets that were used.
     """
 
     metrics: Mapping[str, float] = field(default_factory=dict)
@@ -49,8 +74,22 @@ class Outcome:
 class JobResult:
     """A finished job as the summary of a sweep sees it: its configuration, metrics and per-case table.
 
-    ``workspace`` is the folder its files lie in. It holds the same whether the job ran just now or was resumed.
-    ``choices`` are the settings by which its point of the sweep differs from others, as the command line has them.
+    It holds the same whether the job ran just now or was resumed.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        The resolved configuration of the job.
+    metrics : Mapping[str, float]
+        Its scalar metrics.
+    cases : pd.DataFrame or None
+        Its table of cases; None if it has none.
+    workspace : Path
+        Folder of its files.
+    run_id : str or None, optional
+        Id of its tracked run; None if it is not tracked.
+    choices : Mapping[str, str], optional
+        Settings by which its sweep point differs from others.
     """
 
     config: Mapping[str, Any]
@@ -65,11 +104,32 @@ class Progress(Protocol):
     """How a study says how far it is."""
 
     def track(self, items: Iterable[Item], description: str, total: int | None = None) -> Iterator[Item]:
-        """Pass ``items`` through while a bar with the time left advances."""
+        """Pass ``items`` through while a bar with the time left advances.
+
+        Parameters
+        ----------
+        items : Iterable[Item]
+            What is worked through.
+        description : str
+            Text before the bar.
+        total : int or None, optional
+            Number of items; None if it is known from ``items`` or unknown.
+
+        Returns
+        -------
+        Iterator[Item]
+            The items.
+        """
         ...
 
     def note(self, text: str) -> None:
-        """Print one line above the bar."""
+        """Print one line above the bar.
+
+        Parameters
+        ----------
+        text : str
+            Line to print.
+        """
         ...
 
 
@@ -77,10 +137,31 @@ class Silent:
     """Progress that shows nothing, for tests and for use as a library."""
 
     def track(self, items: Iterable[Item], description: str, total: int | None = None) -> Iterator[Item]:
-        """Pass ``items`` through."""
+        """Pass ``items`` through.
+
+        Parameters
+        ----------
+        items : Iterable[Item]
+            What is worked through.
+        description : str
+            Text before the bar.
+        total : int or None, optional
+            Number of items; None if it is known from ``items`` or unknown.
+
+        Returns
+        -------
+        Iterator[Item]
+            The items.
+        """
         del description, total
         yield from items
 
     def note(self, text: str) -> None:
-        """Drop the line."""
+        """Drop the line.
+
+        Parameters
+        ----------
+        text : str
+            Line to print.
+        """
         del text

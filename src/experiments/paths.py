@@ -16,7 +16,13 @@ _CHECKOUT = _PACKAGE.parents[1]
 
 
 def conf_dir() -> Path:
-    """The folder of configurations: inside the package, in a checkout by a link to ``conf`` at its top."""
+    """The folder of configurations: inside the package, in a checkout by a link to ``conf`` at its top.
+
+    Returns
+    -------
+    Path
+        The folder.
+    """
     return _PACKAGE / "conf"
 
 
@@ -24,6 +30,11 @@ def project_root() -> Path:
     """The folder that ``mlruns``, ``outputs`` and ``results`` lie in.
 
     ``CTUS_HOME`` where it is set, else the checkout the package is imported from, else the current folder.
+
+    Returns
+    -------
+    Path
+        The folder.
     """
     if home := os.environ.get("CTUS_HOME"):
         return Path(home).expanduser().resolve()

@@ -18,6 +18,16 @@ def process_pool(workers: int) -> ProcessPoolExecutor:
 
     Forking after Open3D or torch has started its threads can hang. Threads of several processes that compete for the
     same cores make each of them take several times as long.
+
+    Parameters
+    ----------
+    workers : int
+        Number of processes.
+
+    Returns
+    -------
+    ProcessPoolExecutor
+        The pool.
     """
     return ProcessPoolExecutor(workers, get_context("spawn"), initializer=_take_one_thread)
 

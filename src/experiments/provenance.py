@@ -35,7 +35,13 @@ _PACKAGES = (
 
 
 def environment_tags() -> dict[str, str]:
-    """What a run must say of the machine, the code and the packages it ran with."""
+    """What a run must say of the machine, the code and the packages it ran with.
+
+    Returns
+    -------
+    dict[str, str]
+        Tags by name.
+    """
     versions = {}
     for package in _PACKAGES:
         try:
@@ -52,7 +58,13 @@ def environment_tags() -> dict[str, str]:
 
 
 def process_tags() -> dict[str, str]:
-    """Which process writes a run, and that it lives: what ``is_gone`` judges by."""
+    """Which process writes a run, and that it lives: what ``is_gone`` judges by.
+
+    Returns
+    -------
+    dict[str, str]
+        Tags by name.
+    """
     return {
         "ctus.host": socket.gethostname(),
         "ctus.pid": str(os.getpid()),
@@ -98,6 +110,16 @@ def is_gone(tags: Mapping[str, str]) -> bool:
 
     Where the process's id can be looked up, the id and its start decide; on another machine, in another container or
     before another boot, where it says nothing, the age of the last heartbeat.
+
+    Parameters
+    ----------
+    tags : Mapping[str, str]
+        Tags of a run, with the machine and process that wrote it.
+
+    Returns
+    -------
+    bool
+        True if the process has ended.
     """
     silence_s = time.time() - _number(tags.get("ctus.heartbeat"))
     pid = tags.get("ctus.pid", "")

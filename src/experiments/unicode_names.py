@@ -13,6 +13,16 @@ def same_name(name: str) -> str:
     """The one form (Unicode NFC) of a name that systems write in several.
 
     macOS writes an accent as a character of its own (NFD), other systems as part of its letter: both look alike.
+
+    Parameters
+    ----------
+    name : str
+        Name as the project has it.
+
+    Returns
+    -------
+    str
+        The name.
     """
     return unicodedata.normalize("NFC", name)
 
@@ -22,6 +32,18 @@ def text_names(setting: str, names: Iterable[object]) -> tuple[str, ...]:
 
     A whole number is taken as it is written. Raises InputError for what may have been written in another way, such as
     1.10 that became 1.1, and for a text where several names are expected.
+
+    Parameters
+    ----------
+    setting : str
+        Name of the setting, for messages.
+    names : Iterable[object]
+        Names as a configuration has them.
+
+    Returns
+    -------
+    tuple[str, ...]
+        The names.
     """
     if isinstance(names, str):
         raise InputError(f"{setting}: expected a list of names, received {names!r}")
@@ -36,5 +58,16 @@ def text_names(setting: str, names: Iterable[object]) -> tuple[str, ...]:
 
 
 def natural_key(name: str) -> list[tuple[int, int | str]]:
-    """A key to sort by: frame_10 comes after frame_2, and numbers stand before letters."""
+    """A key to sort by: frame_10 comes after frame_2, and numbers stand before letters.
+
+    Parameters
+    ----------
+    name : str
+        Name as the project has it.
+
+    Returns
+    -------
+    list[tuple[int, int or str]]
+        Key for sorting.
+    """
     return [(0, int(part)) if part.isdecimal() else (1, part) for part in re.split(r"(\d+)", name)]

@@ -22,7 +22,13 @@ SHARED: dict[str, Any] = {
 
 
 def require_shared(config: Mapping[str, Any]) -> None:
-    """Raise InputError unless the settings that every call has are of their types, and ``seed`` is none below 0."""
+    """Raise InputError unless the settings that every call has are of their types, and ``seed`` is none below 0.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        A resolved configuration.
+    """
     tracking = config.get("tracking")
     if not isinstance(tracking, Mapping):
         raise InputError(f"tracking: expected settings of the tracker (uri, enabled), received {tracking!r}")
@@ -48,6 +54,11 @@ def require_writable(folder: Path) -> None:
 
     Results are first written beside their folder, so its parent must take files too. What the permissions say is not
     asked: they don't bind root, and a file system can be mounted for reading alone.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder for the results.
     """
     missing: list[Path] = []
     try:

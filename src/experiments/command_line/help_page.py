@@ -40,6 +40,16 @@ def help_text(words: Sequence[str]) -> str:
     """The page for the study that the words of a call choose, with their options; the overview if they choose none.
 
     Raises InputError for a study or an option that there is not.
+
+    Parameters
+    ----------
+    words : Sequence[str]
+        Words of the command line.
+
+    Returns
+    -------
+    str
+        The page.
     """
     folders = [*config_folders(), *_own_folders(words)]
     names = list(_options("study", folders))
@@ -57,7 +67,18 @@ def help_text(words: Sequence[str]) -> str:
 
 
 def description(path: Path) -> str:
-    """What a configuration file says of itself: its first comment that is not a Hydra directive."""
+    """What a configuration file says of itself: its first comment that is not a Hydra directive.
+
+    Parameters
+    ----------
+    path : Path
+        A configuration file.
+
+    Returns
+    -------
+    str
+        The sentence; empty if the file has none.
+    """
     for line in path.read_text(encoding="utf-8").splitlines():
         if line.startswith("#") and "@package" not in line:
             return line.lstrip("# ").strip()

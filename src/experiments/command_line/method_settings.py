@@ -18,6 +18,16 @@ def method_setting(path: str, *, _root_: Any) -> Any:
     """The setting ``path`` (method.setting or method.group.setting) of the rigid methods as plain data.
 
     Raises InputError for a setting that neither the configuration nor the method's file has.
+
+    Parameters
+    ----------
+    path : str
+        Dotted name: method, then setting.
+
+    Returns
+    -------
+    Any
+        The value as plain data.
     """
     from omegaconf import OmegaConf
 

@@ -18,7 +18,17 @@ _KEY = re.compile(r"( *)([\w?]+):(?:\s|$)")
 
 @dataclass(frozen=True)
 class Choices:
-    """What a call chooses: the study, a preset, and of each group (folder, place in the configuration) an option."""
+    """What a call chooses: the study, a preset, and of each group (folder, place in the configuration) an option.
+
+    Parameters
+    ----------
+    study : str or None
+        Name of the study; None if none is chosen.
+    preset : str or None
+        Name of the preset; None if none is chosen.
+    options : tuple[tuple[str, str, str], ...], optional
+        Group, place in the configuration and option of each choice.
+    """
 
     study: str | None
     preset: str | None
@@ -29,6 +39,18 @@ def chosen(words: Sequence[str], folders: Sequence[Path]) -> Choices:
     """The choices of these words (``model=unet``, ``rigid=[a,b]``, ``+preset=figure``) beside those of the defaults.
 
     ``folders`` hold the configurations, the user's own last. Raises InputError for an option that there is not.
+
+    Parameters
+    ----------
+    words : Sequence[str]
+        Words of the command line.
+    folders : Sequence[Path]
+        Folders of configurations, the project's own first.
+
+    Returns
+    -------
+    Choices
+        The choices.
     """
     asked = {name.lstrip("+"): value for name, _, value in (word.partition("=") for word in words)}
     preset = asked.get("preset")
@@ -49,6 +71,22 @@ def option_text(group: str, option: str, package: str, folders: Sequence[Path]) 
     """The settings of an option and of those it is built on, as lines of YAML at their place with their comments.
 
     Raises InputError for an option that there is not.
+
+    Parameters
+    ----------
+    group : str
+        Name of a group of options.
+    option : str
+        Name of the option.
+    package : str
+        Place in the configuration.
+    folders : Sequence[Path]
+        Folders of configurations, the project's own first.
+
+    Returns
+    -------
+    str
+        Lines of YAML.
     """
     lines = _lines(group, option, folders)
     whole = "@package _global_" in _read_text(group, option, folders)
@@ -66,8 +104,11 @@ def _lines(group: str, option: str, folders: Sequence[Path]) -> list[str]:
         # A study's options and those of a preset have sections of their own.
         if group in ("study", "preset"):
             continue
-        # "folds" is a file of the same folder, "recipe@trainer: adamw" one of a folder below, put at "trainer".
-        base = _lines(group, inner, folders) if value is None else _lines(f"{group}/{inner}", value, folders)
+        # "folds" is a file of the same folder, "/phantom/artery" one of another, "recipe@trainer: adamw" one of a
+        # folder below, put at "trainer".
+        place = inner.removeprefix("/") if inner.startswith("/") else f"{group}/{inner}"
+        place, _, chosen_option = (place if value is None else f"{place}/{value}").rpartition("/")
+        base = _lines(place, chosen_option, folders)
         merged = _over(merged, [f"{package}:", *(f"  {line}" for line in base)] if package else base)
     return _over(merged, own) if merged else own
 
@@ -159,4 +200,4 @@ def _read_text(group: str, option: str, folders: Sequence[Path]) -> str:
 
 def _file(group: str, option: str, folders: Sequence[Path]) -> Path | None:
     paths = [folder / group / f"{option}.yaml" for folder in folders]
-    return next((path for path in reversed(paths) if path.is_file()), None)
+    return next((path for path in paths if path.is_file()), None)

@@ -81,17 +81,40 @@ _NULL = re.compile("null", re.IGNORECASE)
 
 
 def is_text(key: str) -> bool:
-    """Whether a setting, by its dotted name, is a name or a path."""
+    """Whether a setting, by its dotted name, is a name or a path.
+
+    Parameters
+    ----------
+    key : str
+        Dotted name of a setting.
+
+    Returns
+    -------
+    bool
+        Whether a setting.
+    """
     return key.lstrip("+~").rpartition(".")[2] in TEXT
 
 
 def quoted_override(override: str) -> str:
     """An override of Hydra's grammar with the names in it quoted where they would be read as something else.
 
+    A lone ``null`` stays none; in a list it is a name. Interpolations and what is no name stay as they are.
+
+    Parameters
+    ----------
+    override : str
+        An override of Hydra's grammar.
+
+    Returns
+    -------
+    str
+        The override.
+
+    Examples
+    --------
     >>> quoted_override("split.test_groups=[1.10,a]")
     "split.test_groups=['1.10',a]"
-
-    A lone ``null`` stays none; in a list it is a name. Interpolations and what is no name stay as they are.
     """
     key, equals, value = override.partition("=")
     if not equals:
@@ -149,6 +172,18 @@ def loader_with_text(loader: type[Any], settings: Collection[str] = TEXT) -> typ
     """A YAML loader that reads the values of ``settings`` as text, alone or in a list; null is none, but in a list.
 
     ``loader`` is the one it is made from. A value with a tag of its own, or quoted, is as it was.
+
+    Parameters
+    ----------
+    loader : type[Any]
+        YAML loader to derive from.
+    settings : Collection[str], optional
+        Last parts of the names of settings that are text.
+
+    Returns
+    -------
+    type[Any]
+        The loader.
     """
 
     class Loader(loader):

@@ -18,6 +18,16 @@ def read_presets(words: Sequence[str]) -> list[str]:
 
     A group can't be called ``sweep`` itself: Hydra would take the setting ``sweep=<recording>`` of the studies that
     read one for an option of that group.
+
+    Parameters
+    ----------
+    words : Sequence[str]
+        Words of the command line.
+
+    Returns
+    -------
+    list[str]
+        The words.
     """
     return [
         f"+preset={word.removeprefix('+sweep=')}" if word.startswith("+sweep=") else word for word in words
@@ -25,7 +35,13 @@ def read_presets(words: Sequence[str]) -> list[str]:
 
 
 def refuse_bare_word(word: str) -> None:
-    """Raise InputError for a word without ``=``, which Hydra's message on would not help with."""
+    """Raise InputError for a word without ``=``, which Hydra's message on would not help with.
+
+    Parameters
+    ----------
+    word : str
+        A word of the command line.
+    """
     if "=" in word or word.startswith("~"):
         return
     hint = did_you_mean(word, options_of("study"), "study=") or did_you_mean(word, _groups())
@@ -33,7 +49,15 @@ def refuse_bare_word(word: str) -> None:
 
 
 def refuse_no_option(group: str, value: Any) -> None:
-    """Raise InputError where a choice is given what can't be the name of an option (a number, null)."""
+    """Raise InputError where a choice is given what can't be the name of an option (a number, null).
+
+    Parameters
+    ----------
+    group : str
+        Name of a group of options.
+    value : Any
+        The value given for the group.
+    """
     if group not in group_names() or isinstance(value, str):
         return
     if isinstance(value, list) and all(isinstance(each, str) for each in value):
@@ -44,12 +68,31 @@ def refuse_no_option(group: str, value: Any) -> None:
 
 
 def group_names() -> frozenset[str]:
-    """The names of the folders that hold options to choose from, the studies among them."""
+    """The names of the folders that hold options to choose from, the studies among them.
+
+    Returns
+    -------
+    frozenset[str]
+        Names of the groups.
+    """
     return frozenset(_groups())
 
 
 def setting_names(config: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
-    """The dotted name of every setting of a composed configuration, those of mappings among them."""
+    """The dotted name of every setting of a composed configuration, those of mappings among them.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        A resolved configuration.
+    prefix : str, optional
+        Dotted name of what holds these settings, with a dot at its end.
+
+    Returns
+    -------
+    Iterator[str]
+        Dotted names.
+    """
     for key, value in config.items():
         if prefix or key != "hydra":
             yield f"{prefix}{key}"
@@ -58,7 +101,18 @@ def setting_names(config: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
 
 
 def draws_nothing(study: str) -> bool:
-    """Whether a study says of itself that none of its results is random: its configuration sets ``seed: null``."""
+    """Whether a study says of itself that none of its results is random: its configuration sets ``seed: null``.
+
+    Parameters
+    ----------
+    study : str
+        Name of the study.
+
+    Returns
+    -------
+    bool
+        Whether a study says of itself that none of its results is random.
+    """
     path = option_file("study", study)
     content = yaml.safe_load(path.read_text(encoding="utf-8")) if path is not None else None
     return isinstance(content, Mapping) and content.get("seed", 0) is None
@@ -68,6 +122,20 @@ def sentence(refusal: Exception, study: str | None, known: Sequence[str]) -> str
     """Hydra's message as one sentence that says what was expected and found.
 
     ``known`` are the names of the settings there are, with which a misspelt one is compared.
+
+    Parameters
+    ----------
+    refusal : Exception
+        Hydra's or OmegaConf's exception.
+    study : str or None
+        Name of the study; None if none was chosen.
+    known : Sequence[str]
+        Names of the settings there are.
+
+    Returns
+    -------
+    str
+        The sentence.
     """
     lines = [line.strip() for line in str(refusal).splitlines() if line.strip()]
     first = lines[0] if lines else type(refusal).__name__
@@ -94,7 +162,13 @@ def sentence(refusal: Exception, study: str | None, known: Sequence[str]) -> str
 
 
 def note_useless_seed(configs: Iterable[Mapping[str, Any]]) -> None:
-    """Say on standard error, once, that a seed was given to a study that draws nothing."""
+    """Say on standard error, once, that a seed was given to a study that draws nothing.
+
+    Parameters
+    ----------
+    configs : Iterable[Mapping[str, Any]]
+        The resolved configurations of a call.
+    """
     for config in configs:
         if config.get("seed") is not None and draws_nothing(config["study"]):
             print(
@@ -106,7 +180,18 @@ def note_useless_seed(configs: Iterable[Mapping[str, Any]]) -> None:
 
 
 def words_of_folder(folder: str | None) -> list[str]:
-    """The words that hand a folder of configurations on to Hydra."""
+    """The words that hand a folder of configurations on to Hydra.
+
+    Parameters
+    ----------
+    folder : str or None
+        The user's own folder of configurations, or None.
+
+    Returns
+    -------
+    list[str]
+        The words.
+    """
     return ["--config-dir", folder] if folder else []
 
 

@@ -1,1 +1,1 @@
-"""Studies: what can be run, one module or package each."""
+
