@@ -23,7 +23,20 @@ if TYPE_CHECKING:
 
 
 def check(*, results: PathSetting, device_set: PathSetting) -> None:
-    """Raise InputError for files that are not there."""
+    """Check that both files exist.
+
+    Parameters
+    ----------
+    results : PathSetting
+        File of segmented points and poses (PLUS ``.results.xml``).
+    device_set : PathSetting
+        Device-set XML file with the wires.
+
+    Raises
+    ------
+    InputError
+        If a file does not exist.
+    """
     require_exists(results, "results")
     require_exists(device_set, "device_set")
 
@@ -40,7 +53,35 @@ def run(
     workspace: Path,
     progress: Progress,
 ) -> Outcome:
-    """Calibrate, and leave ``probe.yaml`` and a device set ``probe.xml`` in ``workspace``."""
+    """Calibrate a probe and leave ``probe.yaml`` and a device set ``probe.xml`` in ``workspace``.
+
+    Parameters
+    ----------
+    results : PathSetting
+        File of segmented points and poses (PLUS ``.results.xml``).
+    device_set : PathSetting
+        Device-set XML file with the wires and, optionally, the registration of the phantom.
+    probe, reference, phantom_frame : str
+        Name of the coordinate frame in the files.
+    best_share : float
+        Share of the points, the best ones, over which mean errors are taken.
+    spatial : NWireCalibration
+        Calibration method.
+    workspace : Path
+        Folder of the run in which result files are left.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    Outcome
+        Metrics, a row for each middle point, the figure of residuals, and findings.
+
+    Raises
+    ------
+    InputError
+        If a file does not exist or the device set has no wires.
+    """
     from registration.readers.chain.graph import TransformGraph
     from registration.readers.plus.calibration_file import calibration_yaml
     from registration.readers.plus.config import device_set_xml, read_device_set

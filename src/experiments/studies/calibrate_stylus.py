@@ -20,7 +20,18 @@ if TYPE_CHECKING:
 
 
 def check(*, sweep: PathSetting) -> None:
-    """Raise InputError for a recording that is not there."""
+    """Check that the recording exists.
+
+    Parameters
+    ----------
+    sweep : PathSetting
+        Path of the tracked sweep: a folder, ``.igs.mha``, ``.igs.nrrd`` or bag.
+
+    Raises
+    ------
+    InputError
+        If ``sweep`` does not exist.
+    """
     require_exists(sweep, "sweep")
 
 
@@ -32,7 +43,31 @@ def run(
     workspace: Path,
     progress: Progress,
 ) -> Outcome:
-    """Find the tip and leave ``stylus_calibration.json`` in ``workspace``."""
+    """Find the tip of a stylus and leave ``stylus_calibration.json`` in ``workspace``.
+
+    Parameters
+    ----------
+    sweep : PathSetting
+        Path of the recording, whose poses turn the stylus about its tip.
+    acquisition : SweepReader
+        Reader of the recording.
+    pivot : PivotCalibration
+        Pivot calibration method.
+    workspace : Path
+        Folder of the run in which result files are left.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    Outcome
+        Metrics, a row for each pose, the figure of residuals, and findings.
+
+    Raises
+    ------
+    InputError
+        If ``sweep`` does not exist.
+    """
     import pandas as pd
 
     recorded = acquisition(require_exists(sweep, "sweep"))

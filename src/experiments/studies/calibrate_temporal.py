@@ -23,7 +23,18 @@ if TYPE_CHECKING:
 
 
 def check(*, sweep: PathSetting) -> None:
-    """Raise InputError for a sweep that is not there."""
+    """Check that the sweep exists.
+
+    Parameters
+    ----------
+    sweep : PathSetting
+        Path of the tracked sweep: a folder, ``.igs.mha``, ``.igs.nrrd`` or bag.
+
+    Raises
+    ------
+    InputError
+        If ``sweep`` does not exist.
+    """
     require_exists(sweep, "sweep")
 
 
@@ -36,7 +47,35 @@ def run(
     workspace: Path,
     progress: Progress,
 ) -> Outcome:
-    """Find the lag and leave ``temporal_calibration.json`` (``offset_s`` is for synchronisation) in ``workspace``."""
+    """Find the lag of the tracker and leave ``temporal_calibration.json`` in ``workspace``.
+
+    The ``offset_s`` in that file is the one to pass to synchronisation.
+
+    Parameters
+    ----------
+    sweep : PathSetting
+        Path of the tracked sweep: a folder, ``.igs.mha``, ``.igs.nrrd`` or bag.
+    acquisition : SweepReader
+        Reader of the sweep.
+    line : LineDetector
+        Detector of the line in the images.
+    temporal : TemporalCalibration
+        Temporal calibration method.
+    workspace : Path
+        Folder of the run in which result files are left.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    Outcome
+        Metrics, a row for each frame, figures of signals and correlation, and findings.
+
+    Raises
+    ------
+    InputError
+        If ``sweep`` does not exist or has poses only.
+    """
     from registration.calibration.temporal import principal_motion_mm
 
     recorded = acquisition(require_exists(sweep, "sweep"))

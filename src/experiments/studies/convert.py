@@ -15,7 +15,20 @@ FORMATS = ("folder", "plus_mha", "plus_nrrd", "ros2_mcap", "ros2_sqlite3")
 
 
 def check(*, input: PathSetting, format: str) -> None:
-    """Raise InputError for an input that is not there or a format that is not known."""
+    """Check that the input exists and the format is known.
+
+    Parameters
+    ----------
+    input : PathSetting
+        Path of the tracked sweep.
+    format : str
+        One of ``FORMATS``.
+
+    Raises
+    ------
+    InputError
+        If ``input`` does not exist or ``format`` is unknown.
+    """
     require_exists(input, "input")
     if format not in FORMATS:
         raise InputError(f"format: expected {', '.join(FORMATS)}, received {format!r}")
@@ -30,10 +43,35 @@ def run(
     workspace: Path,
     progress: Progress,
 ) -> Outcome:
-    """Read the sweep at ``input`` and leave it in ``workspace`` as ``sweep`` or ``sweep.igs.mha`` or ``.nrrd``.
+    """Convert a tracked sweep into ``sweep``, ``sweep.igs.mha`` or ``sweep.igs.nrrd`` in ``workspace``.
 
-    Folders and bags keep both streams with their own times. A PLUS file holds a pose a frame, brought to the frame's
-    time; frames without one are left out and counted.
+    Folders and bags keep both streams with their own times. A PLUS file holds one pose per frame, brought to
+    the frame's time; frames without one are left out and counted.
+
+    Parameters
+    ----------
+    input : PathSetting
+        Path of the tracked sweep.
+    acquisition : SweepReader
+        Reader of the sweep.
+    format : str
+        One of ``FORMATS``.
+    max_gap_s : float
+        In a PLUS file no pose is made across a longer gap in s between two poses.
+    workspace : Path
+        Folder of the run in which result files are left.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    Outcome
+        Numbers of frames written and dropped, and findings.
+
+    Raises
+    ------
+    InputError
+        If ``input`` does not exist or ``format`` is unknown.
     """
     from registration.readers.folder import write_folder
     from registration.readers.plus.writer import write_plus

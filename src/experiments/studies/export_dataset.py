@@ -18,7 +18,26 @@ FORMATS = ("nnunet", "folder")
 
 
 def check(*, dataset: DataSet, format: str, number: int, title: str | None, out: str | None = None) -> None:
-    """Raise InputError for a format that is not known, a data set that is not there, a folder that is not empty."""
+    """Check that the data set can be exported.
+
+    Parameters
+    ----------
+    dataset : DataSet
+        Data set.
+    format : str
+        ``nnunet`` or ``folder``.
+    number : int
+        Number of the nnU-Net data set.
+    title : str or None
+        Name of the nnU-Net data set; None for the data set's own.
+    out : str or None, optional
+        Folder to export into; None for the folder of the run.
+
+    Raises
+    ------
+    InputError
+        If the format is unknown, the data set does not exist, or the target folder is not empty.
+    """
     if format not in FORMATS:
         raise InputError(f"format: expected {', '.join(FORMATS)}, received {format!r}")
     target = _exporter(dataset, number, title).folder if format == "nnunet" else "dataset"
@@ -43,10 +62,35 @@ def run(
     workspace: Path,
     progress: Progress,
 ) -> Outcome:
-    """Write the data set into ``workspace``: ``DatasetXXX_Name`` for nnU-Net, or ``dataset`` as the project reads it.
+    """Write the data set into ``workspace``.
 
-    nnU-Net gets the folds of one outer fold, where they are nested. A folder is written without a split where the data
-    set can't be divided as ``split`` says, and the outcome says so.
+    It becomes ``DatasetXXX_Name`` for nnU-Net, or ``dataset`` as the project reads it. A nested split exports
+    the folds of one outer fold to nnU-Net. A folder is written without a split where the data set cannot be
+    divided as ``split`` says, and the outcome says so.
+
+    Parameters
+    ----------
+    dataset : DataSet
+        Data set.
+    split : GroupSplits
+        Division of the groups into training, validation and test.
+    format : str
+        ``nnunet`` or ``folder``.
+    number : int
+        Number of the nnU-Net data set.
+    title : str or None
+        Name of the nnU-Net data set; None for the data set's own.
+    outer_fold : int or None
+        Number of the outer fold; None where the split is not nested.
+    workspace : Path
+        Folder of the run in which result files are left.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    Outcome
+        Numbers of images and of renamed cases, and findings.
     """
     progress.note(f"reading {name_of(dataset)}")
     frames = dataset()

@@ -14,10 +14,26 @@ TRACKED = False
 
 
 def run(*, experiments: list[str] | None, archive: str, store: Store, progress: Progress) -> Outcome:
-    """Export every ended run of ``experiments`` (null: all) into the folder ``archive``, beside what is there.
+    """Export every ended run into the folder ``archive``, beside what is there.
 
-    A run that is still RUNNING is left out: it has no result yet. Runs whose files are not where the tracker says are
-    exported without configuration and table, and counted in a sentence.
+    A run that is still RUNNING is left out: it has no result yet. Runs whose files are not where the tracker
+    says they are are exported without configuration and table, and counted in the findings.
+
+    Parameters
+    ----------
+    experiments : list of str or None
+        Names of the experiments; None for all.
+    archive : str
+        Folder of the archive.
+    store : Store
+        Store of the tracker's runs.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    Outcome
+        Numbers of exported runs and of those without files, and findings.
     """
     names = {e.experiment_id: e.name for e in store.client().search_experiments()}
 

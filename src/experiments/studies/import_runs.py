@@ -18,9 +18,25 @@ COMPLETES = {("FINISHED", "RUNNING"), ("FINISHED", "FAILED")}
 def run(*, experiments: list[str] | None, archive: str, store: Store, progress: Progress) -> Outcome:
     """Restore the runs in the folder ``archive`` that the tracker does not have yet.
 
-    A run is known by its first id, which it keeps as a tag through every export and import, so a second import adds
-    nothing; a run that finished while its server was away takes the place of the one that the server believes failed.
-    ``archive`` may also be the folder of a training by ``python -m models.train``.
+    A run is known by its first id, which it keeps as a tag through every export and import, so a second
+    import adds nothing; a run that finished while its server was away takes the place of the one that the
+    server believes failed.
+
+    Parameters
+    ----------
+    experiments : list of str or None
+        Names of the experiments; None for all.
+    archive : str
+        Folder of the archive, or of a training by ``python -m models.train``.
+    store : Store
+        Store of the tracker's runs.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    Outcome
+        Numbers of restored and of known runs, and findings.
     """
     # Newest first: of two runs with one origin, the newer stays under its name.
     runs = list(store.runs())[::-1]

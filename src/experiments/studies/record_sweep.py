@@ -18,12 +18,40 @@ _FRAMES_A_LINE = 100
 
 
 def check(*, calibration: PathSetting) -> None:
-    """Raise InputError for a calibration that is not there."""
+    """Check that the calibration exists.
+
+    Parameters
+    ----------
+    calibration : PathSetting
+        File of the probe's calibration.
+
+    Raises
+    ------
+    InputError
+        If ``calibration`` does not exist.
+    """
     require_exists(calibration, "calibration")
 
 
 def run(*, live: LiveRecorder, duration_s: float, workspace: Path, progress: Progress) -> Outcome:
-    """Record for ``duration_s`` and leave the sweep in ``workspace`` as the folder ``sweep``."""
+    """Record a sweep and leave it in ``workspace`` as the folder ``sweep``.
+
+    Parameters
+    ----------
+    live : LiveRecorder
+        Recorder of the live streams of images and poses.
+    duration_s : float
+        Length of the recording in s.
+    workspace : Path
+        Folder of the run in which result files are left.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    Outcome
+        Numbers of frames, poses and interruptions, and findings.
+    """
     from registration.readers.folder import write_folder
 
     def tell(count: int) -> None:

@@ -43,9 +43,19 @@ if TYPE_CHECKING:
 
 
 def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """One job for each fold, or for those that ``outer_fold`` and ``fold`` name.
+    """List one job for each fold, or for those that ``outer_fold`` and ``fold`` name.
 
-    A data set whose folder is not there is refused here, once, before any fold starts.
+    A data set whose folder does not exist is refused here, once, before any fold starts.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        Configuration of the sweep point.
+
+    Returns
+    -------
+    list of dict
+        What each job changes in the configuration.
     """
     split = registry.build(config["split"], "split")
     found = fold_jobs(split, config.get("outer_fold"), config.get("fold"))
@@ -54,7 +64,20 @@ def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def check(*, model: NetworkRecipe, preprocessing: Preprocessing) -> None:
-    """Raise InputError for an image size that the network doesn't take."""
+    """Check that the network takes the image size.
+
+    Parameters
+    ----------
+    model : NetworkRecipe
+        Recipe of the network.
+    preprocessing : Preprocessing
+        Preprocessing of the images.
+
+    Raises
+    ------
+    InputError
+        If the network does not take the image size.
+    """
     require_fitting_size(model, preprocessing)
 
 
@@ -75,9 +98,46 @@ def run(
 ) -> Outcome:
     """Train one fold and score the cases that it has not seen at their native resolution.
 
-    Leaves ``model.pt`` (the weights of the best epoch), ``split.json`` (this fold), ``splits.json`` (all folds, as
-    ``split.file`` takes them), the data set's notes and the tables of what it left out in ``workspace``. Raises
-    InputError for a data set that can't be read or divided, or a network that doesn't take the image size.
+    Leaves ``model.pt`` (the weights of the best epoch), ``split.json`` (this fold), ``splits.json`` (all
+    folds, as ``split.file`` takes them), the data set's notes and the tables of what it left out in
+    ``workspace``.
+
+    Parameters
+    ----------
+    dataset : DataSet
+        Data set.
+    split : GroupSplits
+        Division of the groups into training, validation and test.
+    model : NetworkRecipe
+        Recipe of the network.
+    preprocessing : Preprocessing
+        Preprocessing of the images.
+    trainer : TrainerSettings
+        Settings of the training.
+    augmentation : Augmentation
+        Augmentation of the training images.
+    loss : Loss
+        Training loss.
+    outer_fold : int or None
+        Number of the outer fold; None where the split is not nested.
+    fold : int
+        Number of the fold.
+    seed : int
+        Seed of everything that is drawn at random.
+    workspace : Path
+        Folder of the run in which result files are left.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    Outcome
+        Metrics, cases, training history, the table, training curves, overlays and findings.
+
+    Raises
+    ------
+    InputError
+        If the data set cannot be read or divided, or the network does not take the image size.
     """
     name = name_of(dataset)
     progress.note(f"reading {name}")
@@ -114,7 +174,18 @@ def run(
 
 
 def summarise(results: list[JobResult]) -> Outcome:
-    """Pool the cases of all jobs: tables with intervals, every pair of models compared, the spread, sentences."""
+    """Pool the cases of all jobs, with intervals, every pair of models compared and the spread.
+
+    Parameters
+    ----------
+    results : list of JobResult
+        Results of all jobs of the sweep.
+
+    Returns
+    -------
+    Outcome
+        Metrics, cases, tables, the figure and findings over all jobs.
+    """
     cases = pool(results)
     compared = compare_models(cases)
     notes = read_notes(result.workspace for result in results)

@@ -21,18 +21,51 @@ TRACKED = False
 
 
 def check(*, sweep_index: int) -> None:
-    """Raise InputError unless ``sweep_index`` is a whole number from 0."""
+    """Check the number of the sweep.
+
+    Parameters
+    ----------
+    sweep_index : int
+        Number of the simulated sweep, from 0.
+
+    Raises
+    ------
+    InputError
+        If ``sweep_index`` is not a whole number from 0.
+    """
     if isinstance(sweep_index, bool) or not isinstance(sweep_index, int) or sweep_index < 0:
         raise InputError(f"sweep_index: expected a whole number from 0, received {sweep_index!r}")
 
 
 def run(*, phantom: PhantomSettings, sweep_index: int, workspace: Path, progress: Progress) -> Outcome:
-    """Leave ``sweep/`` (plain folder), ``masks/*.png``, ``model.ply`` (ct), ``truth.json`` and ``truth.npz``.
+    """Simulate one sweep and its truth.
 
-    ``truth.json`` has ``ct_T_world`` (also under the name of a registration's answer, ``fixed_T_moving``), the points
-    at which ``study=evaluate`` measures such an answer (ct, mm) and the phantom's settings by their digest;
-    ``truth.npz`` has the true ``world_A_pixel`` (n, 4, 4) of every frame and, where the anatomy has one, the
-    centerline's points and radii (ct, mm).
+    Leaves ``sweep/`` (plain folder), ``masks/*.png``, ``model.ply`` (ct), ``truth.json`` and ``truth.npz`` in
+    ``workspace``. ``truth.json`` has ``ct_T_world`` (also under the name of a registration's result,
+    ``fixed_T_moving``), the points at which ``study=evaluate`` measures such a result (ct, mm) and the
+    phantom's settings by their digest; ``truth.npz`` has the true ``world_A_pixel`` (n, 4, 4) of every frame
+    and, where the anatomy has one, the centerline's points and radii (ct, mm).
+
+    Parameters
+    ----------
+    phantom : PhantomSettings
+        Settings of the phantom.
+    sweep_index : int
+        Number of the simulated sweep, from 0.
+    workspace : Path
+        Folder of the run in which result files are left.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    Outcome
+        Number of frames and findings.
+
+    Raises
+    ------
+    InputError
+        If ``sweep_index`` is not a whole number from 0.
     """
     from PIL import Image
 

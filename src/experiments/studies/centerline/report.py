@@ -13,7 +13,18 @@ if TYPE_CHECKING:
 
 
 def metrics(found: Centerline) -> dict[str, float]:
-    """Scalars for the tracker."""
+    """Compute the scalars for the tracker.
+
+    Parameters
+    ----------
+    found : Centerline
+        Centerline.
+
+    Returns
+    -------
+    dict
+        Number of lines, length and radii in mm by metric name.
+    """
     radius_mm = np.concatenate([line.radius_mm for line in found.lines])
     return {
         "lines": float(len(found.lines)),
@@ -25,7 +36,18 @@ def metrics(found: Centerline) -> dict[str, float]:
 
 
 def table(found: Centerline) -> pd.DataFrame:
-    """A row a line."""
+    """Tabulate the lines.
+
+    Parameters
+    ----------
+    found : Centerline
+        Centerline.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per line with its length and radii in mm.
+    """
     import pandas as pd
 
     return pd.DataFrame(
@@ -43,7 +65,18 @@ def table(found: Centerline) -> pd.DataFrame:
 
 
 def cases(found: Centerline) -> pd.DataFrame:
-    """A row a point, in order along each line."""
+    """Tabulate the points.
+
+    Parameters
+    ----------
+    found : Centerline
+        Centerline.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per point, in order along each line, with arc length, position and radius in mm.
+    """
     import pandas as pd
 
     parts = [

@@ -36,7 +36,24 @@ WHERE = "The files are in mm in LPS; open scene.html in a browser to look at the
 
 
 def check(*, mesh: PathSetting, ends: PathSetting | None, space: str | None, units: str | None) -> None:
-    """Raise InputError for files that are not there or cannot be read, and for settings that do not exist."""
+    """Check that the files can be read and that the settings exist.
+
+    Parameters
+    ----------
+    mesh : PathSetting
+        File of the surface or point cloud.
+    ends : PathSetting or None
+        File of 3D Slicer landmarks inside the vessel, the source first; None to find the ends.
+    space : str or None
+        Axes of ``mesh``, lps or ras; None to take them from the file.
+    units : str or None
+        Length unit of ``mesh``; None for mm.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, or ``space`` or ``units`` does not exist.
+    """
     if space not in (None, *SPACES):
         raise InputError(f"space: expected lps, ras or null, received {space!r}")
     if units not in (None, *MM_PER_UNIT):
@@ -56,10 +73,39 @@ def run(
     workspace: Path,
     progress: Progress,
 ) -> Outcome:
-    """Leave ``centerline.vtp``, ``.csv`` and ``.mrk.json``, ``centerline.json`` and ``scene.html`` in ``workspace``.
+    """Extract the centerline of a surface or point cloud.
 
-    A cloud becomes a surface first, left as ``surface.ply``. Raises InputError for what is no vessel, or no vessel's
-    size, and for ends outside.
+    Leaves ``centerline.vtp``, ``.csv`` and ``.mrk.json``, ``centerline.json`` and ``scene.html`` in
+    ``workspace``. A cloud becomes a surface first, left as ``surface.ply``.
+
+    Parameters
+    ----------
+    mesh : PathSetting
+        File of the surface or point cloud.
+    ends : PathSetting or None
+        File of 3D Slicer landmarks inside the vessel, the source first; None to find the ends.
+    space : str or None
+        Axes of ``mesh``, lps or ras; None to take them from the file.
+    units : str or None
+        Length unit of ``mesh``; None for mm.
+    surface : SurfaceMethod
+        Method that makes a surface of a cloud.
+    centerline : CenterlineExtractor
+        Extraction of the centerline.
+    workspace : Path
+        Folder of the run in which result files are left.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    Outcome
+        Metrics, a row for each point, a table of lines, and findings.
+
+    Raises
+    ------
+    InputError
+        If the input is no vessel or not of a vessel's size, or the ends lie outside.
     """
     path, seconds = Path(mesh), dict[str, float]()
     progress.note(f"reading {path.name}")

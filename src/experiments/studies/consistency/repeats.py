@@ -29,10 +29,21 @@ NONE = -1
 
 @dataclass(frozen=True)
 class Repeat:
-    """One reconstructed sweep: as tracked (``seen``) and with the known deformation taken out (``material``), in ct.
+    """One reconstructed sweep.
 
-    ``offset_mm`` is how far it lies outside the truth at each of many places of the truth, NaN where it has no
-    counterpart; ``row`` is its row of the table. A sweep that could not be reconstructed has its row alone.
+    A sweep that could not be reconstructed has its row alone.
+
+    Parameters
+    ----------
+    row : dict
+        Row of the sweep in the table.
+    offset_mm : ndarray, shape (n,)
+        How far the sweep lies outside the truth in mm at each of many places of the truth, NaN where it has
+        no counterpart.
+    seen : Mesh or None, optional
+        Surface as tracked, in the ct frame in mm; None for a failed sweep.
+    material : Mesh or None, optional
+        Surface with the known deformation taken out, in the ct frame in mm; None for a failed sweep.
     """
 
     row: dict[str, Any]
@@ -48,7 +59,26 @@ def tried(
     max_gap_s: float,
     drawn: tuple[int, int],
 ) -> Repeat:
-    """The reconstructed sweep; one that cannot be reconstructed has failed: infinite distances, and the reason."""
+    """Reconstruct one simulated sweep and compare it with the truth.
+
+    Parameters
+    ----------
+    truth : SimulatedSweep
+        Simulated sweep and its truth.
+    chain : Reconstruction
+        Reconstruction.
+    predictor : Predictor or None
+        Network that segments the frames; None to use the exact masks.
+    max_gap_s : float
+        A frame in a longer gap in s between two poses is dropped.
+    drawn : tuple[int, int]
+        Number of places on each surface where distances are measured, and the seed that draws them.
+
+    Returns
+    -------
+    Repeat
+        Reconstructed sweep; one that cannot be reconstructed has infinite distances and the reason.
+    """
     try:
         return _repeat(truth, chain, predictor, max_gap_s, drawn)
     except (InputError, RegistrationInputError) as refusal:
@@ -101,7 +131,23 @@ def _offset_mm(found: Mesh, truth: Mesh, samples: int, seed: int) -> np.ndarray:
 
 
 def common(offsets_mm: Sequence[np.ndarray]) -> dict[str, Any]:
-    """The row of the error that all sweeps share: at each place of the truth, the mean over the sweeps that show it."""
+    """Compute the error that all sweeps share.
+
+    Parameters
+    ----------
+    offsets_mm : sequence of ndarray
+        Signed distances in mm to the truth at the same places for every sweep, NaN where it shows nothing.
+
+    Returns
+    -------
+    dict
+        Row of the table: the mean over the sweeps, at each place that all sweeps show.
+
+    Raises
+    ------
+    InputError
+        If no part of the vessel is shown by all sweeps.
+    """
     stacked_mm = np.stack(offsets_mm)
     shown = np.isfinite(stacked_mm).all(axis=0)
     if not shown.any():
@@ -120,7 +166,20 @@ def common(offsets_mm: Sequence[np.ndarray]) -> dict[str, Any]:
 
 
 def pair(first: Repeat, second: Repeat, drawn: tuple[int, int]) -> dict[str, Any]:
-    """How far two sweeps agree; infinitely far where one of them failed or they show no common part."""
+    """Compare two sweeps.
+
+    Parameters
+    ----------
+    first, second : Repeat
+        Reconstructed sweep.
+    drawn : tuple[int, int]
+        Number of places on each surface where distances are measured, and the seed that draws them.
+
+    Returns
+    -------
+    dict
+        Distances in mm; infinite where one sweep failed or the two show no common part.
+    """
     failed = dict.fromkeys((*DISTANCES, "msd_tissue_mm", "hd95_tissue_mm"), np.inf)
     if first.seen is None or second.seen is None or first.material is None or second.material is None:
         return failed | {"error": first.row["error"] or second.row["error"]}

@@ -22,9 +22,18 @@ PAIR_COLOR, TISSUE_COLOR, TRUTH_COLOR = "tab:blue", "tab:cyan", "tab:orange"
 
 
 def metrics(cases: pd.DataFrame) -> dict[str, float]:
-    """Summaries over pairs under their own names, those over sweeps against the truth with ``truth_`` before.
+    """Summarise pairs under their own names, and sweeps against the truth under names with ``truth_`` before.
 
-    ``common_mm`` is the mean absolute error that all sweeps share, which no pair of them can show.
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of pairs, of sweeps against the truth and of common errors.
+
+    Returns
+    -------
+    dict
+        Scalars by name; ``common_mm`` is the mean absolute error that all sweeps share, which no pair of them
+        can show.
     """
     pairs, truths = cases[cases["kind"] == PAIR], cases[cases["kind"] == TRUTH]
     common = cases[cases["kind"] == COMMON]
@@ -45,7 +54,18 @@ def metrics(cases: pd.DataFrame) -> dict[str, float]:
 
 
 def tables(cases: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """Pairs of sweeps, and sweeps against the truth: a row a phantom, and one of all where there are several."""
+    """Tabulate pairs of sweeps, and sweeps against the truth.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of pairs, of sweeps against the truth and of common errors.
+
+    Returns
+    -------
+    dict
+        Two tables by title: one row per phantom, and one of all where there are several.
+    """
     import pandas as pd
 
     groups = list(_phantoms(cases))
@@ -93,11 +113,28 @@ def _to_truth(name: str, cases: pd.DataFrame) -> dict[str, object]:
 
 
 def median_of_pairs(cases: pd.DataFrame, column: str, level: float = 0.95) -> Interval:
-    """The median over pairs of sweeps of one phantom, with its interval by the bootstrap over sweeps.
+    """Estimate the median over pairs of sweeps of one phantom, with a bootstrap interval over sweeps.
 
-    Sweeps are drawn with replacement, and all pairs of different sweeps among them count (the bootstrap of
-    U-statistics: Arcones and Gine, Ann. Stat. 20(2), 1992): pairs that share a sweep are not independent. The bounds
-    are NaN for fewer than 3 sweeps. Pairs with a failed sweep are infinitely far apart and rank worst.
+    Sweeps are drawn with replacement, and all pairs of different sweeps among them count: pairs that share a
+    sweep are not independent. Pairs with a failed sweep are infinitely far apart and rank worst.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of one phantom.
+    column : str
+        Column of the pairs to take the median of.
+    level : float, optional
+        Level of the interval.
+
+    Returns
+    -------
+    Interval
+        Median and bounds; the bounds are NaN for fewer than 3 sweeps.
+
+    References
+    ----------
+    Bootstrap of U-statistics: M. A. Arcones and E. Gine, Ann. Stat. 20(2), 1992.
     """
     pairs = cases[cases["kind"] == PAIR]
     count = int(pairs["second"].max()) + 1
@@ -119,7 +156,18 @@ def median_of_pairs(cases: pd.DataFrame, column: str, level: float = 0.95) -> In
 
 
 def describe(cases: pd.DataFrame) -> tuple[str, ...]:
-    """One sentence for each phantom, and one on what was published."""
+    """State the findings for each phantom, and what was published.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of pairs, of sweeps against the truth and of common errors.
+
+    Returns
+    -------
+    tuple of str
+        Sentences.
+    """
     said = []
     for name, group in _phantoms(cases):
         found, interval = metrics(group), median_of_pairs(group, "hd95_mm")
@@ -169,7 +217,20 @@ def _bounds(interval: Interval) -> str:
 
 
 def figures(cases: pd.DataFrame) -> dict[str, Figure]:
-    """Boxes by phantom: pairs as tracked, pairs without the deformation, and each sweep against the truth."""
+    """Draw boxes by phantom.
+
+    They show pairs as tracked, pairs without the deformation, and each sweep against the truth.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of pairs, of sweeps against the truth and of common errors.
+
+    Returns
+    -------
+    dict
+        Figure by file stem.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10, 4.4), layout="constrained")

@@ -30,7 +30,23 @@ MASKS = ("exact", "model")
 
 
 def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """One job for each phantom."""
+    """List one job for each phantom.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        Configuration of the sweep point.
+
+    Returns
+    -------
+    list of dict
+        What each job changes in the configuration.
+
+    Raises
+    ------
+    InputError
+        If ``phantoms`` is not a list of phantoms.
+    """
     phantoms = config.get("phantoms")
     if not isinstance(phantoms, Sequence) or isinstance(phantoms, str) or not phantoms:
         raise InputError(f"phantoms: expected a list of phantoms, received {phantoms!r}")
@@ -45,7 +61,26 @@ def check(
     masks: str,
     model_path: PathSetting | None,
 ) -> None:
-    """Raise InputError for settings that allow no comparison."""
+    """Check that the settings allow a comparison.
+
+    Parameters
+    ----------
+    phantom : PhantomSettings
+        Settings of the phantom.
+    phantoms : sequence of str
+        Name of the one phantom of the job.
+    sweeps : int
+        Number of sweeps, at least 2.
+    masks : str
+        ``exact`` for the true masks, ``model`` for those of a network.
+    model_path : PathSetting or None
+        File of a trained network (``model.pt``) with ``masks=model``; None with ``masks=exact``.
+
+    Raises
+    ------
+    InputError
+        If a setting is out of range or does not fit the others.
+    """
     _settings(phantom, phantoms)
     require_count("sweeps", sweeps, 2)
     if masks not in MASKS:
@@ -77,12 +112,56 @@ def run(
     workspace: Path,
     progress: Progress,
 ) -> Outcome:
-    """Reconstruct ``sweeps`` simulated sweeps of one phantom and compare all pairs, and each with the anatomy.
+    """Reconstruct simulated sweeps of one phantom and compare all pairs, and each with the anatomy.
 
-    Pairs are compared as tracked, without any registration, as the sweeps share their world; and once more with the
-    known deformation taken out. The truth is the undeformed anatomy, so what is compared with it is each place of the
-    tissue. A sweep that cannot be reconstructed is infinitely far from all others. Raises InputError for settings that
-    allow no comparison, and where no sweep can be reconstructed.
+    Pairs are compared as tracked, without any registration, as the sweeps share their world; and once more
+    with the known deformation taken out. The truth is the undeformed anatomy, so each place of the tissue is
+    compared with it. A sweep that cannot be reconstructed is infinitely far from all others.
+
+    Parameters
+    ----------
+    phantom : PhantomSettings
+        Settings of the phantom.
+    phantoms : sequence of str
+        Name of the one phantom of the job.
+    mask_outliers : MaskOutliers
+        Test that rejects masks that disagree with their neighbours.
+    contours : ContourExtractor
+        Extraction of contours from the masks.
+    filters : Mapping[str, CloudFilter]
+        Filters of the point cloud by name, in order of use.
+    surface : SurfaceMethod
+        Method that makes a surface of the point cloud.
+    pieces : VesselPieces
+        Rule for which pieces of the surface belong to the vessel.
+    smoothing : TaubinSmoothing
+        Smoothing of the surface.
+    sweeps : int
+        Number of sweeps, at least 2.
+    masks : str
+        ``exact`` for the true masks, ``model`` for those of a network.
+    model_path : PathSetting or None
+        File of a trained network (``model.pt``) with ``masks=model``; None with ``masks=exact``.
+    max_gap_s : float
+        A frame in a longer gap in s between two poses is dropped.
+    samples : int
+        Number of places on each surface where distances are measured.
+    seed : int
+        Seed of everything that is drawn at random.
+    workspace : Path
+        Folder of the run; not used.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    Outcome
+        Metrics, a row for each sweep and pair, tables, the figure and findings.
+
+    Raises
+    ------
+    InputError
+        If the settings allow no comparison, or no sweep can be reconstructed.
     """
     import pandas as pd
 
@@ -118,7 +197,18 @@ def run(
 
 
 def summarise(results: list[JobResult]) -> Outcome:
-    """Set all phantoms side by side."""
+    """Compare all phantoms.
+
+    Parameters
+    ----------
+    results : list of JobResult
+        Results of all jobs of the sweep.
+
+    Returns
+    -------
+    Outcome
+        Metrics, cases, tables, the figure and findings over all jobs.
+    """
     import pandas as pd
 
     kept = [result for result in results if result.cases is not None and len(result.cases)]

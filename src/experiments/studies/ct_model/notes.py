@@ -9,7 +9,18 @@ LOST_VOXELS = 2.0
 
 
 def remarks(model: CtModel) -> tuple[str, ...]:
-    """What a user has to know of the model, in sentences."""
+    """State what a user has to know of the model.
+
+    Parameters
+    ----------
+    model : CtModel
+        Finished model.
+
+    Returns
+    -------
+    tuple of str
+        Sentences.
+    """
     lumen = model.source.lumen
     found = [*_of_label(model), *_of_mesh(model), *_of_surface(model)]
     if lumen is not None:

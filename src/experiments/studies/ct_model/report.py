@@ -22,7 +22,23 @@ SIDES = tuple(f"{side} {axis}" for axis in "ijk" for side in ("first", "last"))
 
 @dataclass(frozen=True)
 class CtModel:
-    """A finished model: the file, its surface, the centerline (or why there is none), quality, seconds by stage."""
+    """Finished model and what was measured on it.
+
+    Parameters
+    ----------
+    path : Path
+        File that was read.
+    source : ModelInput
+        Surface in mm in LPS and what it was made of.
+    centerline : Centerline or None
+        Centerline in mm in LPS; None where there is none.
+    refusal : str
+        Why there is no centerline; empty otherwise.
+    quality : MeshQuality
+        Quality of the surface.
+    timing : Mapping[str, float]
+        Duration in s by stage.
+    """
 
     path: Path
     source: ModelInput
@@ -41,7 +57,18 @@ class CtModel:
 
 
 def record(model: CtModel) -> dict[str, Any]:
-    """What goes into ``ct_model.json``."""
+    """Make the content of ``ct_model.json``.
+
+    Parameters
+    ----------
+    model : CtModel
+        Finished model.
+
+    Returns
+    -------
+    dict
+        Content, ready for JSON; lengths in mm, times in s.
+    """
     low_mm, high_mm = model.source.mesh.vertices_mm.min(axis=0), model.source.mesh.vertices_mm.max(axis=0)
     return {
         "input": str(model.path),
@@ -65,7 +92,18 @@ def record(model: CtModel) -> dict[str, Any]:
 
 
 def metrics(model: CtModel) -> dict[str, float]:
-    """Scalars for the tracker; those of a centerline that there is none of are NaN."""
+    """Compute the scalars for the tracker.
+
+    Parameters
+    ----------
+    model : CtModel
+        Finished model.
+
+    Returns
+    -------
+    dict
+        Scalars by name; those of a missing centerline are NaN.
+    """
     found = _centerline(model)
     numbers = {
         "vertices": float(model.quality.vertices),
@@ -83,7 +121,18 @@ def metrics(model: CtModel) -> dict[str, float]:
 
 
 def table(model: CtModel) -> pd.DataFrame:
-    """The model in a few lines."""
+    """Summarise the model in a few lines.
+
+    Parameters
+    ----------
+    model : CtModel
+        Finished model.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns ``what`` and ``value``.
+    """
     import pandas as pd
 
     extent_mm = np.ptp(model.source.mesh.vertices_mm, axis=0)

@@ -36,7 +36,26 @@ def check(
     units: str | None,
     nifti_form: str | None = None,
 ) -> None:
-    """Raise InputError for a file that is not there or of no known kind, and for settings that do not exist."""
+    """Check that the file is of a known kind and that the settings exist.
+
+    Parameters
+    ----------
+    input : PathSetting
+        File of a label map or of a surface.
+    label : int or str or None
+        Value of the vessel's label, or the name of its segment; None for the only one there is.
+    space : str or None
+        Axes of the file in the patient, lps or ras; None to take them from the file.
+    units : str or None
+        Length unit: mm, cm or m; None for what the header says, else mm.
+    nifti_form : str or None, optional
+        qform or sform: which transform counts where the two of a NIfTI file differ; None for neither.
+
+    Raises
+    ------
+    InputError
+        If the file does not exist or is of no known kind, or a setting does not exist.
+    """
     check_model(_path(input), _label(label), space, units, nifti_form)
 
 
@@ -52,11 +71,41 @@ def run(
     workspace: Path,
     progress: Progress,
 ) -> Outcome:
-    """Leave the model in mm in LPS in ``workspace``.
+    """Make the model of a vessel in mm in LPS.
 
-    These are ``surface.ply`` and ``.stl``, ``centerline.vtp``, ``.csv`` and ``.mrk.json``, ``ct_model.json`` and
-    ``scene.html``. A surface that has no centerline is kept, and the reason told. Raises InputError for a file that is
-    no model of a vessel.
+    Leaves ``surface.ply`` and ``.stl``, ``centerline.vtp``, ``.csv`` and ``.mrk.json``, ``ct_model.json`` and
+    ``scene.html`` in ``workspace``. A surface that has no centerline is kept, and the reason given.
+
+    Parameters
+    ----------
+    input : PathSetting
+        File of a label map or of a surface.
+    label : int or str or None
+        Value of the vessel's label, or the name of its segment; None for the only one there is.
+    space : str or None
+        Axes of the file in the patient, lps or ras; None to take them from the file.
+    units : str or None
+        Length unit: mm, cm or m; None for what the header says, else mm.
+    nifti_form : str or None, optional
+        qform or sform: which transform counts where the two of a NIfTI file differ; None for neither.
+    label_surface : LabelSurface
+        Method that makes a surface of a label map.
+    centerline : CenterlineExtractor
+        Extraction of the centerline.
+    workspace : Path
+        Folder of the run in which result files are left.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    Outcome
+        Metrics, the table and findings.
+
+    Raises
+    ------
+    InputError
+        If the file is no model of a vessel.
     """
     path = _path(input)
     timing: dict[str, float] = {}

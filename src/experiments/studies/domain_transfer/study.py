@@ -45,7 +45,23 @@ DOMAINS = ("first", "second")
 
 
 def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """One job for each data set to train on and each fold, or for those that ``train_on`` and ``fold`` name."""
+    """List one job for each data set to train on and each fold, or for those that are named.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        Configuration of the sweep point.
+
+    Returns
+    -------
+    list of dict
+        What each job changes in the configuration.
+
+    Raises
+    ------
+    InputError
+        If a data set is missing, the split differs between data sets, or ``train_on`` is unknown.
+    """
     for domain in DOMAINS:
         if not isinstance(config[domain], Mapping):
             raise InputError(
@@ -65,7 +81,22 @@ def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def check(*, first: DataSet, second: DataSet, model: NetworkRecipe, preprocessing: Preprocessing) -> None:
-    """Raise InputError if a data set is not there, the two can't be told apart, or the image size does not fit."""
+    """Check that both data sets exist and differ, and that the image size fits.
+
+    Parameters
+    ----------
+    first, second : DataSet
+        Data set to compare.
+    model : NetworkRecipe
+        Recipe of the network.
+    preprocessing : Preprocessing
+        Preprocessing of the images.
+
+    Raises
+    ------
+    InputError
+        If a data set does not exist, both have one name, or the network does not take the image size.
+    """
     require_fitting_size(model, preprocessing)
     for place, dataset in (("first", first), ("second", second)):
         with _at(place):
@@ -101,10 +132,42 @@ def run(
     workspace: Path,
     progress: Progress,
 ) -> Outcome:
-    """Train one fold of one data set; score that fold's unseen cases of both.
+    """Train one fold of one data set and score that fold's unseen cases of both.
 
-    Over all folds, every case of both data sets is scored once by networks of either, so that the table's columns
-    are about the same cases. Leaves ``model.pt`` and ``split.json`` in ``workspace``.
+    Over all folds, every case of both data sets is scored once by networks of either, so that the table's
+    columns are about the same cases. Leaves ``model.pt`` and ``split.json`` in ``workspace``.
+
+    Parameters
+    ----------
+    first, second : DataSet
+        Data set to compare.
+    split : GroupSplits
+        Division of the groups into training, validation and test.
+    model : NetworkRecipe
+        Recipe of the network.
+    preprocessing : Preprocessing
+        Preprocessing of the images.
+    trainer : TrainerSettings
+        Settings of the training.
+    augmentation : Augmentation
+        Augmentation of the training images.
+    loss : Loss
+        Training loss.
+    train_on : str
+        ``first`` or ``second``: the data set to train on.
+    fold : int
+        Number of the fold.
+    seed : int
+        Seed of everything that is drawn at random.
+    workspace : Path
+        Folder of the run in which result files are left.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    Outcome
+        Metrics, cases, training history, the table of transfer, training curves and findings.
     """
     import pandas as pd
 
@@ -150,7 +213,18 @@ def run(
 
 
 def summarise(results: list[JobResult]) -> Outcome:
-    """The table of train and test domain over all folds, as a figure too, and what the other domain costs."""
+    """Tabulate and draw train and test domain over all folds, and what training on the other domain costs.
+
+    Parameters
+    ----------
+    results : list of JobResult
+        Results of all jobs of the sweep.
+
+    Returns
+    -------
+    Outcome
+        Metrics, cases, table, figure and findings over all jobs.
+    """
     cases = pool(results, factors=("train_on",))
     transfer = transfer_table(cases)
     several = len(set(transfer["model"])) > 1

@@ -30,11 +30,25 @@ COLUMNS = (
 
 
 def transfer_table(cases: pd.DataFrame) -> pd.DataFrame:
-    """Mean DSC with its bootstrap 95 % interval over groups, by model, train and test data set.
+    """Tabulate the mean DSC with its bootstrap 95 % interval over groups, by model, train and test data set.
 
-    ``cases`` has ``train_dataset`` beside ``dataset``, the one tested on. A case scored by the networks of several
-    folds or seeds is averaged over these first. ``trained_on`` is marked where simulated: by the column
-    ``train_simulated``, or as the test cases of that data set are. Raises InputError where neither says it.
+    A case scored by the networks of several folds or seeds is averaged over these first. ``trained_on`` is
+    marked where simulated: by the column ``train_simulated``, or as the test cases of that data set are.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Scored cases, with ``train_dataset`` beside ``dataset``, the one tested on.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per model, train and test data set, with the columns ``COLUMNS``.
+
+    Raises
+    ------
+    InputError
+        If ``cases`` does not say what was trained on, or whether that is simulated.
     """
     import pandas as pd
 
@@ -65,10 +79,21 @@ def transfer_table(cases: pd.DataFrame) -> pd.DataFrame:
 
 
 def describe_transfer(cases: pd.DataFrame) -> tuple[str, ...]:
-    """What training on another data set costs: for each model and test set, against training on the same one.
+    """State what training on another data set costs.
 
-    The same cases are scored by both networks, so that groups are compared in pairs (see ``PairedComparison``); the
-    p-values are adjusted for all sentences together. Nothing is said of networks that trainer=smoke trained.
+    Each model and test set is compared with training on the same data set. The same cases are scored by both
+    networks, so that groups are compared in pairs (see ``PairedComparison``); the p-values are adjusted for
+    all sentences together. Nothing is said of networks that ``trainer=smoke`` trained.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Scored cases, with ``train_dataset`` beside ``dataset``, the one tested on.
+
+    Returns
+    -------
+    tuple of str
+        Sentences.
     """
     simulated, compared = _simulated(cases), []
     for key, part in cases[~is_smoke(cases)].groupby(["model", "dataset", "simulated"], sort=False):
@@ -102,7 +127,18 @@ def _sentence(place: str, trained_on: str, found: PairedResult, p_holm: float) -
 
 
 def transfer_map(table: pd.DataFrame) -> Figure:
-    """The table as a map for each model: rows trained on, columns tested on, mean DSC with interval in each field."""
+    """Draw the table as a map for each model.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Table that ``transfer_table`` returns, with at least one row.
+
+    Returns
+    -------
+    Figure
+        Rows trained on, columns tested on, mean DSC with interval in each field.
+    """
     from matplotlib.figure import Figure
 
     models = list(dict.fromkeys(table["model"]))

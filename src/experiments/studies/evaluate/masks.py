@@ -38,8 +38,14 @@ QUOTED = (
 class MaskLabels:
     """Which values of the masks are the vessel.
 
-    ``reference`` and ``prediction`` are the labels that are scored, None for masks of 0 and 1, or 0 and 255.
-    ``ignored`` is what the reference calls pixels that nobody labelled: they are scored neither way.
+    Parameters
+    ----------
+    reference : tuple of int or None, optional
+        Labels of the vessel in the references; None for masks of 0 and 1, or 0 and 255.
+    prediction : tuple of int or None, optional
+        Labels of the vessel in the predictions; None for masks of 0 and 1, or 0 and 255.
+    ignored : int or None, optional
+        Label of pixels in the references that nobody labelled, which are not scored; None for none.
     """
 
     reference: tuple[int, ...] | None = None
@@ -48,7 +54,27 @@ class MaskLabels:
 
     @staticmethod
     def of(label: Any, prediction_label: Any, ignore_label: Any) -> MaskLabels:
-        """From the settings: a number or several, or None; InputError for any other."""
+        """Read the labels from the settings.
+
+        Parameters
+        ----------
+        label : Any
+            Label or labels of the vessel in the references, or None.
+        prediction_label : Any
+            Label or labels of the vessel in the predictions; None for ``label``.
+        ignore_label : Any
+            Label of pixels in the references that nobody labelled, or None.
+
+        Returns
+        -------
+        MaskLabels
+            The labels.
+
+        Raises
+        ------
+        InputError
+            If a setting is no label, or they contradict each other.
+        """
         reference = _labels("label", label)
         prediction = _labels("prediction_label", prediction_label)
         ignored = _labels("ignore_label", ignore_label)
@@ -65,9 +91,20 @@ class MaskLabels:
 
 @dataclass(frozen=True)
 class MaskPairs:
-    """Reference masks by name, predicted masks of the same names, and predictions that have no reference.
+    """Reference masks with the predicted masks of the same names.
 
-    ``spacing_mm`` is (vertical, horizontal), None where it is not known. ``labels`` says what is scored.
+    Parameters
+    ----------
+    references : Mapping[str, Path]
+        Files of the reference masks by name.
+    predictions : Mapping[str, Path]
+        Files of the predicted masks by name.
+    unused : tuple of str
+        Names of predictions that have no reference.
+    spacing_mm : tuple[float, float] or None
+        Pixel size (vertical, horizontal) in mm; None where it is not known.
+    labels : MaskLabels, optional
+        Labels that are scored.
     """
 
     references: Mapping[str, Path]
@@ -85,10 +122,30 @@ class MaskPairs:
 def pair_masks(
     prediction: Path, reference: Path, spacing_mm: Any, labels: MaskLabels = MaskLabels()
 ) -> MaskPairs:
-    """Say which prediction belongs to which reference, by name; one file goes with one file whatever their names.
+    """Find the prediction that belongs to each reference, by name.
 
-    Raises InputError for paths that are not there, a folder against a file, folders that share no name, or a spacing
-    that is none.
+    One file is paired with one file whatever their names.
+
+    Parameters
+    ----------
+    prediction : Path
+        File or folder of the predicted masks.
+    reference : Path
+        File or folder of the reference masks.
+    spacing_mm : Any
+        Pixel size in mm: one number, two (vertical, horizontal) or None.
+    labels : MaskLabels, optional
+        Labels that are scored.
+
+    Returns
+    -------
+    MaskPairs
+        The pairs.
+
+    Raises
+    ------
+    InputError
+        If a file is set against a folder, no name is shared, or the spacing is invalid.
     """
     spacing = require_spacing(spacing_mm)
     if reference.is_file() and prediction.is_file():
@@ -111,7 +168,23 @@ def pair_masks(
 
 
 def require_spacing(value: Any) -> tuple[float, float] | None:
-    """A pixel's size in mm, (vertical, horizontal), from one number or two; None if it is not known."""
+    """Check a setting of the pixel size.
+
+    Parameters
+    ----------
+    value : Any
+        Pixel size in mm: one number, two (vertical, horizontal) or None.
+
+    Returns
+    -------
+    tuple[float, float] or None
+        Pixel size (vertical, horizontal) in mm; None if it is not known.
+
+    Raises
+    ------
+    InputError
+        If ``value`` is not one or two positive numbers or None.
+    """
     if value is None:
         return None
     sides = list(value) if isinstance(value, (list, tuple)) else [value, value]
@@ -124,11 +197,27 @@ def require_spacing(value: Any) -> tuple[float, float] | None:
 
 
 def mask_rows(pairs: MaskPairs, progress: Progress) -> Iterator[dict[str, Any]]:
-    """A row a reference, in order of name.
+    """Score each reference, in order of name.
 
-    A missing prediction is an empty mask, which misses the vessel; where there is no vessel to miss it has no score.
-    Pixels that the reference calls not labelled count in neither mask. Raises InputError for masks of different size or
-    with other labels.
+    A missing prediction is an empty mask, which misses the vessel; where there is no vessel to miss it has no
+    score. Pixels that the reference calls not labelled count in neither mask.
+
+    Parameters
+    ----------
+    pairs : MaskPairs
+        Masks to score.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    iterator of dict
+        One row per reference.
+
+    Raises
+    ------
+    InputError
+        If masks differ in size or have other labels.
     """
     from models.metrics.scoring import CaseScore, columns_for, score_case
 
@@ -154,7 +243,18 @@ def mask_rows(pairs: MaskPairs, progress: Progress) -> Iterator[dict[str, Any]]:
 
 
 def mask_metrics(cases: pd.DataFrame) -> dict[str, float]:
-    """The summary of all scores, and how many predictions were missing."""
+    """Summarise all scores.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows that ``mask_rows`` returns.
+
+    Returns
+    -------
+    dict
+        Summary by metric name, with the number of cases and of missing predictions.
+    """
     from models.metrics.scoring import CaseScore, summarise
 
     scores = {name: cases[name].tolist() for name in CaseScore.__dataclass_fields__ if name in cases}
@@ -162,7 +262,22 @@ def mask_metrics(cases: pd.DataFrame) -> dict[str, float]:
 
 
 def describe_masks(cases: pd.DataFrame, metrics: Mapping[str, float], pairs: MaskPairs) -> tuple[str, ...]:
-    """What was found, in sentences."""
+    """State what was found.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows that ``mask_rows`` returns.
+    metrics : Mapping[str, float]
+        Metrics that ``mask_metrics`` returns.
+    pairs : MaskPairs
+        Masks that were scored.
+
+    Returns
+    -------
+    tuple of str
+        Sentences.
+    """
     unit = "px" if pairs.spacing_mm is None else "mm"
     shown = int(cases["missed"].notna().sum())
     said = []
@@ -191,7 +306,18 @@ def describe_masks(cases: pd.DataFrame, metrics: Mapping[str, float], pairs: Mas
 
 
 def mask_table(metrics: Mapping[str, float]) -> pd.DataFrame:
-    """One row: the means that are quoted."""
+    """Tabulate the means that are quoted.
+
+    Parameters
+    ----------
+    metrics : Mapping[str, float]
+        Metrics that ``mask_metrics`` returns.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row.
+    """
     import pandas as pd
 
     return pd.DataFrame([{name: metrics[name] for name in QUOTED if name in metrics}])

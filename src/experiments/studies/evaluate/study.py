@@ -44,7 +44,18 @@ PER_CASE = "evaluation.csv"
 
 
 def implicit_paths(config: Mapping[str, Any]) -> Iterator[Path]:
-    """What is read though no setting names it: the cases that lie around the folder of their truth."""
+    """List what is read though no setting names it: the cases around the folder of their truth.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        Configuration of the sweep point.
+
+    Returns
+    -------
+    iterator of Path
+        Paths.
+    """
     reference = Path(str(config["reference"])).expanduser()
     if reference.name == TRUTH:
         yield reference.parent
@@ -60,7 +71,30 @@ def check(
     prediction_label: Any = None,
     ignore_label: Any = None,
 ) -> None:
-    """Raise InputError for files that do not belong together."""
+    """Check that the files belong together.
+
+    Parameters
+    ----------
+    prediction : PathSetting
+        File or folder of predicted masks or transforms.
+    reference : PathSetting
+        File or folder of reference masks or true transforms.
+    spacing_mm : Any
+        Pixel size of masks in mm: one number, two (vertical, horizontal) or None.
+    targets : PathSetting or None
+        File of the points at which transforms are compared; None for the references' own.
+    label : Any, optional
+        Label or labels of the vessel in the reference masks, or None.
+    prediction_label : Any, optional
+        Label or labels of the vessel in the predicted masks; None for ``label``.
+    ignore_label : Any, optional
+        Label of pixels in the reference masks that nobody labelled, or None.
+
+    Raises
+    ------
+    InputError
+        If the files do not belong together, or a setting does not apply to them.
+    """
     labels = MaskLabels.of(label, prediction_label, ignore_label)
     given, truth = require_exists(prediction, "prediction"), require_exists(reference, "reference")
     if are_transforms(truth):
@@ -87,12 +121,42 @@ def run(
     prediction_label: Any = None,
     ignore_label: Any = None,
 ) -> Outcome:
-    """Score every case of ``reference`` and leave ``evaluation.json`` and ``evaluation.csv`` (a row a case).
+    """Score every case of ``reference``.
 
-    Masks are scored by DSC, HD95, misses and false alarms, transforms by their target registration error. ``label`` is
-    the vessel's in masks of several labels, ``prediction_label`` that of the predictions where it is another, and
-    ``ignore_label`` what the reference has where nobody labelled. A case without a prediction has failed. Raises
-    InputError for files that do not belong together or can't be read.
+    Leaves ``evaluation.json`` and ``evaluation.csv`` in ``workspace``. Masks are scored by DSC, HD95, misses
+    and false alarms, transforms by their target registration error. The CSV file has one row per case. A case
+    without a prediction has failed.
+
+    Parameters
+    ----------
+    prediction : PathSetting
+        File or folder of predicted masks or transforms.
+    reference : PathSetting
+        File or folder of reference masks or true transforms.
+    spacing_mm : Any
+        Pixel size of masks in mm: one number, two (vertical, horizontal) or None.
+    targets : PathSetting or None
+        File of the points at which transforms are compared; None for the references' own.
+    workspace : Path
+        Folder of the run in which result files are left.
+    progress : Progress
+        Receives notes and progress.
+    label : Any, optional
+        Label or labels of the vessel in the reference masks, or None.
+    prediction_label : Any, optional
+        Label or labels of the vessel in the predicted masks; None for ``label``.
+    ignore_label : Any, optional
+        Label of pixels in the reference masks that nobody labelled, or None.
+
+    Returns
+    -------
+    Outcome
+        Metrics, cases, tables and findings.
+
+    Raises
+    ------
+    InputError
+        If the files do not belong together or cannot be read.
     """
     check(
         prediction=prediction,

@@ -39,10 +39,20 @@ NO_ANSWERS = ("evaluation", "metrics", "job", "identity", "case")
 
 @dataclass(frozen=True)
 class TransformPairs:
-    """The cases of a reference by name, with the answer's file (None where there is none), and files of no case.
+    """Cases of a reference with the results of the same names.
 
-    ``cases`` is the folder that holds the cases themselves, None where only their truth is at hand; ``targets_mm``
-    (t, 3) are those of references that have none of their own.
+    Parameters
+    ----------
+    references : dict
+        Files of the truth by case.
+    predictions : dict
+        Files of the result by case; a case without a result is not in it.
+    unused : tuple of str
+        Names of result files that belong to no case.
+    cases : Path or None
+        Folder of the cases themselves; None where only their truth is available.
+    targets_mm : ndarray, shape (t, 3), or None
+        Targets in the fixed frame in mm for references that have none of their own.
     """
 
     references: dict[str, Path]
@@ -53,7 +63,18 @@ class TransformPairs:
 
 
 def are_transforms(reference: Path) -> bool:
-    """Whether a reference is a truth, a folder of them, or a subset of the benchmark, and not masks."""
+    """Tell whether a reference holds transforms and not masks.
+
+    Parameters
+    ----------
+    reference : Path
+        A truth, a folder of them, a subset of the benchmark, or masks.
+
+    Returns
+    -------
+    bool
+        True for transforms.
+    """
     if reference.is_file():
         return reference.suffix.lower() in SUFFIXES
     if (reference / TRUTH).is_dir() or (reference / TRUTH_FILE).is_file():
@@ -63,10 +84,29 @@ def are_transforms(reference: Path) -> bool:
 
 
 def pair_transforms(prediction: Path, reference: Path, targets: str | None) -> TransformPairs:
-    """Say which answer belongs to which reference, by name; one file goes with one file whatever their names.
+    """Find the result that belongs to each reference, by name.
 
-    Raises InputError for paths that are not there, a folder against a file, no references, no answer of their names, or
-    two answers of one name.
+    One file is paired with one file whatever their names.
+
+    Parameters
+    ----------
+    prediction : Path
+        File or folder of the results.
+    reference : Path
+        File or folder of the true transforms.
+    targets : str or None
+        File of the targets; None for the references' own.
+
+    Returns
+    -------
+    TransformPairs
+        The pairs.
+
+    Raises
+    ------
+    InputError
+        If a file is set against a folder, there are no references or no results of their names, or two
+        results have one name.
     """
     targets_mm = None if targets is None else _targets(Path(targets))
     reference, prediction = _one_file(reference, TRUTH_FILE), _one_file(prediction, ANSWER_FILE)
@@ -98,7 +138,25 @@ def pair_transforms(prediction: Path, reference: Path, targets: str | None) -> T
 
 
 def read_reference(path: Path, targets_mm: np.ndarray | None) -> CaseTruth:
-    """The truth of a benchmark's case, or a pose with the targets given apart."""
+    """Read the truth of a benchmark's case, or a pose with the targets given apart.
+
+    Parameters
+    ----------
+    path : Path
+        File of the truth.
+    targets_mm : ndarray, shape (t, 3), or None
+        Targets in the fixed frame in mm; None for the file's own.
+
+    Returns
+    -------
+    CaseTruth
+        Truth of the case.
+
+    Raises
+    ------
+    InputError
+        If there are no targets.
+    """
     own = read_targets(path)
     if targets_mm is None and own is None:
         if path.suffix.lower() != ".json" or not _is_benchmark(path):
@@ -149,7 +207,20 @@ def _refuse_other_frame(given_mm: np.ndarray, own_mm: np.ndarray, pose: np.ndarr
 
 
 def transform_rows(pairs: TransformPairs, progress: Progress) -> Iterator[dict[str, Any]]:
-    """A row a case, in order of name; a case without a file has failed."""
+    """Score each case, in order of name; a case without a file has failed.
+
+    Parameters
+    ----------
+    pairs : TransformPairs
+        Transforms to score.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    iterator of dict
+        One row per case.
+    """
     total = len(pairs.references)
     for name, path in progress.track(pairs.references.items(), "scoring transforms", total):
         truth = read_reference(path, pairs.targets_mm)
@@ -163,7 +234,20 @@ def transform_rows(pairs: TransformPairs, progress: Progress) -> Iterator[dict[s
 
 
 def target_notes(pairs: TransformPairs, targets: str | None) -> list[str]:
-    """Where the errors are measured, in sentences; and whether a single transform looks like an inverse."""
+    """State where the errors are measured, and whether a single transform looks like an inverse.
+
+    Parameters
+    ----------
+    pairs : TransformPairs
+        Transforms to score.
+    targets : str or None
+        File of the targets; None for the references' own.
+
+    Returns
+    -------
+    list of str
+        Sentences.
+    """
     name, path = next(iter(pairs.references.items()))
     truth = read_reference(path, pairs.targets_mm)
     if targets is not None:

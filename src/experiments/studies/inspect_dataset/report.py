@@ -28,7 +28,22 @@ ODDITIES = {
 
 
 def metrics(cases: pd.DataFrame, alike: CrossGroupDuplicates, leaks: int | None) -> dict[str, float]:
-    """Counts and distributions; ``near_duplicates_leaking`` only where there is a split."""
+    """Compute counts and distributions.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        One row per case, as ``case_table`` makes them.
+    alike : CrossGroupDuplicates
+        Near-duplicates across groups.
+    leaks : int or None
+        Number of pairs of near-duplicates that leak; None where there is no split.
+
+    Returns
+    -------
+    dict
+        Scalars by name; ``near_duplicates_leaking`` only where there is a split.
+    """
     shown = cases[cases["vessel_px"] > 0]
     sizes = cases.groupby("group").size()
     numbers: dict[str, SupportsFloat] = {
@@ -53,7 +68,20 @@ def metrics(cases: pd.DataFrame, alike: CrossGroupDuplicates, leaks: int | None)
 
 
 def overview(cases: pd.DataFrame, numbers: Mapping[str, float]) -> pd.DataFrame:
-    """What there is to know of a data set, a line each."""
+    """Summarise a data set in a few lines.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        One row per case, as ``case_table`` makes them.
+    numbers : Mapping[str, float]
+        Metrics that ``metrics`` returns.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns ``what`` and ``value``.
+    """
     import pandas as pd
 
     areas = " / ".join(f"{100 * numbers[f'vessel_share_{name}']:.2f}" for name in QUANTILES)
@@ -81,7 +109,20 @@ def overview(cases: pd.DataFrame, numbers: Mapping[str, float]) -> pd.DataFrame:
 
 
 def size_table(cases: pd.DataFrame, rows: int = 10) -> pd.DataFrame:
-    """The commonest image sizes; what is left is one line."""
+    """Tabulate the most common image sizes.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        One row per case, as ``case_table`` makes them.
+    rows : int, optional
+        Maximum number of rows; further sizes share the last one.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns ``size_px`` and ``images``.
+    """
     import pandas as pd
 
     sizes = cases["width_px"].astype(str) + " x " + cases["height_px"].astype(str)
@@ -93,7 +134,20 @@ def size_table(cases: pd.DataFrame, rows: int = 10) -> pd.DataFrame:
 
 
 def pair_table(cases: pd.DataFrame, rows: int) -> pd.DataFrame:
-    """The pairs of images of different groups that are most alike, each image with its closest."""
+    """Tabulate the pairs of images of different groups that are most alike, each image with its closest.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        One row per case, as ``case_table`` makes them.
+    rows : int
+        Maximum number of pairs.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per pair, the most alike first.
+    """
     import pandas as pd
 
     known = cases[cases["closest_case"] != ""].sort_values("closest_correlation", ascending=False)
@@ -105,7 +159,22 @@ def pair_table(cases: pd.DataFrame, rows: int) -> pd.DataFrame:
 
 
 def describe(label: str, numbers: Mapping[str, float], duplicate_correlation: float) -> tuple[str, ...]:
-    """Sentences on balance, groups, leakage and oddities."""
+    """State balance, groups, leakage and oddities.
+
+    Parameters
+    ----------
+    label : str
+        Name of the data set in sentences.
+    numbers : Mapping[str, float]
+        Metrics that ``metrics`` returns.
+    duplicate_correlation : float
+        Correlation of thumbnails above which images are near-duplicates.
+
+    Returns
+    -------
+    tuple of str
+        Sentences.
+    """
     odd = ", ".join(f"{numbers[name]:.0f} {what}" for name, what in ODDITIES.items() if numbers[name])
     leaks = ""
     if "near_duplicates_leaking" in numbers:
@@ -121,7 +190,24 @@ def describe(label: str, numbers: Mapping[str, float], duplicate_correlation: fl
 
 
 def contact_sheet(frames: LabelledFrames, label: str, images: int, seed: int) -> Figure:
-    """Images with the outline of their masks, drawn at random evenly from all groups, sorted by group."""
+    """Draw images with the outline of their masks, drawn at random evenly from all groups, sorted by group.
+
+    Parameters
+    ----------
+    frames : LabelledFrames
+        Images and masks.
+    label : str
+        Name of the data set in the title.
+    images : int
+        Maximum number of images.
+    seed : int
+        Seed of everything that is drawn at random.
+
+    Returns
+    -------
+    Figure
+        The figure.
+    """
     from matplotlib.figure import Figure
 
     chosen = sample_evenly(frames.groups, images, seed)
@@ -145,7 +231,22 @@ def contact_sheet(frames: LabelledFrames, label: str, images: int, seed: int) ->
 
 
 def sample_evenly(groups: tuple[str, ...], count: int, seed: int) -> list[int]:
-    """Indices of at most ``count`` cases, as many of each group as can be, in order of group."""
+    """Draw cases at random, as evenly from the groups as possible.
+
+    Parameters
+    ----------
+    groups : tuple of str
+        Group of each case.
+    count : int
+        Maximum number of cases.
+    seed : int
+        Seed of everything that is drawn at random.
+
+    Returns
+    -------
+    list of int
+        Indices of the cases, in order of group.
+    """
     rng = np.random.default_rng(seed)
     order = rng.permutation(len(groups))
     # The number that each case has within its group, in random order, is the round in which it may be taken.

@@ -40,7 +40,24 @@ SEEN = ("train", "validation")
 
 
 def check(*, dataset: DataSet, duplicate_correlation: float, worst_pairs: int, sheet_images: int) -> None:
-    """Raise InputError for a data set that is not there or settings out of range."""
+    """Check that the data set exists and that the settings are in range.
+
+    Parameters
+    ----------
+    dataset : DataSet
+        Data set.
+    duplicate_correlation : float
+        Correlation of thumbnails above which images are near-duplicates, above 0 to 1.
+    worst_pairs : int
+        Number of most alike pairs in the table, at least 1.
+    sheet_images : int
+        Number of images in the contact sheet, at least 1.
+
+    Raises
+    ------
+    InputError
+        If the data set does not exist or a setting is out of range.
+    """
     require_root(dataset)
     if not 0 < duplicate_correlation <= 1:
         raise InputError(f"duplicate_correlation: expected above 0 to 1, received {duplicate_correlation}")
@@ -59,12 +76,40 @@ def run(
     workspace: Path,
     progress: Progress,
 ) -> Outcome:
-    """Measure every image and pair of images; leaves ``splits.json``, where the data set can be divided so,
-    and the tables of what the data set left out, where it has any.
+    """Measure every image and pair of images of a data set.
 
-    Near-duplicates are images whose thumbnails correlate above ``duplicate_correlation`` (see ``similarity_blocks``).
-    Raises InputError for a data set that can't be read; one that can't be divided as ``split`` says is inspected all
-    the same, and the outcome says so.
+    Leaves ``splits.json``, where the data set can be divided as ``split`` says, and the tables of what the
+    data set left out, where it has any. A data set that cannot be divided is inspected all the same, and the
+    outcome says so.
+
+    Parameters
+    ----------
+    dataset : DataSet
+        Data set.
+    split : GroupSplits
+        Division of the groups into training, validation and test.
+    duplicate_correlation : float
+        Correlation of thumbnails above which images are near-duplicates (see ``similarity_blocks``).
+    worst_pairs : int
+        Number of most alike pairs in the table.
+    sheet_images : int
+        Number of images in the contact sheet.
+    seed : int
+        Seed of everything that is drawn at random.
+    workspace : Path
+        Folder of the run in which result files are left.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    Outcome
+        Metrics, cases, tables, the contact sheet and findings.
+
+    Raises
+    ------
+    InputError
+        If the data set cannot be read.
     """
     progress.note(f"reading {name_of(dataset)}")
     frames = dataset()
@@ -98,7 +143,22 @@ def run(
 
 
 def leaking(frames: LabelledFrames, splits: SplitSet, alike: CrossGroupDuplicates) -> int:
-    """How many pairs of near-duplicates have one seen in training and the other scored, in any fold."""
+    """Count the pairs of near-duplicates of which one is seen in training and the other scored, in any fold.
+
+    Parameters
+    ----------
+    frames : LabelledFrames
+        Images of the data set.
+    splits : SplitSet
+        Folds.
+    alike : CrossGroupDuplicates
+        Near-duplicates across groups.
+
+    Returns
+    -------
+    int
+        Number of pairs.
+    """
     number_of = {case: number for number, case in enumerate(frames.case_ids)}
     first, second = alike.pairs.T
     leaks = np.zeros(len(first), dtype=bool)
@@ -113,9 +173,23 @@ def leaking(frames: LabelledFrames, splits: SplitSet, alike: CrossGroupDuplicate
 def case_table(
     frames: LabelledFrames, alike: CrossGroupDuplicates, splits: SplitSet | None, progress: Progress
 ) -> pd.DataFrame:
-    """A row for each case: size, pixel size, mask, the most alike image of another group, the fold that tests it.
+    """Tabulate the cases: sizes, mask, the most alike image of another group, the fold that tests it.
 
-    ``fold`` is -1 for a case that no fold tests.
+    Parameters
+    ----------
+    frames : LabelledFrames
+        Images and masks.
+    alike : CrossGroupDuplicates
+        Near-duplicates across groups.
+    splits : SplitSet or None
+        Folds; None where the data set cannot be divided.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per case; ``fold`` is -1 for a case that no fold tests.
     """
     import pandas as pd
 

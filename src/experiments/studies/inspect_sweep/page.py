@@ -38,7 +38,32 @@ def page(
     shown_px: int,
     progress: Progress,
 ) -> str:
-    """The whole page as text; ``reasons`` (n,) says why each frame has no pose, empty where it has one."""
+    """Make the whole HTML page.
+
+    Parameters
+    ----------
+    name : str
+        Name of the sweep.
+    sweep : TrackedSweep
+        Tracked sweep.
+    posed : PosedFrames
+        Frames with a pose.
+    reasons : ndarray, shape (n,)
+        Why each frame has no pose; empty where it has one.
+    table : pandas.DataFrame
+        Summary of the sweep: columns of what and value.
+    shown_frames : int
+        Maximum number of frames in the page, evenly chosen.
+    shown_px : int
+        Larger side of the frames in the page in px.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    str
+        The page as text.
+    """
     from plotly.offline import get_plotlyjs  # type: ignore[import-untyped]
 
     corners_mm = _corners_mm(sweep, posed)

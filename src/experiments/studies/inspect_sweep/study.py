@@ -19,7 +19,18 @@ if TYPE_CHECKING:
 
 
 def check(*, sweep: PathSetting) -> None:
-    """Raise InputError for a sweep that is not there."""
+    """Check that the sweep exists.
+
+    Parameters
+    ----------
+    sweep : PathSetting
+        Path of the tracked sweep: a folder, ``.igs.mha``, ``.igs.nrrd`` or bag.
+
+    Raises
+    ------
+    InputError
+        If ``sweep`` does not exist.
+    """
     require_exists(sweep, "sweep")
 
 
@@ -34,7 +45,37 @@ def run(
     workspace: Path,
     progress: Progress,
 ) -> Outcome:
-    """Read and synchronise the sweep and leave ``sweep.html``, which needs nothing beside it, in ``workspace``."""
+    """Read and synchronise the sweep and leave ``sweep.html``, a self-contained page, in ``workspace``.
+
+    Parameters
+    ----------
+    sweep : PathSetting
+        Path of the tracked sweep: a folder, ``.igs.mha``, ``.igs.nrrd`` or bag.
+    acquisition : SweepReader
+        Reader of the sweep.
+    max_gap_s : float
+        A frame in a longer gap in s between two poses is dropped.
+    offset_s : float
+        Added to the times of the poses, in s.
+    shown_frames : int
+        Maximum number of frames in the page, evenly chosen.
+    shown_px : int
+        Larger side of the frames in the page in px.
+    workspace : Path
+        Folder of the run in which result files are left.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    Outcome
+        Metrics, a row for each frame, the table and findings.
+
+    Raises
+    ------
+    InputError
+        If ``sweep`` does not exist.
+    """
     from experiments.studies.inspect_sweep.page import page
     from registration.synchronisation import drop_reasons, synchronise
 

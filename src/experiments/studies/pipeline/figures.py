@@ -22,7 +22,24 @@ FOUND, TRUE = "tab:orange", "tab:cyan"
 def figures(
     truth: SimulatedSweep, masks: np.ndarray, cloud_mm: np.ndarray, ct_T_world: np.ndarray
 ) -> dict[str, Figure]:
-    """The figures of the study by file stem; ``masks`` (n, h, w) bool, ``cloud_mm`` (p, 3) in the world."""
+    """Draw the figures of the study.
+
+    Parameters
+    ----------
+    truth : SimulatedSweep
+        Simulated sweep and its truth.
+    masks : ndarray of bool, shape (n, h, w)
+        Masks that the network found.
+    cloud_mm : ndarray, shape (p, 3)
+        Point cloud in the world frame in mm.
+    ct_T_world : ndarray, shape (4, 4)
+        Pose that the registration found.
+
+    Returns
+    -------
+    dict
+        Figures by file stem.
+    """
     return {"frames": _frames(truth, masks), "registration": _registration(truth, cloud_mm, ct_T_world)}
 
 

@@ -49,7 +49,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """Records of what the reconstruction left out of masks and surface; no ``surface`` where there is none."""
+    """Records of what the reconstruction left out.
+
+    Parameters
+    ----------
+    masks : dict
+        What was left out of the masks.
+    surface : dict or None
+        What was left out of the surface; None where there is no surface.
+    """
 
     masks: dict[str, Any]
     surface: dict[str, Any] | None
@@ -57,7 +65,25 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class Registered:
-    """What the geometric half of the chain found, beside the truth; without ``built`` a ``refusal`` says why."""
+    """What the geometric half of the chain found, with its error.
+
+    Parameters
+    ----------
+    cloud_mm : ndarray, shape (p, 3)
+        Point cloud in the world frame in mm.
+    built : Reconstructed or None
+        Surface and centerline; None where no surface can be made.
+    refusal : str
+        Why there is no surface; empty otherwise.
+    left_out : LeftOut
+        What the reconstruction left out.
+    result : RigidResult
+        Result of the registration.
+    residuals : SurfaceResiduals
+        Residuals between the cloud and the model.
+    error : PoseError
+        Error of the pose against the truth.
+    """
 
     cloud_mm: np.ndarray
     built: Reconstructed | None
@@ -69,7 +95,18 @@ class Registered:
 
 
 def check(*, model_path: PathSetting) -> None:
-    """Raise InputError unless there is a file at ``model_path``."""
+    """Check that the network exists.
+
+    Parameters
+    ----------
+    model_path : PathSetting
+        File of a trained network (``model.pt``).
+
+    Raises
+    ------
+    InputError
+        If ``model_path`` is no file.
+    """
     if not Path(model_path).is_file():
         raise InputError(
             f"model_path: expected a network trained by study=segmentation (model.pt), received {model_path!r}"
@@ -99,9 +136,58 @@ def run(
 ) -> Outcome:
     """Simulate a sweep, segment it, reconstruct the vessel and register it to the phantom's model.
 
-    Leaves ``cloud.ply``, ``surface.ply`` and ``centerline.vtp`` (world, mm), ``moved.ply`` and ``model.ply`` (ct, mm),
-    ``truth.json`` and ``registration.json`` in ``workspace``. Points of which no surface can be made are registered all
-    the same. Raises InputError when the network finds no vessel in any frame.
+    Leaves ``cloud.ply``, ``surface.ply`` and ``centerline.vtp`` (world, mm), ``moved.ply`` and ``model.ply``
+    (ct, mm), ``truth.json`` and ``registration.json`` in ``workspace``. Points of which no surface can be
+    made are registered all the same.
+
+    Parameters
+    ----------
+    phantom : PhantomSettings
+        Settings of the phantom.
+    mask_outliers : MaskOutliers
+        Test that rejects masks that disagree with their neighbours.
+    contours : ContourExtractor
+        Extraction of contours from the masks.
+    filters : Mapping[str, CloudFilter]
+        Filters of the point cloud by name, in order of use.
+    surface : SurfaceMethod
+        Method that makes a surface of the point cloud.
+    pieces : VesselPieces
+        Rule for which pieces of the surface belong to the vessel.
+    smoothing : TaubinSmoothing
+        Smoothing of the surface.
+    centerline : CenterlineExtractor
+        Extraction of the centerline.
+    rigid : Mapping[str, Any]
+        Settings of exactly one rigid registration method by its name.
+    model_path : PathSetting
+        File of a trained network (``model.pt``).
+    sweep_index : int
+        Number of the simulated sweep, from 0.
+    max_gap_s : float
+        A frame in a longer gap in s between two poses is dropped.
+    fixed_points : int
+        Number of points drawn from the fixed model for the registration.
+    inlier_mm : float
+        Distance in mm within which a point counts as explained.
+    keep : float
+        Share of closest distances in ``rmse_trimmed_mm``.
+    seed : int
+        Seed of everything that is drawn at random.
+    workspace : Path
+        Folder of the run in which result files are left.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    Outcome
+        Metrics, a row for each frame, tables, figures and findings.
+
+    Raises
+    ------
+    InputError
+        If the network finds no vessel in any frame.
     """
     from models.predictor import Predictor
 

@@ -19,14 +19,31 @@ if TYPE_CHECKING:
 
 
 def read_masks(path: Path, sweep_path: Path, sweep: TrackedSweep) -> np.ndarray:
-    """The masks of all frames of a sweep (n, height, width): bool, or float32 probabilities between 0 and 1.
+    """Read the masks of all frames of a sweep.
 
-    ``path`` is a folder with an image or a .npy array for each frame, or one .npy file of all. The frames of a plain
-    folder have names: their masks have the same ones, or the same numbers in them. Frames of other files are in order:
-    masks follow in the order of their names, numbers compared as numbers. What an image's colours, bits and
-    transparency mean is said in ``label_values``; grey values of 0 and 1, or of 0 and white, are masks; others are
-    probabilities in parts of white. Raises InputError for a count, name, size or value that
-    does not fit, and for masks without any vessel.
+    The frames of a plain folder have names: their masks have the same ones, or the same numbers in them.
+    Frames of other files are in order: masks follow in the order of their names, numbers compared as numbers.
+    What an image's colours, bits and transparency mean is defined in ``label_values``; grey values of 0 and
+    1, or of 0 and white, are masks; others are probabilities as fractions of white.
+
+    Parameters
+    ----------
+    path : Path
+        Folder with an image or a .npy array for each frame, or one .npy file of all.
+    sweep_path : Path
+        Path of the sweep.
+    sweep : TrackedSweep
+        Tracked sweep.
+
+    Returns
+    -------
+    ndarray, shape (n, height, width)
+        Masks as bool, or probabilities between 0 and 1 as float32.
+
+    Raises
+    ------
+    InputError
+        If a count, name, size or value does not fit, or no mask shows a vessel.
     """
     if path.is_file():
         stack = _array(path)

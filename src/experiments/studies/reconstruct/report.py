@@ -34,7 +34,24 @@ MOST_POINTS_NEAR = 0.95
 
 
 def record(found: Reconstructed, posed: PosedFrames, sweep: TrackedSweep, near_mm: float) -> dict[str, Any]:
-    """What goes into ``reconstruction.json``: counts, what was left out, coverage, seconds, quality."""
+    """Make the content of ``reconstruction.json``: counts, what was left out, coverage, seconds, quality.
+
+    Parameters
+    ----------
+    found : Reconstructed
+        Reconstruction.
+    posed : PosedFrames
+        Frames with a pose.
+    sweep : TrackedSweep
+        Tracked sweep.
+    near_mm : float
+        Distance in mm of a measured point within which the surface counts as measured.
+
+    Returns
+    -------
+    dict
+        Content, ready for JSON; lengths in mm, times in s.
+    """
     contours = found.contours
     return {
         "units": {"length": "mm", "time": "s"},
@@ -98,9 +115,22 @@ def _centerline(found: Reconstructed) -> dict[str, Any]:
 
 
 def cases(found: Reconstructed, posed: PosedFrames, sweep: TrackedSweep) -> pd.DataFrame:
-    """A row a frame with a pose: why its mask was rejected (empty: it was not), its contours, its points twice.
+    """Tabulate the frames with a pose.
 
-    ``excess`` is by what factor the mask passed its limit; points are those before and after the filters.
+    Parameters
+    ----------
+    found : Reconstructed
+        Reconstruction.
+    posed : PosedFrames
+        Frames with a pose.
+    sweep : TrackedSweep
+        Tracked sweep.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per frame: why its mask was rejected (empty: it was not), by what factor it exceeded its limit
+        (``excess``), its contours, and its points before and after the filters.
     """
     import pandas as pd
 
@@ -121,7 +151,18 @@ def cases(found: Reconstructed, posed: PosedFrames, sweep: TrackedSweep) -> pd.D
 
 
 def metrics(told: Mapping[str, Any]) -> dict[str, float]:
-    """Scalars for the tracker; those of a centerline that there is none of are NaN."""
+    """Compute the scalars for the tracker.
+
+    Parameters
+    ----------
+    told : Mapping[str, Any]
+        Content that ``record`` returns.
+
+    Returns
+    -------
+    dict
+        Scalars by name; those of a missing centerline are NaN.
+    """
     frames, line, quality = told["frames"], told["centerline"], told["quality"]
     refused = "refused" in line
     return {
@@ -145,7 +186,18 @@ def metrics(told: Mapping[str, Any]) -> dict[str, float]:
 
 
 def table(told: Mapping[str, Any]) -> pd.DataFrame:
-    """The reconstruction in a few lines."""
+    """Summarise the reconstruction in a few lines.
+
+    Parameters
+    ----------
+    told : Mapping[str, Any]
+        Content that ``record`` returns.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns ``what`` and ``value``.
+    """
     import pandas as pd
 
     frames, contours, quality, line = (told[key] for key in ("frames", "contours", "quality", "centerline"))
@@ -186,7 +238,20 @@ def _left_out(masks: Mapping[str, Any]) -> str:
 
 
 def remarks(found: Reconstructed, told: Mapping[str, Any]) -> tuple[str, ...]:
-    """What a user has to know of the reconstruction, in sentences."""
+    """State what a user has to know of the reconstruction.
+
+    Parameters
+    ----------
+    found : Reconstructed
+        Reconstruction.
+    told : Mapping[str, Any]
+        Content that ``record`` returns.
+
+    Returns
+    -------
+    tuple of str
+        Sentences.
+    """
     frames, quality, coverage = (told[key] for key in ("frames", "quality", "coverage"))
     said = [
         f"{frames['with_vessel']} of {frames['with_pose']} frames with a pose show the vessel; the surface has "
@@ -209,7 +274,22 @@ def remarks(found: Reconstructed, told: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def scene(found: Reconstructed, told: Mapping[str, Any], name: str) -> Scene:
-    """The page: cloud, surface and centerline in the sweep's world frame."""
+    """Make the page: cloud, surface and centerline in the sweep's world frame.
+
+    Parameters
+    ----------
+    found : Reconstructed
+        Reconstruction.
+    told : Mapping[str, Any]
+        Content that ``record`` returns.
+    name : str
+        Name of the sweep in the title.
+
+    Returns
+    -------
+    Scene
+        The scene.
+    """
     layers: list[Layer] = [
         SurfaceLayer("surface", found.surface),
         CloudLayer("points", found.cloud.points_mm, shown=False),

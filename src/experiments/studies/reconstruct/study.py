@@ -38,7 +38,22 @@ WHERE = "The files are in mm in the sweep's world frame; open scene.html in a br
 
 
 def check(*, sweep: PathSetting, masks: PathSetting | None, model_path: PathSetting | None) -> None:
-    """Raise InputError for files that are not there, and unless either masks or a network is given."""
+    """Check that the files exist and that either masks or a network is given.
+
+    Parameters
+    ----------
+    sweep : PathSetting
+        Path of the tracked sweep: a folder, ``.igs.mha``, ``.igs.nrrd`` or bag.
+    masks : PathSetting or None
+        Folder or .npy file of masks or probabilities; None to use a network.
+    model_path : PathSetting or None
+        File of a trained network (``model.pt``); None with ``masks``.
+
+    Raises
+    ------
+    InputError
+        If a file does not exist, or not exactly one of ``masks`` and ``model_path`` is given.
+    """
     require_exists(sweep, "sweep")
     if (masks is None) == (model_path is None):
         received = "neither" if masks is None else "both"
@@ -73,8 +88,53 @@ def run(
     """Reconstruct the vessel in the sweep's world frame, in mm.
 
     Leaves ``cloud.ply``, ``surface.ply``, ``surface.stl``, ``centerline.vtp``, ``centerline.csv``,
-    ``centerline.mrk.json``, ``reconstruction.json`` and ``scene.html`` in ``workspace``. Frames without a pose are
-    dropped and counted. Raises InputError for masks that do not fit the frames or show no vessel.
+    ``centerline.mrk.json``, ``reconstruction.json`` and ``scene.html`` in ``workspace``. Frames without a
+    pose are dropped and counted.
+
+    Parameters
+    ----------
+    sweep : PathSetting
+        Path of the tracked sweep: a folder, ``.igs.mha``, ``.igs.nrrd`` or bag.
+    acquisition : SweepReader
+        Reader of the sweep.
+    masks : PathSetting or None
+        Folder or .npy file of masks or probabilities; None to use a network.
+    model_path : PathSetting or None
+        File of a trained network (``model.pt``); None with ``masks``.
+    mask_outliers : MaskOutliers
+        Test that rejects masks that disagree with their neighbours.
+    contours : ContourExtractor
+        Extraction of contours from the masks.
+    filters : Mapping[str, CloudFilter]
+        Filters of the point cloud by name, in order of use.
+    surface : SurfaceMethod
+        Method that makes a surface of the point cloud.
+    pieces : VesselPieces
+        Rule for which pieces of the surface belong to the vessel.
+    smoothing : TaubinSmoothing
+        Smoothing of the surface.
+    centerline : CenterlineExtractor
+        Extraction of the centerline.
+    max_gap_s : float
+        A frame in a longer gap in s between two poses is dropped.
+    offset_s : float
+        Added to the times of the poses, in s.
+    near_mm : float
+        Distance in mm of a measured point within which the surface counts as measured.
+    workspace : Path
+        Folder of the run in which result files are left.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    Outcome
+        Metrics, a row for each frame with a pose, the table and findings.
+
+    Raises
+    ------
+    InputError
+        If no frame has a pose, or the masks do not fit the frames or show no vessel.
     """
     check(sweep=sweep, masks=masks, model_path=model_path)
     chain = Reconstruction(contours, filters, surface, smoothing, centerline, mask_outliers, pieces)

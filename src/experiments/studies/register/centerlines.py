@@ -32,7 +32,21 @@ PROBES = 200
 
 @dataclass(frozen=True)
 class CenterlineSource:
-    """The surface a centerline belongs to, as it was read: ``surface`` in mm, from ``path``, ``unit`` and ``space``."""
+    """Surface that a centerline belongs to, as it was read.
+
+    Parameters
+    ----------
+    name : str
+        Side of the registration: moving or fixed.
+    path : Path
+        File of the surface.
+    surface : Surface
+        Surface or points in mm in LPS.
+    unit : str or None
+        Length unit of the file, as the user stated it; None where not stated.
+    space : str
+        Axes that the file was taken to have.
+    """
 
     name: str
     path: Path
@@ -42,10 +56,27 @@ class CenterlineSource:
 
 
 def centerline_of(source: CenterlineSource, named: str | None) -> tuple[Centerline | None, Path | None]:
-    """A surface's centerline in mm in LPS, and its file: the ``named`` one, or one that lies beside it, or neither.
+    """Read a surface's centerline: the named one, or one that lies beside the surface, or none.
 
-    A centerline has the unit of its surface and, unless its own header says otherwise, its axes. Raises InputError for
-    a named one that cannot be read or lies elsewhere; one found beside the surface that does not fit is left alone.
+    A centerline has the unit of its surface and, unless its own header says otherwise, its axes. One found
+    beside the surface that does not fit is ignored.
+
+    Parameters
+    ----------
+    source : CenterlineSource
+        Surface.
+    named : str or None
+        File of the centerline; "none" for no centerline; None for one beside the surface.
+
+    Returns
+    -------
+    tuple[Centerline or None, Path or None]
+        Centerline in mm in LPS and its file, or None for both.
+
+    Raises
+    ------
+    InputError
+        If a named centerline cannot be read or lies elsewhere.
     """
     if named == NO_CENTERLINE:
         return None, None
@@ -65,11 +96,21 @@ def centerline_of(source: CenterlineSource, named: str | None) -> tuple[Centerli
 
 
 def centerlines_beside(path: Path) -> list[Path]:
-    """The files that hold a surface's centerline by their names.
+    """Find the files that hold a surface's centerline by their names.
 
-    ``centerline`` stands in place of ``surface`` or ``cloud``, or is added: ``aorta-surface.stl`` goes with
-    ``aorta-centerline.vtp``, ``surface.ply`` and ``cloud.ply`` with ``centerline.csv``, ``iliac.ply`` with
-    ``iliac-centerline.csv``.
+    ``centerline`` stands in place of ``surface`` or ``cloud``, or is added: ``aorta-surface.stl`` is paired
+    with ``aorta-centerline.vtp``, ``surface.ply`` and ``cloud.ply`` with ``centerline.csv``, ``iliac.ply``
+    with ``iliac-centerline.csv``.
+
+    Parameters
+    ----------
+    path : Path
+        File of the surface.
+
+    Returns
+    -------
+    list of Path
+        Existing files.
     """
     stems = [path.stem.replace(word, "centerline") for word in ("surface", "cloud") if word in path.stem]
     stems.append(f"{path.stem}-centerline")
@@ -78,7 +119,18 @@ def centerlines_beside(path: Path) -> list[Path]:
 
 
 def bends(points_mm: np.ndarray) -> bool:
-    """Whether the points (n, 3) of a centerline leave its straight line, by more than what rounding does."""
+    """Tell whether a centerline leaves its straight line by more than rounding does.
+
+    Parameters
+    ----------
+    points_mm : ndarray, shape (n, 3)
+        Points of the centerline in mm.
+
+    Returns
+    -------
+    bool
+        True for a bent centerline.
+    """
     spread_mm = principal_frame(points_mm).spread_mm
     return bool(spread_mm[1] > LINE_SHARE * spread_mm[0])
 

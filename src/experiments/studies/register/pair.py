@@ -35,7 +35,23 @@ NEAR_SHARE = 0.1
 
 @dataclass(frozen=True)
 class SideFiles:
-    """The files of one side as the user names them: ``name`` is moving or fixed, all else may be None but ``path``."""
+    """Files of one side as the user names them.
+
+    Parameters
+    ----------
+    name : str
+        Side of the registration: moving or fixed.
+    path : str or None
+        File of the surface; None where the setting is missing.
+    unit : str or None, optional
+        Length unit, mm or m; None for mm, refused if it looks like metres.
+    space : str or None, optional
+        Axes, lps or ras; None as the header says, else lps.
+    centerline : str or None, optional
+        File of the centerline; "none" for no centerline; None for one beside the surface.
+    landmarks : str or None, optional
+        File of the landmarks; None for no landmarks.
+    """
 
     name: str
     path: str | None
@@ -47,9 +63,22 @@ class SideFiles:
 
 @dataclass(frozen=True)
 class Side:
-    """One side, read: its ``surface`` and ``centerline`` in mm in LPS, and where both came from.
+    """One side, as read.
 
-    ``frame`` (n,) is the frame each point of a sweep's cloud was seen in, where the file says it.
+    Parameters
+    ----------
+    path : Path
+        File of the surface.
+    surface : Surface
+        Surface or points in mm in LPS.
+    space : str
+        Axes that the file was taken to have.
+    centerline : Centerline or None
+        Centerline in mm in LPS; None where there is none.
+    centerline_path : Path or None
+        File of the centerline; None where there is none.
+    frame : ndarray of int, shape (n,), or None, optional
+        Image frame in which each point of a sweep's cloud was seen; None where the file does not say.
     """
 
     path: Path
@@ -60,13 +89,36 @@ class Side:
     frame: np.ndarray | None = None
 
     def centerline_mm(self, most: int) -> np.ndarray | None:
-        """At most ``most`` points of the centerline at even arc length, or None where there is no centerline."""
+        """Sample the centerline at even arc length.
+
+        Parameters
+        ----------
+        most : int
+            Maximum number of points.
+
+        Returns
+        -------
+        ndarray, shape (n, 3), or None
+            Points in mm in LPS; None where there is no centerline.
+        """
         return None if self.centerline is None else self.centerline.even_points(most)
 
 
 @dataclass(frozen=True)
 class Pair:
-    """Both sides, the landmarks set in both, the pose to search around, and every file that was read."""
+    """Both sides of a registration and what is known about them.
+
+    Parameters
+    ----------
+    moving, fixed : Side
+        Side of the registration.
+    landmarks : LandmarkPairs or None
+        Landmarks set in both sides; None where there are none.
+    initial : InitialPose or None
+        Pose to search around; None to search everywhere.
+    inputs : tuple of InputData
+        Every file that was read.
+    """
 
     moving: Side
     fixed: Side
@@ -82,7 +134,30 @@ def read_pair(
     search_cone_deg: float | None = None,
     search_radius_mm: float | None = None,
 ) -> Pair:
-    """Read all files of a registration, or raise InputError that names the setting, what it expects and what it got."""
+    """Read all files of a registration.
+
+    Parameters
+    ----------
+    moving, fixed : SideFiles
+        Files of the side.
+    initial : str or None, optional
+        File of a known pose; None for the pose of the landmarks, or none.
+    search_cone_deg : float or None, optional
+        How far in degrees the result may rotate from a known pose; None for the default.
+    search_radius_mm : float or None, optional
+        How far in mm the result may move from a known pose; None for the default.
+
+    Returns
+    -------
+    Pair
+        Both sides, landmarks and pose.
+
+    Raises
+    ------
+    InputError
+        If a setting or file is not acceptable; the message names the setting, what it expects and what it
+        received.
+    """
     sides = [_read_side(given) for given in (moving, fixed)]
     for given, side, other in ((moving, sides[0], sides[1]), (fixed, sides[1], sides[0])):
         hint = f"pass {given.name}_unit=m to convert it or {given.name}_unit=mm to take it as it is"

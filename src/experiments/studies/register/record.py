@@ -23,7 +23,19 @@ SHARES = ("inlier_share", "coverage")
 
 @dataclass(frozen=True)
 class Registered:
-    """A pair, the method's ``name`` and ``result``, and the residuals between both surfaces."""
+    """Pair with the result of its registration.
+
+    Parameters
+    ----------
+    name : str
+        Name of the method.
+    pair : Pair
+        Both sides.
+    result : RigidResult
+        Result of the method.
+    residuals : SurfaceResiduals
+        Residuals between both surfaces.
+    """
 
     name: str
     pair: Pair
@@ -47,7 +59,18 @@ class Registered:
 
 
 def record(found: Registered) -> dict[str, Any]:
-    """The content of registration.json; a number that is not finite is written as null."""
+    """Make the content of registration.json.
+
+    Parameters
+    ----------
+    found : Registered
+        Registered pair.
+
+    Returns
+    -------
+    dict
+        Content, ready for JSON; a number that is not finite is None.
+    """
     result, pair = found.result, found.pair
     low_mm, high_mm = found.predicted_tre_mm
     return {

@@ -27,7 +27,15 @@ NOTED_OFFSET_MM = 0.2
 
 
 def write(found: Registered, workspace: Path) -> None:
-    """Write registration.json, moved.ply, fixed_T_moving.h5 and scene.html."""
+    """Write registration.json, moved.ply, fixed_T_moving.h5 and scene.html.
+
+    Parameters
+    ----------
+    found : Registered
+        Registered pair.
+    workspace : Path
+        Folder of the run in which result files are left.
+    """
     pose = found.result.fixed_T_moving
     record_text = json.dumps(record(found), indent=2, allow_nan=False)
     files.write_text(workspace / "registration.json", record_text + "\n")
@@ -37,14 +45,38 @@ def write(found: Registered, workspace: Path) -> None:
 
 
 def moved(surface: Surface, fixed_T_moving: np.ndarray) -> Surface:
-    """A surface brought over by a pose."""
+    """Transform a surface by a pose.
+
+    Parameters
+    ----------
+    surface : Surface
+        Surface or points in the moving frame in mm.
+    fixed_T_moving : ndarray, shape (4, 4)
+        Rigid transform from the moving to the fixed frame.
+
+    Returns
+    -------
+    Surface
+        Surface or points in the fixed frame in mm.
+    """
     if isinstance(surface, Mesh):
         return Mesh(transforms.apply(fixed_T_moving, surface.vertices_mm), surface.triangles)
     return transforms.apply(fixed_T_moving, surface)
 
 
 def outcome(found: Registered) -> Outcome:
-    """Metrics, the table of one row and the sentences that end the terminal's output."""
+    """Make the outcome of the study.
+
+    Parameters
+    ----------
+    found : Registered
+        Registered pair.
+
+    Returns
+    -------
+    Outcome
+        Metrics, the table of one row and the findings.
+    """
     import pandas as pd
 
     result, residuals = found.result, found.residuals

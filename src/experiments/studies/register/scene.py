@@ -22,9 +22,26 @@ COLOR_PERCENTILE = 99.0
 
 
 def register_scene(pair: Pair, fixed_T_moving: np.ndarray, method: str, findings: Sequence[str]) -> Scene:
-    """The scene in the frame of the fixed file, in mm: what moves is shown before (at first hidden) and after.
+    """Make the scene in the frame of the fixed file, in mm.
 
-    After registration every vertex or point has the colour of its distance to the fixed surface.
+    What moves is shown before (at first hidden) and after registration. After registration every vertex or
+    point has the colour of its distance to the fixed surface.
+
+    Parameters
+    ----------
+    pair : Pair
+        Both sides.
+    fixed_T_moving : ndarray, shape (4, 4)
+        Rigid transform from the moving to the fixed frame.
+    method : str
+        Name of the method in the title.
+    findings : sequence of str
+        Sentences beside the scene.
+
+    Returns
+    -------
+    Scene
+        The scene.
     """
     fixed, moving = pair.fixed.surface, pair.moving.surface
     after_mm = transforms.apply(fixed_T_moving, _points(moving))

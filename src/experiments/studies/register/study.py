@@ -26,7 +26,18 @@ CENTERLINE_POINTS = 300
 
 
 def implicit_paths(config: Mapping[str, Any]) -> Iterator[Path]:
-    """The files that a job reads though no setting names them: centerlines that lie beside the surfaces."""
+    """List the files that a job reads though no setting names them: centerlines beside the surfaces.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        Configuration of the sweep point.
+
+    Returns
+    -------
+    iterator of Path
+        Paths.
+    """
     for side in ("moving", "fixed"):
         if config.get(f"{side}_centerline") is None:
             yield from centerlines_beside(Path(str(config[side])).expanduser())
@@ -49,7 +60,36 @@ def check(
     moving_space: str | None,
     fixed_space: str | None,
 ) -> None:
-    """Raise InputError for files and settings that cannot be registered."""
+    """Check that the files can be registered.
+
+    Parameters
+    ----------
+    moving : PathSetting
+        File of the surface or cloud that moves.
+    fixed : PathSetting
+        File of the surface or cloud that stays.
+    rigid : Mapping[str, Any]
+        Settings of exactly one rigid registration method by its name.
+    initial : PathSetting or None
+        File of a known pose; None for the pose of the landmarks, or none.
+    search_cone_deg : float or None
+        How far in degrees the result may rotate from a known pose; None for the default.
+    search_radius_mm : float or None
+        How far in mm the result may move from a known pose; None for the default.
+    moving_landmarks, fixed_landmarks : PathSetting or None
+        File of landmarks, paired by name; None for no landmarks.
+    moving_centerline, fixed_centerline : PathSetting or {"none"} or None
+        File of the centerline; "none" for no centerline; None for one beside the surface.
+    moving_unit, fixed_unit : str or None
+        Length unit, mm or m; None for mm, refused if it looks like metres.
+    moving_space, fixed_space : str or None
+        Axes, lps or ras; None as the header says, else lps.
+
+    Raises
+    ------
+    InputError
+        If the files and settings cannot be registered.
+    """
     one_method(rigid)
     read_pair(
         SideFiles("moving", moving, moving_unit, moving_space, moving_centerline, moving_landmarks),
@@ -84,11 +124,56 @@ def run(
     workspace: Path,
     progress: Progress,
 ) -> Outcome:
-    """Bring ``moving`` onto ``fixed`` and leave the pose, the moved surface and a page to look at in ``workspace``.
+    """Register ``moving`` to ``fixed``.
 
-    Files: registration.json, moved.ply (mm, LPS), fixed_T_moving.h5 (in ITK's direction) and scene.html. Meshes are
-    sampled uniformly by area for the method; residuals are measured on the surfaces themselves. Raises InputError for
-    files that cannot be registered.
+    Leaves registration.json, moved.ply (mm, LPS), fixed_T_moving.h5 (in ITK's direction) and scene.html in
+    ``workspace``. Meshes are sampled uniformly by area for the method; residuals are measured on the surfaces
+    themselves.
+
+    Parameters
+    ----------
+    moving : PathSetting
+        File of the surface or cloud that moves.
+    fixed : PathSetting
+        File of the surface or cloud that stays.
+    rigid : Mapping[str, Any]
+        Settings of exactly one rigid registration method by its name.
+    initial : PathSetting or None
+        File of a known pose; None for the pose of the landmarks, or none.
+    search_cone_deg : float or None
+        How far in degrees the result may rotate from a known pose; None for the default.
+    search_radius_mm : float or None
+        How far in mm the result may move from a known pose; None for the default.
+    moving_landmarks, fixed_landmarks : PathSetting or None
+        File of landmarks, paired by name; None for no landmarks.
+    moving_centerline, fixed_centerline : PathSetting or {"none"} or None
+        File of the centerline; "none" for no centerline; None for one beside the surface.
+    moving_unit, fixed_unit : str or None
+        Length unit, mm or m; None for mm, refused if it looks like metres.
+    moving_space, fixed_space : str or None
+        Axes, lps or ras; None as the header says, else lps.
+    moving_points, fixed_points : int
+        Number of points sampled from a mesh.
+    inlier_mm : float
+        Distance in mm within which a point counts as explained.
+    keep : float
+        Share of closest distances in ``rmse_trimmed_mm``.
+    seed : int
+        Seed of everything that is drawn at random.
+    workspace : Path
+        Folder of the run in which result files are left.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    Outcome
+        Metrics, the table of one row and the findings.
+
+    Raises
+    ------
+    InputError
+        If the files cannot be registered.
     """
     name, method = one_method(rigid)
     pair = read_pair(

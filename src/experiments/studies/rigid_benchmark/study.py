@@ -32,7 +32,23 @@ PER_CASE = "rigid_benchmark.csv"
 
 
 def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """One job for each method."""
+    """List one job for each method.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        Configuration of the sweep point.
+
+    Returns
+    -------
+    list of dict
+        What each job changes in the configuration.
+
+    Raises
+    ------
+    InputError
+        If ``rigid`` names no method.
+    """
     methods = config.get("rigid")
     if not isinstance(methods, Mapping) or not methods:
         raise InputError(f"rigid: expected at least one method, received {methods!r}")
@@ -42,7 +58,26 @@ def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
 def check(
     *, subset: str, rigid: Mapping[str, Any], cases: int | None, workers: int, root: str | None
 ) -> None:
-    """Raise InputError for a subset that there is not, more than one method, or counts that are none."""
+    """Check that the subset exists and that the settings allow cases.
+
+    Parameters
+    ----------
+    subset : str
+        ``development``, ``test`` or ``symmetric``.
+    rigid : Mapping[str, Any]
+        Settings of exactly one rigid registration method by its name.
+    cases : int or None
+        Number of cases, the first ones; None for all.
+    workers : int
+        Number of processes; the results do not depend on it.
+    root : str or None
+        Folder that keeps the cases; None for the project's cache.
+
+    Raises
+    ------
+    InputError
+        If the subset does not exist, there is more than one method, or a count is out of range.
+    """
     one_method(rigid)
     _wanted(subset, cases)
     require_count("workers", workers)
@@ -60,11 +95,38 @@ def run(
     workspace: Path,
     progress: Progress,
 ) -> Outcome:
-    """Solve the cases of a subset by one method, from wherever each starts, and score its answers.
+    """Solve the cases of a subset by one method, from wherever each starts, and score its results.
 
-    Cases that are not there yet are made. Leaves ``<method>/<case>.json``, an answer a case, which
-    ``study=evaluate`` scores to the same numbers, and ``rigid_benchmark.csv``. A method that raises on a case has
-    failed it. Rows do not depend on the number of ``workers``. Raises InputError for settings that allow no case.
+    Cases that do not exist yet are made. Leaves ``<method>/<case>.json``, one result per case, which
+    ``study=evaluate`` scores to the same numbers, and ``rigid_benchmark.csv``. A method that raises on a case
+    has failed it.
+
+    Parameters
+    ----------
+    subset : str
+        ``development``, ``test`` or ``symmetric``.
+    rigid : Mapping[str, Any]
+        Settings of exactly one rigid registration method by its name.
+    cases : int or None
+        Number of cases, the first ones; None for all.
+    workers : int
+        Number of processes; the results do not depend on it.
+    root : str or None
+        Folder that keeps the cases; None for the project's cache.
+    workspace : Path
+        Folder of the run in which result files are left.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    Outcome
+        Metrics, a row for each case, tables, figures and findings.
+
+    Raises
+    ------
+    InputError
+        If the settings allow no case.
     """
     check(subset=subset, rigid=rigid, cases=cases, workers=workers, root=root)
     name, method = one_method(rigid)
@@ -91,7 +153,18 @@ def run(
 
 
 def summarise(results: list[JobResult]) -> Outcome:
-    """Set all methods side by side."""
+    """Compare all methods.
+
+    Parameters
+    ----------
+    results : list of JobResult
+        Results of all jobs of the sweep.
+
+    Returns
+    -------
+    Outcome
+        Cases, tables, figures and findings over all jobs.
+    """
     import pandas as pd
 
     kept = [result for result in results if result.cases is not None and len(result.cases)]

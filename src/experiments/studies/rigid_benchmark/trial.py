@@ -27,9 +27,18 @@ LEVEL = 0.9
 
 @dataclass(frozen=True)
 class BenchmarkTrial:
-    """A method and the ``folder`` of a subset; called with a case's name it leaves an answer in ``out``.
+    """One method applied to the cases of a subset.
 
-    It returns the row of that answer, as ``study=evaluate`` scores the file.
+    Parameters
+    ----------
+    name : str
+        Name of the method.
+    method : callable
+        Rigid registration method.
+    folder : Path
+        Folder of the subset.
+    out : Path
+        Folder in which results are left.
     """
 
     name: str
@@ -38,7 +47,20 @@ class BenchmarkTrial:
     out: Path
 
     def __call__(self, case_name: str) -> dict[str, Any]:
-        """Solve and score one case; a method that raises has failed."""
+        """Solve and score one case; a method that raises has failed.
+
+        The result is left as a file in ``out``.
+
+        Parameters
+        ----------
+        case_name : str
+            Name of the case.
+
+        Returns
+        -------
+        dict
+            Row of the result, as ``study=evaluate`` scores the file.
+        """
         case = read_case(self.folder / case_name)
         truth = read_truth(truth_file(self.folder, case_name))
         begin_s = time.perf_counter()
@@ -60,9 +82,21 @@ class BenchmarkTrial:
 
 
 def record(result: RigidResult, targets_mm: np.ndarray) -> dict[str, Any]:
-    """An answer under the names that registration.json has; what is not known is null.
+    """Make the record of a result under the names that registration.json has.
 
     The error is predicted at the benchmark's targets, which the method does not see.
+
+    Parameters
+    ----------
+    result : RigidResult
+        Result of the method.
+    targets_mm : ndarray, shape (t, 3)
+        Targets in the fixed frame in mm.
+
+    Returns
+    -------
+    dict
+        Content, ready for JSON; what is not known is None.
     """
     low_mm, high_mm = result.tre_interval_mm(targets_mm, LEVEL)
     return {

@@ -15,11 +15,22 @@ REFERENCE = "multistart"
 
 
 def comparison(cases: pd.DataFrame) -> pd.DataFrame:
-    """One row a method beside the reference: success on the same problems, and the tests.
+    """Compare each method with the reference: success on the same problems, and the tests.
 
-    With several anatomies McNemar's test counts each anatomy's surplus of problems won, and the signed-rank test
-    compares success rates by anatomy; both adjusted by Holm. With a single anatomy nothing can be said about others:
-    ``unit`` is then the trial, McNemar's p describes the trials alone, and no other test is made.
+    With several anatomies McNemar's test counts each anatomy's surplus of problems won, and the signed-rank
+    test compares success rates by anatomy; both adjusted by Holm. With a single anatomy nothing can be said
+    about others: ``unit`` is then the trial, McNemar's p describes the trials alone, and no other test is
+    made.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of the trials.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per method beside the reference.
     """
     import pandas as pd
 
@@ -35,9 +46,18 @@ def comparison(cases: pd.DataFrame) -> pd.DataFrame:
 
 
 def by_anatomy(cases: pd.DataFrame) -> pd.DataFrame:
-    """Success of each method over anatomies: mean, its bootstrap interval with the anatomy as the unit, the worst.
+    """Summarise the success of each method over anatomies.
 
-    A single anatomy says nothing about others: no rows.
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of the trials.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per method: mean, its bootstrap interval with the anatomy as the unit, and the worst anatomy;
+        no rows for a single anatomy, which says nothing about others.
     """
     import pandas as pd
 

@@ -28,7 +28,19 @@ WHOLE = "whole"
 
 @dataclass(frozen=True)
 class Condition:
-    """Trials that are disturbed alike: ``level`` (NaN where rotation and overlap are crossed) of a ``factor``."""
+    """Trials that are disturbed alike.
+
+    Parameters
+    ----------
+    factor : str
+        Name of the factor.
+    level : float
+        Level of the factor; NaN where rotation and overlap are crossed.
+    perturbation : Perturbation
+        How the trials are disturbed.
+    trials : int
+        Number of trials.
+    """
 
     factor: str
     level: float
@@ -37,7 +49,23 @@ class Condition:
 
 
 def job_changes(config: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """What each job changes in the configuration: target, method, piece and factor."""
+    """List what each job changes in the configuration: target, method, piece and factor.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        Configuration of the sweep point.
+
+    Returns
+    -------
+    list of dict
+        Changes of each job.
+
+    Raises
+    ------
+    InputError
+        If ``rigid`` names no method or ``factors`` is no mapping.
+    """
     methods, factors = config.get("rigid"), config.get("factors") or {}
     if not isinstance(methods, Mapping) or not methods:
         raise InputError(f"rigid: expected at least one method, received {methods!r}")
@@ -67,10 +95,30 @@ def conditions(
     factors: Mapping[str, Sequence[float]] | None,
     trials: int,
 ) -> tuple[Condition, ...]:
-    """The conditions of one job: every kind of rotation, or every level of its factor.
+    """List the conditions of one job: every kind of rotation, or every level of its factor.
 
-    ``trials`` is the number of each level and, where the perturbation has bins of angles, of each bin. A factor's
-    levels meet angles from the whole range. Raises InputError for what is no factor, rotation or level.
+    A factor's levels meet angles from the whole range.
+
+    Parameters
+    ----------
+    perturbation : Perturbation
+        How trials are disturbed apart from rotation and factor.
+    rotations : sequence of str or None
+        Kinds of rotation; None for the perturbation's own.
+    factors : Mapping[str, Sequence[float]] or None
+        Levels by the name of a factor; None or empty for the rotations.
+    trials : int
+        Number of trials of each level and, where the perturbation has bins of angles, of each bin.
+
+    Returns
+    -------
+    tuple of Condition
+        The conditions.
+
+    Raises
+    ------
+    InputError
+        If a factor, rotation or level is invalid.
     """
     require_count("trials", trials)
     if factors:
@@ -87,7 +135,25 @@ def conditions(
 
 
 def one_piece(overlaps: Sequence[float], places: Sequence[str]) -> Piece:
-    """The only piece of a job."""
+    """Make the only piece of a job.
+
+    Parameters
+    ----------
+    overlaps : sequence of float
+        One share of the vessel's extent that the moving cloud covers.
+    places : sequence of str
+        One place of the piece along the vessel.
+
+    Returns
+    -------
+    Piece
+        The piece.
+
+    Raises
+    ------
+    InputError
+        If there is not one value of each, or they make no piece.
+    """
     for name, values in (("overlaps", overlaps), ("places", places)):
         if len(_listed(name, {name: values})) != 1:
             raise InputError(f"{name}: expected one value a job, received {len(values)}")

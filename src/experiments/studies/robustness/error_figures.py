@@ -28,7 +28,18 @@ NOTE = (
 
 
 def error_boxes(turned: pd.DataFrame) -> Figure:
-    """RMSE and TRE by method and overlap, on logarithmic axes, with the lines of success."""
+    """Draw RMSE and TRE by method and overlap, on logarithmic axes, with the lines of success.
+
+    Parameters
+    ----------
+    turned : pandas.DataFrame
+        Rows of the trials in which rotation and overlap are crossed.
+
+    Returns
+    -------
+    Figure
+        The figure.
+    """
     from matplotlib.figure import Figure
 
     names = methods(turned)
@@ -58,7 +69,20 @@ def error_boxes(turned: pd.DataFrame) -> Figure:
 
 
 def residual_against_error(cases: pd.DataFrame) -> Figure:
-    """RMSE against TRE, a panel for each method; the shaded corner is where RMSE calls a wrong pose a success."""
+    """Draw RMSE against TRE, a panel for each method.
+
+    The shaded corner is where RMSE calls a wrong pose a success.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of the trials.
+
+    Returns
+    -------
+    Figure
+        The figure.
+    """
     from matplotlib.figure import Figure
 
     parts = list(groups(cases, ("method",)))
@@ -100,7 +124,18 @@ def residual_against_error(cases: pd.DataFrame) -> Figure:
 
 
 def runtimes(cases: pd.DataFrame) -> Figure:
-    """Seconds a trial by method, on a logarithmic axis, the median written beside."""
+    """Draw the seconds per trial by method, on a logarithmic axis, the median written beside.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of the trials.
+
+    Returns
+    -------
+    Figure
+        The figure.
+    """
     from matplotlib.figure import Figure
 
     look = styles(methods(cases))

@@ -23,7 +23,18 @@ if TYPE_CHECKING:
 
 
 def describe(cases: pd.DataFrame) -> tuple[str, ...]:
-    """One sentence for each method on each piece, one for each that judges itself, and what holds for all."""
+    """State the findings for each method on each piece, for each that judges itself, and what holds for all.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of the trials.
+
+    Returns
+    -------
+    tuple of str
+        Sentences.
+    """
     turned, varied = cases[cases["factor"] == CROSSED], cases[cases["factor"] != CROSSED]
     return (
         *(sentence for key, group in groups(turned, PIECE) for sentence in _success(key, group)),

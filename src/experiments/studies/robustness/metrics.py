@@ -24,10 +24,18 @@ PROBLEM = ("anatomy", "factor", "level", "rotation", "overlap", "place", "trial"
 
 
 def rate_metrics(cases: pd.DataFrame) -> dict[str, float]:
-    """Success rates with their Wilson bounds, acceptance, success among accepted, and coverage of the intervals.
+    """Compute success and acceptance rates and the coverage of the intervals, with Wilson bounds.
 
-    A rate over no trial is NaN: success among accepted where none was, coverage where no error was predicted, and
-    acceptance of methods that do not judge.
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of the trials of one method.
+
+    Returns
+    -------
+    dict
+        Scalars by name. A rate over no trial is NaN: success among accepted where none was, coverage where no
+        error was predicted, and acceptance of methods that do not judge.
     """
     found: dict[str, float] = {}
     taken, predicted = cases[cases["accepted"]], cases[cases["tre_high_mm"].notna()]
@@ -53,19 +61,52 @@ def rate_metrics(cases: pd.DataFrame) -> dict[str, float]:
 
 
 def judges(cases: pd.DataFrame) -> bool:
-    """Whether the method says of its own answers which are right; one that gave no answer at all does not."""
+    """Tell whether the method judges its own results; one that gave no result at all does not.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of the trials of one method.
+
+    Returns
+    -------
+    bool
+        True for a method that judges.
+    """
     own = cases.loc[cases["error"] == "", "verdict"]
     return bool(len(own) and (own != NOT_JUDGED).all())
 
 
 def share(values: Any) -> Proportion | None:
-    """How many are true, with Wilson's interval; None of no values."""
+    """Compute the share of true values, with Wilson's interval.
+
+    Parameters
+    ----------
+    values : Any
+        Flags.
+
+    Returns
+    -------
+    Proportion or None
+        Share and interval; None for no values.
+    """
     flags = np.asarray(values, dtype=bool)
     return wilson_interval(int(flags.sum()), len(flags)) if len(flags) else None
 
 
 def inside(cases: pd.DataFrame) -> np.ndarray:
-    """Whether the true error lies in the interval that the method predicted."""
+    """Find the trials whose true error lies in the interval that the method predicted.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of the trials.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+        True where it does.
+    """
     within: np.ndarray = (
         (cases["tre_low_mm"] <= cases["tre_mm"]) & (cases["tre_mm"] <= cases["tre_high_mm"])
     ).to_numpy()
@@ -73,7 +114,18 @@ def inside(cases: pd.DataFrame) -> np.ndarray:
 
 
 def lies(cases: pd.DataFrame) -> np.ndarray:
-    """Where a small residual hides a wrong pose: RMSE calls it a success, TRE does not."""
+    """Find the trials in which a small residual hides a wrong pose: RMSE calls it a success, TRE does not.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of the trials.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+        True where it does.
+    """
     wrong: np.ndarray = (
         (cases["rmse_mm"] <= SUCCESS_RMSE_MM) & ~(cases["tre_mm"] <= SUCCESS_TRE_MM)
     ).to_numpy()
@@ -81,23 +133,69 @@ def lies(cases: pd.DataFrame) -> np.ndarray:
 
 
 def groups(cases: pd.DataFrame, columns: Sequence[str]) -> Iterator[tuple[tuple[Any, ...], pd.DataFrame]]:
-    """The values of ``columns`` in the order in which they first occur, each with its cases."""
+    """Group the trials by the values of some columns.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of the trials.
+    columns : sequence of str
+        Names of the columns.
+
+    Returns
+    -------
+    iterator of tuple[tuple of Any, pandas.DataFrame]
+        The values of ``columns``, in the order in which they first occur, each with its trials.
+    """
     for values, group in cases.groupby(list(columns), sort=False, dropna=False):
         yield values if isinstance(values, tuple) else (values,), group
 
 
 def crossed(cases: pd.DataFrame) -> pd.DataFrame:
-    """The trials in which rotation and overlap are crossed."""
+    """Select the trials in which rotation and overlap are crossed.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of the trials.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Rows of these trials.
+    """
     return cases[cases["factor"] == CROSSED]
 
 
 def methods(cases: pd.DataFrame) -> list[str]:
-    """The methods in the order in which they first occur."""
+    """List the methods in the order in which they first occur.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of the trials.
+
+    Returns
+    -------
+    list of str
+        Names of the methods.
+    """
     return [str(name) for name in cases["method"].drop_duplicates()]
 
 
 def by_bin(cases: pd.DataFrame) -> pd.DataFrame:
-    """Success in each bin of angles, sorted: ``angle_from_deg``, ``angle_to_deg``, ``successes``, ``trials``."""
+    """Count the successes in each bin of angles.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of the trials.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns ``angle_from_deg``, ``angle_to_deg``, ``successes`` and ``trials``, sorted by angle.
+    """
     binned = cases.dropna(subset="angle_from_deg")
     found = (
         binned.groupby(["angle_from_deg", "angle_to_deg"])["success_tre"].agg(["sum", "size"]).reset_index()
@@ -106,9 +204,18 @@ def by_bin(cases: pd.DataFrame) -> pd.DataFrame:
 
 
 def capture_range_deg(cases: pd.DataFrame) -> float:
-    """The largest angle up to which every bin has a success rate of at least 95 %; 0 if the first has not.
+    """Find the largest angle up to which every bin has a success rate of at least 95 %.
 
-    NaN without binned trials, and where a bin has fewer than 10. A bin without trials ends the range.
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of the trials of one method.
+
+    Returns
+    -------
+    float
+        Angle in degrees; 0 if the first bin does not reach the rate, NaN without binned trials or where a bin
+        has fewer than 10. A bin without trials ends the range.
     """
     bins = by_bin(cases)
     if not len(bins) or bins["trials"].min() < CAPTURE_TRIALS:

@@ -16,10 +16,21 @@ COLUMNS = ("target", "target_centerline", "overlaps", "places", "rotations", "fa
 
 
 def pooled(results: Sequence[JobResult]) -> pd.DataFrame:
-    """The rows of all jobs with their anatomies, methods and trials named apart.
+    """Pool the rows of all jobs, with anatomies, methods and trials under distinct names.
 
-    Surfaces whose files have one name are told apart by their folders, one method with two settings by what was chosen,
-    and the trials of two seeds by their numbers: those of a second seed follow those of the first.
+    Surfaces whose files have one name are told apart by their folders, one method with two settings by what
+    was chosen, and the trials of two seeds by their numbers: those of a second seed follow those of the
+    first.
+
+    Parameters
+    ----------
+    results : sequence of JobResult
+        Results of jobs that have cases.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Rows of the trials of all jobs.
     """
     import pandas as pd
 

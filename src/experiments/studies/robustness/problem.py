@@ -27,10 +27,22 @@ COVERING_POINTS = 2000
 
 @dataclass(frozen=True)
 class Problem:
-    """What is registered to what, and how far the answer is from the truth is measured at which points.
+    """What is registered to what, and the points at which the error is measured.
 
-    ``fixed_T_moving`` (4, 4) is the true pose of ``moving`` before any perturbation; ``targets_mm`` (t, 3) lie in the
-    fixed frame, on the ``centerline`` or the ``surface`` as ``target_kind`` says. ``inputs`` are the files read.
+    Parameters
+    ----------
+    fixed : Surface
+        Fixed surface in mm.
+    moving : Surface
+        Moving surface in mm.
+    fixed_T_moving : ndarray, shape (4, 4)
+        True pose of ``moving`` before any perturbation.
+    targets_mm : ndarray, shape (t, 3)
+        Targets in the fixed frame in mm.
+    target_kind : str
+        Where the targets lie: on the ``centerline`` or the ``surface``.
+    inputs : tuple of InputData
+        Files that were read.
     """
 
     fixed: Surface
@@ -51,7 +63,26 @@ def read_problem(
 ) -> Problem:
     """Read the fixed surface, and what the user has of a moving one, its true pose and a centerline.
 
-    Without ``moving`` the fixed surface is registered to itself. Raises InputError that names the setting and the file.
+    Parameters
+    ----------
+    target : str or None
+        File of the fixed surface.
+    moving : str or None
+        File of the moving surface; None to register the fixed surface to itself.
+    moving_truth : str or None
+        File of the true pose of ``moving``; None without ``moving``.
+    target_centerline : str or None
+        File of the centerline that has the targets; None for targets on the surface.
+
+    Returns
+    -------
+    Problem
+        The problem.
+
+    Raises
+    ------
+    InputError
+        If a file or setting is not acceptable; the message names both.
     """
     if target is not None and not isinstance(target, str):
         raise InputError(f"target: expected one file a job, received {target!r}")
@@ -73,7 +104,20 @@ def read_problem(
 
 
 def covered_targets(problem: Problem, piece: Piece) -> np.ndarray:
-    """Which targets lie beside the moving piece in its true place, along the fixed surface's principal axis."""
+    """Find the targets beside the moving piece in its true place, along the fixed surface's principal axis.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    piece : Piece
+        Piece of the moving surface.
+
+    Returns
+    -------
+    ndarray of bool, shape (t,)
+        True for the targets that the piece covers.
+    """
     along = AlongVessel.of(problem.fixed)
     moving = problem.moving
     whole_mm = moving.vertices_mm if isinstance(moving, Mesh) else moving

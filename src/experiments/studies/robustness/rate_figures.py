@@ -33,7 +33,18 @@ LARGEST_THRESHOLD_MM = 10.0
 
 
 def figures(cases: pd.DataFrame) -> dict[str, Figure]:
-    """All figures there are trials for, by file stem."""
+    """Draw all figures for which there are trials.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of the trials.
+
+    Returns
+    -------
+    dict
+        Figures by file stem.
+    """
     turned, varied = crossed(cases), cases[cases["factor"] != CROSSED]
     found: dict[str, Figure] = {}
     kinds = set(turned["rotation"])

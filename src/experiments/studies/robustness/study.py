@@ -41,7 +41,18 @@ SUMMARISED = (
 
 
 def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """One job for each method on each piece of each target, and for each method at each factor's levels."""
+    """List one job for each method on each piece of each target, and for each method at each factor's levels.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        Configuration of the sweep point.
+
+    Returns
+    -------
+    list of dict
+        What each job changes in the configuration.
+    """
     return job_changes(config)
 
 
@@ -61,7 +72,42 @@ def check(
     trials: int,
     workers: int,
 ) -> None:
-    """Raise InputError for files and settings that allow no trial at all."""
+    """Check that files and settings allow trials.
+
+    Parameters
+    ----------
+    target : PathSetting or None
+        File of the fixed surface in mm.
+    moving : PathSetting or None
+        File of a moving cloud; None to draw it from the target.
+    moving_truth : PathSetting or None
+        JSON file with the true ``fixed_T_moving``, required with ``moving``; None without.
+    target_centerline : PathSetting or None
+        VTP file on which the error is measured; None for points of the target's surface.
+    hand_centerlines : bool
+        True to give methods the true centerline and the moving piece's part of it.
+    rigid : Mapping[str, Any]
+        Settings of exactly one rigid registration method by its name.
+    perturbation : Perturbation
+        How trials are disturbed.
+    overlaps : sequence of float
+        One share of the vessel's extent that the moving cloud covers.
+    places : sequence of str
+        One place of the piece along the vessel.
+    rotations : sequence of str or None
+        Kinds of rotation; None for the perturbation's own.
+    factors : Mapping[str, Sequence[float]] or None
+        Levels by the name of a factor; None or empty for the rotations.
+    trials : int
+        Number of trials of each level and, where the perturbation has bins of angles, of each bin.
+    workers : int
+        Number of processes; the results do not depend on it.
+
+    Raises
+    ------
+    InputError
+        If files and settings allow no trial at all.
+    """
     one_method(rigid)
     one_piece(overlaps, places)
     conditions(perturbation, rotations, factors, trials)
@@ -89,11 +135,58 @@ def run(
     workspace: Path,
     progress: Progress,
 ) -> Outcome:
-    """Solve the perturbed problems of one job by one method: all rotations of a piece, or all levels of a factor.
+    """Solve the perturbed problems of one job by one method.
 
-    Every method of a seed meets the same problems. A method that raises on a trial has failed it: the row stays, with
-    infinite errors and the reason. Finished trials are kept beside the results until the job is done; with ``resume``
-    a job that was interrupted goes on after them. Raises InputError for files and settings that allow no trial at all.
+    These are all rotations of a piece, or all levels of a factor. Every method of a seed meets the same
+    problems. A method that raises on a trial has failed it: the row stays, with infinite errors and the
+    reason. Finished trials are kept beside the results until the job is done.
+
+    Parameters
+    ----------
+    target : PathSetting or None
+        File of the fixed surface in mm.
+    moving : PathSetting or None
+        File of a moving cloud; None to draw it from the target.
+    moving_truth : PathSetting or None
+        JSON file with the true ``fixed_T_moving``, required with ``moving``; None without.
+    target_centerline : PathSetting or None
+        VTP file on which the error is measured; None for points of the target's surface.
+    hand_centerlines : bool
+        True to give methods the true centerline and the moving piece's part of it.
+    rigid : Mapping[str, Any]
+        Settings of exactly one rigid registration method by its name.
+    perturbation : Perturbation
+        How trials are disturbed.
+    overlaps : sequence of float
+        One share of the vessel's extent that the moving cloud covers.
+    places : sequence of str
+        One place of the piece along the vessel.
+    rotations : sequence of str or None
+        Kinds of rotation; None for the perturbation's own.
+    factors : Mapping[str, Sequence[float]] or None
+        Levels by the name of a factor; None or empty for the rotations.
+    trials : int
+        Number of trials of each level and, where the perturbation has bins of angles, of each bin.
+    workers : int
+        Number of processes; the results do not depend on it.
+    seed : int
+        Seed of everything that is drawn at random.
+    resume : bool
+        True to resume an interrupted job after its finished trials.
+    workspace : Path
+        Folder of the run; not used.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    Outcome
+        Metrics, a row for each trial, tables, figures and findings.
+
+    Raises
+    ------
+    InputError
+        If files and settings allow no trial at all.
     """
     del workspace
     require_count("workers", workers)
@@ -132,7 +225,18 @@ def run(
 
 
 def summarise(results: list[JobResult]) -> Outcome:
-    """Set all methods, pieces and factors side by side: tables, figures and what they say."""
+    """Compare all methods, pieces and factors.
+
+    Parameters
+    ----------
+    results : list of JobResult
+        Results of all jobs of the sweep.
+
+    Returns
+    -------
+    Outcome
+        Cases, tables, figures and findings over all jobs.
+    """
     kept = [result for result in results if result.cases is not None and len(result.cases)]
     if not kept:
         return Outcome(findings=("No job has trials to summarise.",))
@@ -140,7 +244,18 @@ def summarise(results: list[JobResult]) -> Outcome:
 
 
 def shown(cases: pd.DataFrame) -> Outcome:
-    """The tables, figures and sentences of any trials of this study."""
+    """Make the tables, figures and findings of any trials of this study.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of the trials.
+
+    Returns
+    -------
+    Outcome
+        Cases, tables, figures and findings.
+    """
     return Outcome(cases=cases, tables=tables(cases), figures=figures(cases), findings=describe(cases))
 
 

@@ -24,7 +24,18 @@ RATE_LABEL = f"share of trials with tre_mm <= {SUCCESS_TRE_MM:g}"
 
 
 def styles(methods: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Colour and marker of each method."""
+    """Choose colour and marker of each method.
+
+    Parameters
+    ----------
+    methods : sequence of str
+        Names of the methods.
+
+    Returns
+    -------
+    dict
+        Keyword arguments of matplotlib by method.
+    """
     return {
         name: {"color": COLOURS[number % len(COLOURS)], "marker": MARKERS[number % len(MARKERS)]}
         for number, name in enumerate(methods)
@@ -32,14 +43,41 @@ def styles(methods: Sequence[str]) -> dict[str, dict[str, Any]]:
 
 
 def piece_title(overlap: float, place: str) -> str:
-    """What a panel of a piece is called."""
+    """Name the panel of a piece.
+
+    Parameters
+    ----------
+    overlap : float
+        Share of the vessel's extent that the moving cloud covers.
+    place : str
+        Place of the piece along the vessel.
+
+    Returns
+    -------
+    str
+        The title.
+    """
     return "overlap 1" if place == WHOLE else f"overlap {overlap:g}, {place}"
 
 
 def draw_rates(
     axes: Axes, at: Iterable[float], successes: Iterable[int], trials: Iterable[int], **look: Any
 ) -> None:
-    """Rates joined by a line, each with its Wilson 95 % interval."""
+    """Draw rates joined by a line, each with its Wilson 95 % interval.
+
+    Parameters
+    ----------
+    axes : Axes
+        Axes to draw on.
+    at : iterable of float
+        Positions on the horizontal axis.
+    successes : iterable of int
+        Number of successes at each position.
+    trials : iterable of int
+        Number of trials at each position.
+    **look : Any
+        Further keyword arguments of ``Axes.errorbar``.
+    """
     shares = [wilson_interval(int(won), int(count)) for won, count in zip(successes, trials, strict=True)]
     rates = [each.rate for each in shares]
     reach = [
@@ -54,13 +92,27 @@ def draw_rates(
 
 
 def rate_axis(axes: Axes) -> None:
-    """From none to all, with the lines that every panel has."""
+    """Set the vertical axis from no to all trials, with the grid that every panel has.
+
+    Parameters
+    ----------
+    axes : Axes
+        Axes to set.
+    """
     axes.set_ylim(-0.04, 1.04)
     axes.grid(alpha=0.25)
 
 
 def log_axis(axes: Axes, which: str) -> None:
-    """A logarithmic axis, ``x`` or ``y``, with plain numbers at 1, 2 and 5 of each decade, or at 1 of many decades."""
+    """Set a logarithmic axis with plain numbers at 1, 2 and 5 of each decade, or at 1 of many decades.
+
+    Parameters
+    ----------
+    axes : Axes
+        Axes to set.
+    which : str
+        ``x`` or ``y``.
+    """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     axes.set(**{f"{which}scale": "log"})
@@ -73,7 +125,15 @@ def log_axis(axes: Axes, which: str) -> None:
 
 
 def legend_above(figure: Figure, axes: Axes) -> None:
-    """One legend for all panels, outside of them."""
+    """Draw one legend for all panels, outside of them.
+
+    Parameters
+    ----------
+    figure : Figure
+        Figure of the panels.
+    axes : Axes
+        Axes whose entries the legend has.
+    """
     handles, names = axes.get_legend_handles_labels()
     known = dict(zip(names, handles, strict=True))
     columns = max(min(len(known), int(figure.get_figwidth() / 1.25)), 1)

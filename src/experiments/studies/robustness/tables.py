@@ -24,7 +24,18 @@ PIECE = ("method", "overlap", "place")
 
 
 def tables(cases: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """All tables there are trials for, by title."""
+    """Make all tables for which there are trials.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of the trials.
+
+    Returns
+    -------
+    dict
+        Tables by title.
+    """
     import pandas as pd
 
     turned, varied = crossed(cases), cases[cases["factor"] != CROSSED]
@@ -59,7 +70,18 @@ def tables(cases: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
 
 def capture_ranges(turned: pd.DataFrame) -> pd.DataFrame:
-    """The capture range of each method on each piece, by kind of rotation, and the fewest trials that a bin had."""
+    """Tabulate the capture range of each method on each piece, by kind of rotation.
+
+    Parameters
+    ----------
+    turned : pandas.DataFrame
+        Rows of the trials in which rotation and overlap are crossed.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row per method, piece and kind of rotation, with the fewest trials that a bin had.
+    """
     import pandas as pd
 
     columns = (*PIECE, "rotation")

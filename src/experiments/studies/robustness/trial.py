@@ -49,11 +49,33 @@ ERRORS = (
 
 @dataclass(frozen=True)
 class RobustnessTrial:
-    """A method, the surfaces and how they are disturbed; called with a condition's and a trial's number it gives a row.
+    """One method, the surfaces and how they are disturbed.
 
-    ``true_fixed_T_moving`` is the pose before the perturbation, ``targets_mm`` (t, 3) lie in the fixed frame,
-    and ``covered`` (t,) says which of them lie beside what moves. With ``hand_centerlines`` the targets are the fixed
-    centerline, and the method is given it and its covered part, as a perfect extraction would find them.
+    Parameters
+    ----------
+    anatomy : str
+        Name of the anatomy.
+    name : str
+        Name of the method.
+    method : callable
+        Rigid registration method.
+    conditions : tuple of Condition
+        Conditions of the job.
+    piece : Piece
+        Piece of the moving surface.
+    moving, fixed : Surface
+        Surface in mm.
+    true_fixed_T_moving : ndarray, shape (4, 4)
+        True pose before the perturbation.
+    targets_mm : ndarray, shape (t, 3)
+        Targets in the fixed frame in mm.
+    covered : ndarray of bool, shape (t,)
+        Which targets lie beside what moves.
+    hand_centerlines : bool
+        True if the targets are the fixed centerline, and the method is given it and its covered part, as a
+        perfect extraction would find them.
+    seed : int
+        Seed of the trials.
     """
 
     anatomy: str
@@ -70,7 +92,18 @@ class RobustnessTrial:
     seed: int
 
     def __call__(self, key: tuple[int, int]) -> dict[str, Any]:
-        """Draw the problem, solve it, and measure the answer; a method that raises has failed."""
+        """Draw the problem, solve it, and measure the result; a method that raises has failed.
+
+        Parameters
+        ----------
+        key : tuple[int, int]
+            Numbers of the condition and of the trial.
+
+        Returns
+        -------
+        dict
+            Row of the trial.
+        """
         condition, number = self.conditions[key[0]], key[1]
         perturbation = condition.perturbation
         trial = perturbation(

@@ -20,30 +20,70 @@ Solve = Callable[[Key], Row]
 
 @dataclass(frozen=True)
 class OneThread:
-    """Solves a trial with one thread of Open3D, in whichever process it is called."""
+    """Solver that uses one thread of Open3D, in whichever process it is called.
+
+    Parameters
+    ----------
+    solve : Solve
+        Solves one trial.
+    """
 
     solve: Solve
 
     def __call__(self, key: Key) -> Row:
-        """The row of the trial."""
+        """Solve one trial.
+
+        Parameters
+        ----------
+        key : Key
+            Numbers of the condition and of the trial.
+
+        Returns
+        -------
+        Row
+            Row of the trial.
+        """
         with one_open3d_thread():
             return self.solve(key)
 
 
 @dataclass(frozen=True)
 class KeptRows:
-    """A file of finished trials, one JSON line each, in the project's cache under a fingerprint of the job."""
+    """File of finished trials, one JSON line each, in the project's cache under a fingerprint of the job.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    """
 
     path: Path
 
     @classmethod
     def of(cls, identity: object) -> KeptRows:
-        """The file of the job that ``repr(identity)`` describes."""
+        """Find the file of a job.
+
+        Parameters
+        ----------
+        identity : object
+            What identifies the job by its ``repr``.
+
+        Returns
+        -------
+        KeptRows
+            The file.
+        """
         name = hashlib.sha256(repr(identity).encode()).hexdigest()[:16]
         return cls(project_root() / ".cache" / "robustness" / f"{name}.jsonl")
 
     def read(self) -> dict[Key, Row]:
-        """The rows there are; a last line that was cut off when the process died is left out."""
+        """Read the rows of the file; a last line that was cut off when the process died is left out.
+
+        Returns
+        -------
+        dict
+            Rows by the numbers of condition and trial.
+        """
         found: dict[Key, Row] = {}
         if not self.path.is_file():
             return found
@@ -56,12 +96,26 @@ class KeptRows:
         return found
 
     def append(self, key: Key, row: Row) -> None:
-        """Add a finished trial."""
+        """Add a finished trial.
+
+        Parameters
+        ----------
+        key : Key
+            Numbers of the condition and of the trial.
+        row : Row
+            Row of the trial.
+        """
         with self.path.open("a", encoding="utf-8") as stream:
             stream.write(json.dumps([*key, row]) + "\n")
 
     def begin(self, known: dict[Key, Row]) -> None:
-        """Start the file with the rows that are known."""
+        """Start the file with the rows that are known.
+
+        Parameters
+        ----------
+        known : dict
+            Rows by the numbers of condition and trial.
+        """
         self.path.parent.mkdir(parents=True, exist_ok=True)
         self.path.write_text("".join(json.dumps([*key, row]) + "\n" for key, row in known.items()))
 
@@ -73,10 +127,27 @@ class KeptRows:
 def solved_rows(
     solve: Solve, keys: Sequence[Key], *, workers: int, kept: KeptRows, resume: bool
 ) -> Iterator[Row]:
-    """The rows of all trials in the order of ``keys``, whatever the number of ``workers``.
+    """Solve all trials in the order of their keys.
 
-    With ``resume`` the trials that an interrupted job has left are not solved again; without it they are forgotten.
     Each process has one thread, also this one, so that times compare.
+
+    Parameters
+    ----------
+    solve : Solve
+        Solves one trial.
+    keys : sequence of Key
+        Numbers of condition and trial of each trial.
+    workers : int
+        Number of processes; the results do not depend on it.
+    kept : KeptRows
+        File of finished trials.
+    resume : bool
+        True not to solve again the trials that an interrupted job has left; False to forget them.
+
+    Returns
+    -------
+    iterator of Row
+        Rows of the trials in the order of ``keys``.
     """
     wanted = set(keys)
     known = {key: row for key, row in kept.read().items() if key in wanted} if resume else {}
