@@ -16,7 +16,17 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True)
 class InputData:
-    """A data set as a run used it: its name, a digest of its contents, and where it came from."""
+    """Data set as a run used it.
+
+    Parameters
+    ----------
+    name : str
+        Name of the data set.
+    digest : str
+        Digest of its contents.
+    source : str
+        Where it came from.
+    """
 
     name: str
     digest: str
@@ -25,14 +35,29 @@ class InputData:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result of one job of a study, or of a whole sweep.
+    """Result of one job of a study, or of a whole sweep.
 
-    ``metrics`` are finite or NaN scalars under the names of the metrics section; a failure is NaN or infinity here
-    and is turned into a ``_failed`` count by the tracker. ``cases`` is the per-case table (one row a case or trial).
-    ``history`` is one mapping of metrics per step (epoch, from 0). ``tables`` are small result tables that end the
-    terminal's output. ``figures`` are matplotlib figures by file stem. ``findings`` are plain sentences.
-    ``inputs`` are the data sets used. Files that a
-    study leaves in its workspace are tracked as they are.
+    Files that a study leaves in its workspace are tracked as they are.
+
+    Parameters
+    ----------
+    metrics : Mapping[str, float], optional
+        Scalars by the name of the metric; NaN or infinity stands for a failure, which the tracker turns into
+        a ``_failed`` count.
+    cases : pandas.DataFrame or None, optional
+        Per-case table, one row a case or trial; None if there is none.
+    history : tuple of Mapping[str, float], optional
+        Metrics of each step (epoch), from 0.
+    tables : Mapping[str, pd.DataFrame], optional
+        Small result tables by title, which end the terminal's output.
+    figures : Mapping[str, Figure], optional
+        Matplotlib figures by file stem.
+    findings : tuple of str, optional
+        Plain sentences.
+    tags : Mapping[str, str], optional
+        Text by the name of the tag.
+    inputs : tuple of InputData, optional
+        Data sets used.
     """
 
     metrics: Mapping[str, float] = field(default_factory=dict)
@@ -47,10 +72,22 @@ class Outcome:
 
 @dataclass(frozen=True)
 class JobResult:
-    """A finished job as the summary of a sweep sees it: its configuration, metrics and per-case table.
+    """Finished job as the summary of a sweep sees it; the same whether the job ran just now or was resumed.
 
-    ``workspace`` is the folder its files lie in. It holds the same whether the job ran just now or was resumed.
-    ``choices`` are the settings by which its point of the sweep differs from others, as the command line has them.
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        Configuration of the job as plain data.
+    metrics : Mapping[str, float]
+        Scalars by the name of the metric.
+    cases : pandas.DataFrame or None
+        Per-case table; None if there is none.
+    workspace : Path
+        Folder of the job's files.
+    run_id : str or None, optional
+        The tracker's id of the run; None if it is not tracked.
+    choices : Mapping[str, str], optional
+        Settings by which its sweep point differs from others, as the command line has them.
     """
 
     config: Mapping[str, Any]
@@ -65,11 +102,32 @@ class Progress(Protocol):
     """How a study says how far it is."""
 
     def track(self, items: Iterable[Item], description: str, total: int | None = None) -> Iterator[Item]:
-        """Pass ``items`` through while a bar with the time left advances."""
+        """Pass items through while a bar with the time left advances.
+
+        Parameters
+        ----------
+        items : iterable of Item
+            Items to pass through.
+        description : str
+            Text beside the bar.
+        total : int or None, optional
+            Number of items; None if it is unknown.
+
+        Yields
+        ------
+        Item
+            Each item.
+        """
         ...
 
     def note(self, text: str) -> None:
-        """Print one line above the bar."""
+        """Print one line above the bar.
+
+        Parameters
+        ----------
+        text : str
+            The line.
+        """
         ...
 
 
@@ -77,10 +135,31 @@ class Silent:
     """Progress that shows nothing, for tests and for use as a library."""
 
     def track(self, items: Iterable[Item], description: str, total: int | None = None) -> Iterator[Item]:
-        """Pass ``items`` through."""
+        """Pass items through and show nothing.
+
+        Parameters
+        ----------
+        items : iterable of Item
+            Items to pass through.
+        description : str
+            Has no effect.
+        total : int or None, optional
+            Has no effect.
+
+        Yields
+        ------
+        Item
+            Each item.
+        """
         del description, total
         yield from items
 
     def note(self, text: str) -> None:
-        """Drop the line."""
+        """Drop the line.
+
+        Parameters
+        ----------
+        text : str
+            The line.
+        """
         del text
