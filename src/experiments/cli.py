@@ -34,7 +34,18 @@ os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run ``ctus`` with these words (those of the process by default) and return its exit code."""
+    """Run ``ctus`` with these words (those of the process by default) and return its exit code.
+
+    Parameters
+    ----------
+    argv : list[str] or None, optional
+        Words of the command line; None for those of the process.
+
+    Returns
+    -------
+    int
+        Exit code: 0 all is well, 1 a job failed, 2 the input is at fault.
+    """
     words = [quoted_override(word) for word in cli_words.read_presets(sys.argv[1:] if argv is None else argv)]
     if "--version" in words:
         return _print_version()
@@ -131,6 +142,20 @@ def compose_sweep(
 
     Raises InputError for an unknown study, group option or setting, for a sweep over no value, and for a value that
     must be given and is not.
+
+    Parameters
+    ----------
+    overrides : list[str]
+        Settings as words of the form ``setting=value``.
+    config_dir : str or None, optional
+        The user's own folder of configurations.
+    multirun : bool, optional
+        Whether settings with several values are a sweep.
+
+    Returns
+    -------
+    SweepPoints
+        Resolved configuration and label of each sweep point.
     """
     composed = _composed(overrides, config_dir, multirun=multirun)
     with _as_input_error(overrides):
@@ -253,7 +278,18 @@ def _keep_names_as_text() -> None:
 
 
 def resolve(config: DictConfig) -> Mapping[str, Any]:
-    """The resolved configuration as plain data, with the study's name under ``study``."""
+    """The resolved configuration as plain data, with the study's name under ``study``.
+
+    Parameters
+    ----------
+    config : DictConfig
+        A composed configuration, Hydra's own node included.
+
+    Returns
+    -------
+    Mapping[str, Any]
+        Plain data, with the study's name under ``study``.
+    """
     from omegaconf import OmegaConf
 
     study = config.hydra.runtime.choices.get("study")

@@ -5,9 +5,35 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+from registration import checks
+from registration import errors as registration_errors
+
 
 class InputError(ValueError):
     """An argument or a file is not what it must be; the message names it, what was expected and what was found."""
+
+
+def require_count(name: str, value: object, minimum: int = 1) -> None:
+    """Raise InputError unless a setting is a whole number that is large enough.
+
+    Parameters
+    ----------
+    name : str
+        Name of the setting, for the message.
+    value : object
+        Its value.
+    minimum : int, optional
+        Smallest value allowed.
+
+    Raises
+    ------
+    InputError
+        If ``value`` is no whole number (True and False are none) or below ``minimum``.
+    """
+    try:
+        checks.require_count(name, value, minimum)
+    except registration_errors.InputError as refusal:
+        raise InputError(str(refusal)) from refusal
 
 
 def did_you_mean(word: str, known: Iterable[str], prefix: str = "") -> str:

@@ -109,9 +109,9 @@ class Progress(Protocol):
         items : iterable of Item
             Items to pass through.
         description : str
-            Text beside the bar.
+            Text before the bar.
         total : int or None, optional
-            Number of items; None if it is unknown.
+            Number of items; None if it is known from ``items`` or unknown.
 
         Yields
         ------

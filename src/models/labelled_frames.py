@@ -20,10 +20,25 @@ from models.errors import InputError
 class LabelledFrames:
     """Cases of one data set: grey images, binary vessel masks, and what must not be separated.
 
-    ``images`` are uint8 (height, width) and may differ in size from case to case; ``masks`` are bool of each image's
-    size. ``case_ids`` are unique. ``groups`` name the subject, session or recording that must stay on one side of
-    any split. ``spacing_mm`` is (vertical, horizontal) pixel size, None where unknown. ``simulated`` says whether
-    every result drawn from these frames is to be marked as such. Raises InputError naming the first case at fault.
+    Parameters
+    ----------
+    images : tuple of ndarray of uint8, shape (h, w)
+        Grey images; sizes may differ from case to case.
+    masks : tuple of ndarray of bool, shape (h, w)
+        Masks of the images' sizes.
+    case_ids : tuple of str
+        Unique ids.
+    groups : tuple of str
+        Subject, session or recording that must stay on one side of any split.
+    spacing_mm : tuple of tuple of float, or None
+        Vertical and horizontal size of a pixel in mm; None where unknown.
+    simulated : bool
+        Whether every result drawn from these frames is to be marked as such.
+
+    Raises
+    ------
+    InputError
+        If a case is not as expected; names the first.
     """
 
     # "_" is any size: one name for all would say that all cases are of one size.
@@ -53,7 +68,18 @@ class LabelledFrames:
         return len(self.images)
 
     def subset(self, indices: Iterable[SupportsIndex]) -> LabelledFrames:
-        """The cases at ``indices``, in that order."""
+        """Select cases.
+
+        Parameters
+        ----------
+        indices : iterable of int
+            Places of the cases, in the order of the result.
+
+        Returns
+        -------
+        LabelledFrames
+            These cases.
+        """
         chosen = [int(index) for index in indices]
         return LabelledFrames(
             images=tuple(self.images[i] for i in chosen),
@@ -65,7 +91,13 @@ class LabelledFrames:
         )
 
     def digest(self) -> str:
-        """SHA-256 over every image, mask, name, group and spacing: what tells one data set from another."""
+        """Compute what tells one data set from another.
+
+        Returns
+        -------
+        str
+            SHA-256 over every image, mask, name, group and spacing.
+        """
         total = hashlib.sha256()
         for case in zip(self.images, self.masks, self.case_ids, self.groups, self.spacing_mm, strict=True):
             image, mask, *rest = case
@@ -75,7 +107,13 @@ class LabelledFrames:
         return total.hexdigest()
 
     def save(self, path: Path) -> None:
-        """Write one ``.npz`` file, from which a machine without the data set can train."""
+        """Write one ``.npz`` file, from which a machine without the data set can train.
+
+        Parameters
+        ----------
+        path : Path
+            File to write.
+        """
         unknown = (np.nan, np.nan)
         arrays: dict[str, np.ndarray] = {f"image_{i}": image for i, image in enumerate(self.images)}
         arrays |= {f"mask_{i}": mask for i, mask in enumerate(self.masks)}
@@ -90,7 +128,23 @@ class LabelledFrames:
 
     @staticmethod
     def load(path: str | Path) -> LabelledFrames:
-        """Read what ``save`` wrote; InputError for a file that is missing, damaged or another's."""
+        """Read what ``save`` wrote.
+
+        Parameters
+        ----------
+        path : str or Path
+            File to read.
+
+        Returns
+        -------
+        LabelledFrames
+            The cases.
+
+        Raises
+        ------
+        InputError
+            If the file is missing, damaged or of another kind.
+        """
         try:
             with np.load(path, allow_pickle=False) as content:
                 spacings = content["spacing_mm"].tolist()

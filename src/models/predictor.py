@@ -22,10 +22,18 @@ CHANNELS = (3, 4)
 
 @dataclass(frozen=True)
 class StageTimes:
-    """Seconds that each stage took for ``frames`` frames; those of several calls add up.
+    """Seconds that each stage of a prediction took; those of several calls add up.
 
-    ``preprocessing_s`` is from the frames as recorded to the network's input, ``network_s`` the network alone,
-    ``restoration_s`` from its output to masks of the frames' own size.
+    Parameters
+    ----------
+    frames : int
+        Number of frames.
+    preprocessing_s : float
+        From the frames as recorded to the network's input.
+    network_s : float
+        The network alone.
+    restoration_s : float
+        From the network's output to masks of the frames' own size.
     """
 
     frames: int = 0
@@ -35,7 +43,7 @@ class StageTimes:
 
     @property
     def total_s(self) -> float:
-        """All stages together."""
+        """Seconds of all stages together."""
         return self.preprocessing_s + self.network_s + self.restoration_s
 
     def __add__(self, other: StageTimes) -> StageTimes:
@@ -49,7 +57,17 @@ class StageTimes:
 
 @dataclass(frozen=True)
 class Prediction:
-    """Masks and probabilities of vessel (0 to 1) for each frame, at its size, and what they took."""
+    """Result of a timed prediction.
+
+    Parameters
+    ----------
+    masks : ndarray of bool, shape (n, h, w)
+        Masks of the frames.
+    probability : ndarray of float32, shape (n, h, w)
+        Probability of vessel, 0 to 1.
+    times : StageTimes
+        Seconds of each stage.
+    """
 
     masks: Bool[np.ndarray, "n h w"]
     probability: Float32[np.ndarray, "n h w"]
@@ -58,10 +76,20 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Predictor:
-    """A network in use: frames in, masks or probabilities of the frames' own size out.
+    """Trained network in use: frames in, masks or probabilities of the frames' own size out.
 
-    Frames are uint8, grey (n, h, w) or RGB (n, h, w, 3). ``batch_size`` frames pass at a time on ``device`` ("cpu",
-    "cuda"); ``threshold`` (0 to 1) is the probability from which a pixel is vessel.
+    Parameters
+    ----------
+    network : nn.Module
+        Network in evaluation mode.
+    preprocessing : Preprocessing
+        Preprocessing that the network expects.
+    batch_size : int
+        Number of frames that pass at a time.
+    threshold : float
+        Probability from which a pixel is vessel, 0 to 1.
+    device : str
+        ``cpu`` or ``cuda``.
     """
 
     network: nn.Module
@@ -78,27 +106,95 @@ class Predictor:
 
     @classmethod
     def load(cls, path: str | Path, batch_size: int = 8, device: str = "cpu") -> Predictor:
-        """From a checkpoint file; InputError if it is not one."""
+        """Load a network from a checkpoint file.
+
+        Parameters
+        ----------
+        path : str or Path
+            Checkpoint.
+        batch_size : int
+            Number of frames that pass at a time.
+        device : str
+            ``cpu`` or ``cuda``.
+
+        Returns
+        -------
+        Predictor
+            The network in use.
+
+        Raises
+        ------
+        InputError
+            If the file is no checkpoint of a known network.
+        """
         checkpoint = Checkpoint.load(path)
         network = checkpoint.network().to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         return cls(network, checkpoint.preprocessing, batch_size=batch_size, device=device)
 
     def __call__(self, frames: UInt8[np.ndarray, "n h w *rgb"]) -> Bool[np.ndarray, "n h w"]:
-        """The vessel mask of each frame, at the frame's size."""
+        """Segment frames.
+
+        Parameters
+        ----------
+        frames : ndarray of uint8, shape (n, h, w) or (n, h, w, 3)
+            Grey or RGB frames of one size.
+
+        Returns
+        -------
+        ndarray of bool, shape (n, h, w)
+            Masks of the frames.
+
+        Raises
+        ------
+        InputError
+            If the frames have another shape or type.
+        """
         masks = np.empty(_checked(frames).shape[:3], dtype=bool)
         for part, probability, _ in self._batches(frames):
             masks[part] = probability >= self.threshold
         return masks
 
     def probability(self, frames: UInt8[np.ndarray, "n h w *rgb"]) -> Float32[np.ndarray, "n h w"]:
-        """The probability of vessel, 0 to 1, in each pixel of each frame."""
+        """Compute the probability of vessel in each pixel of each frame.
+
+        Parameters
+        ----------
+        frames : ndarray of uint8, shape (n, h, w) or (n, h, w, 3)
+            Grey or RGB frames of one size.
+
+        Returns
+        -------
+        ndarray of float32, shape (n, h, w)
+            Probabilities, 0 to 1.
+
+        Raises
+        ------
+        InputError
+            If the frames have another shape or type.
+        """
         probabilities = np.empty(_checked(frames).shape[:3], dtype=np.float32)
         for part, probability, _ in self._batches(frames):
             probabilities[part] = probability
         return probabilities
 
     def timed(self, frames: UInt8[np.ndarray, "n h w *rgb"]) -> Prediction:
-        """Masks, probabilities and the seconds of each stage; on a GPU each stage waits for the one before."""
+        """Segment frames and time each stage; on a GPU each stage waits for the one before.
+
+        Parameters
+        ----------
+        frames : ndarray of uint8, shape (n, h, w) or (n, h, w, 3)
+            Grey or RGB frames of one size.
+
+        Returns
+        -------
+        Prediction
+            Masks, probabilities and seconds.
+
+        Raises
+        ------
+        InputError
+            If the frames have another shape or type.
+        """
         probabilities = np.empty(_checked(frames).shape[:3], dtype=np.float32)
         times = StageTimes()
         for part, probability, batch in self._batches(frames, wait=True):

@@ -44,12 +44,39 @@ _CoreLoader.add_constructor("tag:yaml.org,2002:int", _whole_number)
 
 
 def parse_settings(text: str) -> Any:
-    """The content of a YAML text."""
+    """Parse a YAML text by the rules of YAML 1.2.
+
+    Parameters
+    ----------
+    text : str
+        YAML.
+
+    Returns
+    -------
+    Any
+        Its content as plain data.
+    """
     return yaml.load(text, Loader=_CoreLoader)
 
 
 def read_settings(path: Path) -> dict[str, Any]:
-    """The mapping in a YAML file; InputError for a file that can't be read or holds something else."""
+    """Read the mapping in a YAML file.
+
+    Parameters
+    ----------
+    path : Path
+        YAML file.
+
+    Returns
+    -------
+    dict
+        Its content as plain data.
+
+    Raises
+    ------
+    InputError
+        If the file can't be read or holds something else.
+    """
     try:
         content = parse_settings(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:

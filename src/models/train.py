@@ -46,7 +46,17 @@ Part = TypeVar("Part")
 
 @dataclasses.dataclass(frozen=True)
 class TrainingPlan:
-    """What a training's configuration file says: the training, and the frames that score its network."""
+    """Content of a training's configuration file.
+
+    Parameters
+    ----------
+    training : FoldTraining
+        What is trained on what, and how.
+    test : LabelledFrames
+        Frames that score the network.
+    dataset : str
+        Name of the data set.
+    """
 
     training: FoldTraining
     test: LabelledFrames
@@ -54,7 +64,25 @@ class TrainingPlan:
 
     @staticmethod
     def read(path: Path, resume: bool = False) -> TrainingPlan:
-        """Read the file; paths in it are relative to it. InputError names the setting that is not as expected."""
+        """Read a configuration file.
+
+        Parameters
+        ----------
+        path : Path
+            YAML file; paths in it are relative to it.
+        resume : bool
+            Whether an interrupted training is resumed.
+
+        Returns
+        -------
+        TrainingPlan
+            The training.
+
+        Raises
+        ------
+        InputError
+            If a setting is not as expected; names it.
+        """
         config = read_settings(path)
         folder = path.parent
         try:
@@ -65,8 +93,10 @@ class TrainingPlan:
                 model=recipe_of(str(model.pop("name")), model),
                 train=sides["train"],
                 validation=sides["validation"],
-                preprocessing=Preprocessing(**config["preprocessing"]),
-                trainer=TrainerSettings(**{**config["trainer"], **({"resume": True} if resume else {})}),
+                preprocessing=_part(Preprocessing, "preprocessing", config["preprocessing"]),
+                trainer=_part(
+                    TrainerSettings, "trainer", {**config["trainer"], **({"resume": True} if resume else {})}
+                ),
                 augmentation=augmentation_of(config.get("augmentation", {})),
                 loss=loss_of(str(loss.pop("name", DiceCrossEntropy.name)), loss),
                 fold=_whole("fold", split["fold"]),
@@ -84,7 +114,18 @@ class TrainingPlan:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Train, score and write; 0 if all went well, 2 if the input is at fault."""
+    """Train, score and write results.
+
+    Parameters
+    ----------
+    arguments : sequence of str, or None
+        Command line; None for that of the process.
+
+    Returns
+    -------
+    int
+        Exit code: 0 if all went well, 2 if the input is at fault.
+    """
     parser = argparse.ArgumentParser(
         prog="python -m models.train", description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )

@@ -17,9 +17,18 @@ PLAIN = (bool, int, float, str, list, tuple, dict)
 
 
 def parameter_types(function: Callable[..., object] | type) -> dict[str, Any]:
-    """The annotations of a function's or class's parameters, evaluated; one that can't be is left out.
+    """Evaluate the annotations of a function's or class's parameters.
 
-    An annotation that names what is imported for type checkers alone has no meaning at run time.
+    Parameters
+    ----------
+    function : callable or type
+        Function or class.
+
+    Returns
+    -------
+    dict of str to Any
+        Types by parameter. One that can't be evaluated is left out: a name that is imported for type checkers alone
+        has no meaning at run time.
     """
     called = function.__init__ if isinstance(function, type) else function  # type: ignore[misc]
     owner = inspect.getmodule(function)
@@ -34,11 +43,25 @@ def parameter_types(function: Callable[..., object] | type) -> dict[str, Any]:
 
 
 def mismatch(where: str, value: Any, wanted: Any) -> str | None:
-    """What is wrong with the value of the setting ``where``, in a sentence; None if it is of the type ``wanted``.
+    """Describe why a value is not of a type.
 
     Checked are numbers, text, true and false, choices (``Literal``), None, unions, lists, mappings and this project's
     classes, at any depth; a whole number is a number, true is none, and NaN is none either. Any other annotation
     accepts every value.
+
+    Parameters
+    ----------
+    where : str
+        Name of the setting, for the message.
+    value : Any
+        Its value.
+    wanted : Any
+        An annotated type.
+
+    Returns
+    -------
+    str or None
+        A sentence; None if the value is of the type.
     """
     if fits(value, wanted):
         return None
@@ -49,7 +72,22 @@ def mismatch(where: str, value: Any, wanted: Any) -> str | None:
 
 
 def require_settings(target: type, settings: Mapping[str, Any], where: str) -> None:
-    """Raise InputError unless ``settings`` are those of a class: all known to it, all it needs, of its types."""
+    """Check that settings are those of a class: all known to it, all it needs, of its types.
+
+    Parameters
+    ----------
+    target : type
+        The class.
+    settings : mapping
+        Values by name.
+    where : str
+        What the settings are of, for messages.
+
+    Raises
+    ------
+    InputError
+        If a setting is unknown, missing or of another type.
+    """
     known = inspect.signature(target).parameters
     unknown = sorted(set(settings) - set(known))
     if unknown:
@@ -72,12 +110,36 @@ def require_settings(target: type, settings: Mapping[str, Any], where: str) -> N
 
 
 def fits(value: Any, wanted: Any) -> bool:
-    """Whether a value is of an annotated type."""
+    """Tell whether a value is of an annotated type.
+
+    Parameters
+    ----------
+    value : Any
+        The value.
+    wanted : Any
+        An annotated type.
+
+    Returns
+    -------
+    bool
+        True if it is.
+    """
     return any(_fits_one(value, each) for each in _alternatives(wanted))
 
 
 def describe(wanted: Any) -> str:
-    """An annotated type in words, as a message needs it after "expected"."""
+    """Describe an annotated type, as a message needs it after "expected".
+
+    Parameters
+    ----------
+    wanted : Any
+        An annotated type.
+
+    Returns
+    -------
+    str
+        A phrase.
+    """
     return " or ".join(dict.fromkeys(_words(each) for each in _alternatives(wanted)))
 
 

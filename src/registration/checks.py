@@ -7,14 +7,14 @@ import math
 from registration.errors import InputError
 
 
-def require_at_least(name: str, value: float, minimum: float) -> None:
+def require_at_least(name: str, value: object, minimum: float) -> None:
     """Raise InputError unless a setting is a finite number that is large enough.
 
     Parameters
     ----------
     name : str
         Name of the setting, for the message.
-    value : float
+    value : object
         Its value.
     minimum : float
         Smallest value allowed.
@@ -33,14 +33,14 @@ def require_at_least(name: str, value: float, minimum: float) -> None:
         raise InputError(f"{name}: expected a number of at least {minimum:g}, received {value!r}")
 
 
-def require_count(name: str, value: int, minimum: int) -> None:
+def require_count(name: str, value: object, minimum: int) -> None:
     """Raise InputError unless a setting is a whole number that is large enough.
 
     Parameters
     ----------
     name : str
         Name of the setting, for the message.
-    value : int
+    value : object
         Its value.
     minimum : int
         Smallest value allowed.
@@ -54,14 +54,14 @@ def require_count(name: str, value: int, minimum: int) -> None:
         raise InputError(f"{name}: expected a whole number of at least {minimum}, received {value!r}")
 
 
-def require_positive(name: str, value: float, maximum: float = math.inf) -> None:
+def require_positive(name: str, value: object, maximum: float = math.inf) -> None:
     """Raise InputError unless a setting is a finite number above 0.
 
     Parameters
     ----------
     name : str
         Name of the setting, for the message.
-    value : float
+    value : object
         Its value.
     maximum : float, optional
         Largest value allowed.

@@ -11,7 +11,7 @@ _UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
 def read_text(path: Path) -> str:
-    """Read text in UTF-8, or in UTF-16 if its byte-order mark says so; the mark itself is left out.
+    """Read text in UTF-8, or in UTF-16 if its byte-order mark is that; the mark itself is left out.
 
     Parameters
     ----------

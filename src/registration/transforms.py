@@ -231,7 +231,7 @@ def require_affine(A_A_B: Float[np.ndarray, "*n 4 4"], name: str) -> Float64[np.
     wrong_row = (np.abs(A_A_B[..., 3, :] - np.array([0.0, 0.0, 0.0, 1.0])) > 1e-9).any(axis=-1)
     if wrong_row.any():
         raise InputError(f"{name}: expected last row 0 0 0 1, received another{_where(wrong_row)}")
-    # Against the product of the axes' lengths, so that the answer does not depend on the unit of a pixel.
+    # Against the product of the axes' lengths, so that the result does not depend on the unit of a pixel.
     lengths = np.linalg.norm(A_A_B[..., :3, :3], axis=-2).prod(axis=-1)
     flat = np.abs(np.linalg.det(A_A_B[..., :3, :3])) <= FLAT_SHARE * lengths
     if flat.any():
@@ -413,7 +413,7 @@ def mean_rigid(A_T_B: Float[np.ndarray, "n 4 4"]) -> Float64[np.ndarray, "4 4"]:
 
 
 def _where(defective: np.ndarray | np.bool_) -> str:
-    """Say which matrix of a stack is the first defective one (one truth value a matrix); nothing for a single one."""
+    """Name the first defective matrix of a stack (one truth value a matrix); nothing for a single one."""
     if np.ndim(defective) == 0:
         return ""
     return f" (matrix {', '.join(str(index) for index in np.argwhere(defective)[0])})"

@@ -40,12 +40,12 @@ MEANT = {
     ("acquisition", "auto"): {"ros2.pose_topic"},
     ("acquisition", "ros2"): {"pose_topic"},
     ("acquisition", "plus_stylus"): {"ee", "uncalibrated"},
-    ("augmentation", "none"): {
-        *("flip", "affine", "elastic", "brightness", "contrast", "gamma", "speckle", "depth_gain"),
-    },
+    ("augmentation", "none"): {"transforms"},
     ("augmentation", "strong"): {
-        *("affine", "rotation_deg", "scale", "shift", "shear", "elastic", "brightness", "contrast", "gamma"),
-        *("speckle", "depth_gain"),
+        "transforms",
+        *(f"transforms.0.{name}" for name in ("probability", "max_rotation_deg", "max_scale_change")),
+        *(f"transforms.0.{name}" for name in ("max_shift", "max_shear")),
+        *(f"transforms.{place}.probability" for place in range(2, 8)),
     },
     ("dataset", "carotid"): {"cache", "substitute.subjects", "substitute.strength", "substitute.workers"},
     ("dataset", "musv_artery"): {"cache", "substitute.recordings", "substitute.workers"},
@@ -93,6 +93,8 @@ MEANT = {
 
 def parts(node: Any, where: str = "") -> Iterator[tuple[str, type, Mapping[str, Any]]]:
     """Every part of a composed option that names a class: where it stands, the class, and its settings."""
+    if isinstance(node, list):
+        node = {str(place): inner for place, inner in enumerate(node)}
     if not isinstance(node, Mapping):
         return
     if "_target_" in node:

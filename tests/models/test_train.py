@@ -13,7 +13,7 @@ from drawn_vessels import drawn_frames
 
 from models.checkpoint import Checkpoint
 from models.networks.monai_network import MonaiNetwork
-from models.networks.registry import RECIPES
+from models.networks.registry import recipes
 from models.predictor import Predictor
 from models.train import TrainingPlan, main
 
@@ -84,7 +84,7 @@ def machine(tmp_path_factory: pytest.TempPathFactory) -> Machine:
 
 
 def test_trains_every_network_with_torch_lightning_and_scikit_image_alone(machine: Machine) -> None:
-    assert set(SETTINGS) == {name for name in RECIPES if name != MonaiNetwork.name}
+    assert set(SETTINGS) == {name for name in recipes() if name != MonaiNetwork.name}
     said = machine.finished.stdout
     assert said.count("trained ") == len(SETTINGS), machine.finished.stderr
     assert said.startswith("found: ['torch', 'lightning', 'skimage']\n")
@@ -153,6 +153,13 @@ def test_refuses_to_resume_another_training(tmp_path, capsys) -> None:
         ({"loss": {"weight": 1}}, "loss: expected settings of dice_cross_entropy, received others"),
         ({"loss": {"name": "hinge"}}, "loss: expected one of"),
         ({"augmentation": [{"name": "Turn"}]}, "augmentation[0]: expected a transform"),
+        ({"seed": 1.5}, "seed: expected a whole number, received 1.5"),
+        ({"loss": {"dice_weight": "much"}}, "dice_weight: expected a number, received 'much'"),
+        ({"model": {"name": "unet", "width": 4.5}}, "width: expected a whole number, received 4.5"),
+        (
+            {"trainer": {"max_epochs": 2, "batch_size": 1.5, "learning_rate": 0.01, "patience": 2}},
+            "trainer.batch_size: expected a whole number, received 1.5",
+        ),
     ],
 )
 def test_refuses_with_one_sentence_and_code_2(

@@ -43,7 +43,7 @@ def chosen(words: Sequence[str], folders: Sequence[Path]) -> Choices:
     words : sequence of str
         Words such as ``model=unet``, ``rigid=[a,b]`` or ``+preset=figure``.
     folders : sequence of Path
-        Folders of configurations, the user's own last.
+        Folders of configurations, the project's own first; the first that has a file wins.
 
     Returns
     -------
@@ -82,7 +82,7 @@ def option_text(group: str, option: str, package: str, folders: Sequence[Path]) 
     package : str
         Dotted place of the settings in the configuration; empty for its top.
     folders : sequence of Path
-        Folders of configurations, the user's own last.
+        Folders of configurations, the project's own first; the first that has a file wins.
 
     Returns
     -------
@@ -110,8 +110,11 @@ def _lines(group: str, option: str, folders: Sequence[Path]) -> list[str]:
         # A study's options and those of a preset have sections of their own.
         if group in ("study", "preset"):
             continue
-        # "folds" is a file of the same folder, "recipe@trainer: adamw" one of a folder below, put at "trainer".
-        base = _lines(group, inner, folders) if value is None else _lines(f"{group}/{inner}", value, folders)
+        # "folds" is a file of the same folder, "/phantom/artery" one of another, "recipe@trainer: adamw" one of a
+        # folder below, put at "trainer".
+        place = inner.removeprefix("/") if inner.startswith("/") else f"{group}/{inner}"
+        place, _, chosen_option = (place if value is None else f"{place}/{value}").rpartition("/")
+        base = _lines(place, chosen_option, folders)
         merged = _over(merged, [f"{package}:", *(f"  {line}" for line in base)] if package else base)
     return _over(merged, own) if merged else own
 
@@ -203,4 +206,4 @@ def _read_text(group: str, option: str, folders: Sequence[Path]) -> str:
 
 def _file(group: str, option: str, folders: Sequence[Path]) -> Path | None:
     paths = [folder / group / f"{option}.yaml" for folder in folders]
-    return next((path for path in reversed(paths) if path.is_file()), None)
+    return next((path for path in paths if path.is_file()), None)

@@ -1,1 +1,1 @@
-
+"""Data sets of labelled frames, read from files or simulated."""

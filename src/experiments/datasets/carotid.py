@@ -11,6 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import ClassVar
 
+from experiments.datasets.content_key import cached_while_unchanged
 from experiments.datasets.images import image_files
 from experiments.datasets.pairing import REFUSE, Pairing, pair, require_choice
 from experiments.datasets.pixel_cache import read_pairs
@@ -31,13 +32,29 @@ IMAGES_A_SUBJECT = 100
 class Carotid:
     """Common Carotid Artery Ultrasound Images (A. Momot, Mendeley Data, doi 10.17632/d4xt63mgjm, CC BY 4.0).
 
-    1100 images of 709x749 pixels with masks 0 and 255; ``root`` is the folder that holds ``US images`` and ``Expert
-    mask images``, or the one around it. No pixel spacing is known, and no subject is published: ``group_by=subject``
-    builds them from the published "100 images a person", by adding up the recordings in order of time until each
-    hundred is full, which gives 11 groups, the last of them smaller in a copy that is not whole; ``recording`` takes
-    each recording for a group. ``unpaired`` says whether images without a mask and masks without an image are refused
-    or left out (skip). ``simulate`` makes ``substitute`` instead of reading. What is read is kept in ``cache`` (None:
-    nowhere).
+    1100 images of 709x749 pixels with masks 0 and 255. No pixel spacing and no subject is published.
+
+    Parameters
+    ----------
+    root : Path
+        The folder that holds ``US images`` and ``Expert mask images``, or the one around it.
+    group_by : {'subject', 'recording'}
+        ``subject`` builds groups from the published "100 images a person": recordings are added up in order
+        of time until each hundred is full. This gives 11 groups, the last of them smaller in an incomplete
+        copy.
+    simulate : bool
+        Make ``substitute`` instead of reading.
+    substitute : SimulatedSubstitute
+        Settings of the simulated substitute.
+    cache : str or None
+        Folder for decoded pixels; None: they are not stored.
+    unpaired : {'refuse', 'skip'}
+        Whether images without a mask and masks without an image are refused or left out.
+
+    Raises
+    ------
+    InputError
+        If a setting has another value than those above.
     """
 
     root: PathSetting
@@ -57,15 +74,43 @@ class Carotid:
         require_choice(self.unpaired)
 
     def require_root(self) -> Path | None:
-        """The folder, None where the simulated substitute is asked for; InputError says where the data comes from."""
+        """Check that the folder is there.
+
+        Returns
+        -------
+        Path or None
+            The folder that holds images and masks; None where the data set is simulated.
+
+        Raises
+        ------
+        InputError
+            If there is none; the message says where the data comes from.
+        """
         return None if self.simulate else _folder(self)
 
     def __call__(self) -> LabelledFrames:
-        """Read or simulate images and masks in order of time; InputError names what is not as expected."""
+        """Read or simulate images and masks in order of time.
+
+        Returns
+        -------
+        LabelledFrames
+            All frames, grouped by subject or recording.
+
+        Raises
+        ------
+        InputError
+            If a file or folder is not as expected; the message names it.
+        """
         return _simulated(self) if self.simulate else _read(self)
 
     def notes(self) -> tuple[str, ...]:
-        """What a reader of the results must know of the data."""
+        """Return what a reader of the results must know of the data.
+
+        Returns
+        -------
+        tuple of str
+            Sentences on the groups and on what was left out.
+        """
         if self.simulate:
             return (self.substitute.note(self.name),)
         left_out = self._left_out_notes()
@@ -80,7 +125,13 @@ class Carotid:
         )
 
     def left_out(self) -> int:
-        """How many images and masks were left out because they had no partner."""
+        """Count the images and masks that were left out because they had no partner.
+
+        Returns
+        -------
+        int
+            Number of files.
+        """
         return 0 if self.simulate else _paired(self)[0].unpaired
 
     def _left_out_notes(self) -> tuple[str, ...]:
@@ -93,10 +144,22 @@ class Carotid:
 
 
 def subject_groups(counts: Mapping[str, int]) -> dict[str, str]:
-    """The subject group of each recording: in order of name, so of time, until each hundred of images is full.
+    """Assign recordings to subjects, in order of name and so of time, until each hundred of images is full.
 
-    ``counts`` has the number of images by recording. What is left for the last subject may be fewer. InputError where a
-    recording would belong to two subjects.
+    Parameters
+    ----------
+    counts : mapping of str to int
+        Number of images of each recording.
+
+    Returns
+    -------
+    dict of str to str
+        The subject group of each recording; the last subject may have fewer images.
+
+    Raises
+    ------
+    InputError
+        If a recording would belong to two subjects.
     """
     groups: dict[str, str] = {}
     subject, filled = 1, 0
@@ -111,7 +174,18 @@ def subject_groups(counts: Mapping[str, int]) -> dict[str, str]:
 
 
 def last_subject(counts: Mapping[str, int]) -> str:
-    """What is to be said of a last subject that has fewer images than the others; empty where it has as many."""
+    """Describe a last subject that has fewer images than the others.
+
+    Parameters
+    ----------
+    counts : mapping of str to int
+        Number of images of each recording.
+
+    Returns
+    -------
+    str
+        Part of a sentence; empty where the last subject has as many images as the others.
+    """
     left = sum(counts.values()) % IMAGES_A_SUBJECT
     if not left:
         return ""
@@ -136,7 +210,7 @@ def _folder(dataset: Carotid) -> Path:
     )
 
 
-@lru_cache(maxsize=1)
+@cached_while_unchanged(lambda dataset: _paired(dataset)[0].files)
 def _read(dataset: Carotid) -> LabelledFrames:
     folder = _folder(dataset)
     pairing, counts = _paired(dataset)
@@ -167,7 +241,7 @@ def _paired(dataset: Carotid) -> tuple[Pairing, Counter[str]]:
 
 
 def _parts(path: Path) -> tuple[str, int]:
-    """The recording that an image is from, and its place in it."""
+    """Return the recording that an image is from, and its place in it."""
     found = PATTERN.fullmatch(path.stem)
     if found is None:
         raise InputError(
@@ -201,7 +275,7 @@ def _simulated(dataset: Carotid) -> LabelledFrames:
 
 
 def _simulated_names(dataset: Carotid, subject: int, number: int) -> tuple[str, str]:
-    """Recording and group of a subject's recording, as the real set names them, in the year 2000."""
+    """Return recording and group of a subject's recording, as the real set names them, in the year 2000."""
     time = datetime(2000, 1, 1, 10) + timedelta(days=subject, minutes=5 * number)
     kind = "VAS" if number % 2 == 0 else "EM VASCULAR"
     recording = f"{time:%Y%m%d%H%M%S}{number + 1:04d}{kind}"

@@ -11,10 +11,25 @@ from experiments.unicode_names import same_name
 
 
 def read_table(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
-    """The rows of a table that has at least ``columns``; a cell that is not there is empty, blanks around are cut.
+    """Read a CSV file with a line of column names.
 
-    All cells are text as it stands, in the form of ``same_name``. InputError for a file that is missing, is no text, or
-    lacks a column.
+    Parameters
+    ----------
+    path : Path
+        The file, in UTF-8 with or without a byte-order mark.
+    columns : sequence of str
+        Columns that must be there; there may be more.
+
+    Returns
+    -------
+    list of dict
+        One mapping of column to text for each row, in the form of ``same_name``, with surrounding blanks
+        removed; a missing cell is empty.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, is no text, or lacks a column.
     """
     if not path.is_file():
         raise InputError(f"{path}: expected a table with columns {', '.join(columns)}, found no file")

@@ -27,11 +27,27 @@ _ROLES = {"selection": "selection", "held_out": "test"}
 
 @dataclass(frozen=True)
 class NnUNetExport:
-    """``DatasetXXX_Name`` with images, labels, ``dataset.json``, ``splits_final.json`` and the commands to run.
+    """Export in the layout of nnU-Net: a folder ``DatasetXXX_Name`` with the commands to run.
 
-    ``number`` is the XXX, ``title`` the Name, ``target`` what the label 1 is called. Beside nnU-Net's own files stand
-    ``groups.csv`` (group, pixel size, role and former name of each case) and ``splits.json`` (all folds as this project
-    has them). Test groups go to ``imagesTs`` and ``labelsTs``, selection groups to folders that nnU-Net leaves alone.
+    Parameters
+    ----------
+    number : int
+        The XXX, 1 to 999.
+    title : str
+        The Name: letters, digits, ``-`` and ``_``.
+    target : str
+        What label 1 is called.
+
+    Raises
+    ------
+    InputError
+        If a setting is not one that nnU-Net takes.
+
+    Notes
+    -----
+    Next to nnU-Net's own files are ``groups.csv`` (group, pixel size, role and original name of each case)
+    and ``splits.json`` (all folds as this project has them). Test groups go to ``imagesTs`` and ``labelsTs``,
+    selection groups to folders that nnU-Net ignores.
     """
 
     number: int
@@ -55,7 +71,24 @@ class NnUNetExport:
         return f"Dataset{self.number:03d}_{self.title}"
 
     def __call__(self, out: Path, frames: LabelledFrames, splits: SplitSet, progress: Progress) -> Path:
-        """Write the folder into ``out``; ``splits`` are of one outer fold, where they are nested."""
+        """Write the folder.
+
+        Parameters
+        ----------
+        out : Path
+            The folder to write ``DatasetXXX_Name`` into.
+        frames : LabelledFrames
+            All cases.
+        splits : SplitSet
+            The folds, of one outer fold where they are nested.
+        progress : Progress
+            Shows how many images are written.
+
+        Returns
+        -------
+        Path
+            The folder written.
+        """
         root = out / self.folder
         names = safe_names(frames.case_ids)
         roles = roles_of(splits)
@@ -112,7 +145,26 @@ class NnUNetExport:
 def write_folder(
     out: Path, frames: LabelledFrames, splits: SplitSet | None, roles: Mapping[str, str], progress: Progress
 ) -> Path:
-    """Write ``dataset`` with ``images``, ``masks`` (0 and 255), ``groups.csv`` and, if given, ``splits.json``."""
+    """Write ``dataset``: ``images``, ``masks`` (0 and 255), ``groups.csv`` and, if given, ``splits.json``.
+
+    Parameters
+    ----------
+    out : Path
+        The folder to write ``dataset`` into.
+    frames : LabelledFrames
+        All cases.
+    splits : SplitSet or None
+        All folds.
+    roles : mapping of str to str
+        Role of each case, as ``roles_of`` returns it; cases may be missing.
+    progress : Progress
+        Shows how many images are written.
+
+    Returns
+    -------
+    Path
+        The folder written.
+    """
     root = out / "dataset"
     names = safe_names(frames.case_ids)
     for case, image, mask in _pictures(frames, progress):
@@ -125,7 +177,18 @@ def write_folder(
 
 
 def safe_names(cases: Iterable[str]) -> dict[str, str]:
-    """A file name for each case, of letters, digits, ``-`` and ``_`` alone, no two alike in whatever case."""
+    """Choose a file name for each case, unique without regard to case.
+
+    Parameters
+    ----------
+    cases : iterable of str
+        Case names.
+
+    Returns
+    -------
+    dict of str to str
+        Names of letters, digits, ``-`` and ``_`` alone.
+    """
     names: dict[str, str] = {}
     taken: set[str] = set()
     for case in cases:
@@ -140,14 +203,40 @@ def safe_names(cases: Iterable[str]) -> dict[str, str]:
 
 
 def roles_of(splits: SplitSet) -> dict[str, str]:
-    """The role of each case: ``cross-validation``, ``selection`` or ``test``."""
+    """Return the role of each case.
+
+    Parameters
+    ----------
+    splits : SplitSet
+        All folds.
+
+    Returns
+    -------
+    dict of str to str
+        ``cross-validation``, ``selection`` or ``test``.
+    """
     return {case: _ROLES.get(side, FOLDERS["Tr"]) for case, side in splits.splits[0].sides()}
 
 
 def group_rows(
     frames: LabelledFrames, names: Mapping[str, str], roles: Mapping[str, str]
 ) -> dict[str, GroupRow]:
-    """The rows of ``groups.csv`` under the new names; the former one stands where it was another."""
+    """Return the rows of ``groups.csv`` under the new names.
+
+    Parameters
+    ----------
+    frames : LabelledFrames
+        All cases.
+    names : mapping of str to str
+        New name of each case.
+    roles : mapping of str to str
+        Role of each case; cases may be missing.
+
+    Returns
+    -------
+    dict of str to GroupRow
+        Rows by new name, with the original name where it differs.
+    """
     return {
         names[case]: GroupRow(group, spacing, roles.get(case, ""), case if case != names[case] else "")
         for case, group, spacing in zip(frames.case_ids, frames.groups, frames.spacing_mm, strict=True)

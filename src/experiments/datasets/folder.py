@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 
+from experiments.datasets.content_key import cached_while_unchanged
 from experiments.datasets.group_table import Spacing, groups_by_role, read_groups, spacing_pair
 from experiments.datasets.images import image_files
 from experiments.datasets.images.dicom import is_dicom, read_dicom
@@ -23,13 +23,30 @@ from models.labelled_frames import LabelledFrames
 class Folder:
     """``root/images`` and ``root/masks`` with files of the same names, and ``root/groups.csv``.
 
-    The table has a row for each image with columns ``case`` (the name without suffix) and ``group`` (subject, session
-    or recording), and may have ``vertical_mm`` and ``horizontal_mm``, the pixel's size, and ``role`` (see
-    ``read_groups``). Where it has no size, that is the one that a DICOM file gives, else ``spacing_mm`` (vertical,
-    horizontal). Masks hold ``vessel_labels`` and
-    ``other_labels`` only. A DICOM film ``clip.dcm`` has one row, ``clip``, and thus one group; the masks of its frames
-    are ``clip_0000``, ``clip_0001`` and so on, and frames without one are no cases. ``unpaired`` says whether images
-    without a mask and masks without an image are refused or left out (skip).
+    Parameters
+    ----------
+    root : Path
+        The folder of both and of the table.
+    vessel_labels, other_labels : sequence of int
+        Labels of the vessel and of all else that masks may hold.
+    spacing_mm : sequence of float or None
+        Pixel size (vertical, horizontal) where neither the table nor a DICOM file has one; None: not known.
+    unpaired : {'refuse', 'skip'}
+        Whether images without a mask and masks without an image are refused or left out.
+
+    Raises
+    ------
+    InputError
+        If a label is the vessel's and another's, or another setting is out of range.
+
+    Notes
+    -----
+    The table has a row for each image with columns ``case`` (the name without suffix) and ``group`` (subject,
+    session or recording), and may have ``vertical_mm`` and ``horizontal_mm``, the pixel size, and ``role``
+    (see ``read_groups``).
+
+    A DICOM file ``clip.dcm`` of several frames has one row, ``clip``, and thus one group; the masks of its
+    frames are ``clip_0000``, ``clip_0001`` and so on, and frames without a mask are no cases.
     """
 
     root: PathSetting
@@ -54,29 +71,75 @@ class Folder:
             object.__setattr__(self, "spacing_mm", spacing_pair(self.spacing_mm, "spacing_mm"))
 
     def require_root(self) -> Path:
-        """The folder; InputError says what it must hold if it is not there."""
+        """Check that the folder is there.
+
+        Returns
+        -------
+        Path
+            The folder.
+
+        Raises
+        ------
+        InputError
+            If there is none; the message says what it must hold.
+        """
         return image_files.require_root(
             self.name, self.root, "images of your own", "images/, masks/ of the same names, groups.csv"
         )
 
     def __call__(self) -> LabelledFrames:
-        """Read the images and masks; InputError names the folder or file that is not as expected."""
+        """Read the images and masks.
+
+        Returns
+        -------
+        LabelledFrames
+            All frames that have a mask.
+
+        Raises
+        ------
+        InputError
+            If a file or folder is not as expected; the message names it.
+        """
         return _read(self).frames
 
     def test_groups(self) -> tuple[str, ...]:
-        """The groups whose role is test."""
+        """Return the groups whose role is test.
+
+        Returns
+        -------
+        tuple of str
+            Group names, sorted.
+        """
         return _read(self).roles["test"]
 
     def selection_groups(self) -> tuple[str, ...]:
-        """The groups whose role is selection."""
+        """Return the groups whose role is selection.
+
+        Returns
+        -------
+        tuple of str
+            Group names, sorted.
+        """
         return _read(self).roles["selection"]
 
     def notes(self) -> tuple[str, ...]:
-        """What was left out or is not used."""
+        """Return what was left out or is not used.
+
+        Returns
+        -------
+        tuple of str
+            Sentences.
+        """
         return _read(self).pairing.notes(self.require_root())
 
     def left_out(self) -> int:
-        """How many images and masks were left out because they had no partner."""
+        """Count the images and masks that were left out because they had no partner.
+
+        Returns
+        -------
+        int
+            Number of files.
+        """
         return _read(self).pairing.unpaired
 
 
@@ -98,7 +161,14 @@ class _Content:
     pairing: Pairing
 
 
-@lru_cache(maxsize=1)
+def _files(dataset: Folder) -> tuple[Path, ...]:
+    root = dataset.require_root()
+    # Of a clip the pairing by name has the first mask alone.
+    pairing, masks = _by_name(root), image_files.image_files(root / "masks")
+    return (*pairing.files, *masks.values(), root / "groups.csv")
+
+
+@cached_while_unchanged(_files)
 def _read(dataset: Folder) -> _Content:
     root = dataset.require_root()
     # What can be refused by names alone is refused before any pixel is read.
@@ -132,24 +202,24 @@ def _read(dataset: Folder) -> _Content:
 
 
 def _by_name(root: Path) -> Pairing:
-    """Each file with a mask of its name; a DICOM film with the first mask of a frame of it."""
+    """Each file with a mask of its name; a DICOM clip with the first mask of a frame of it."""
     folders = root / "images", root / "masks"
     files, masks = (image_files.image_files(folder) for folder in folders)
     others = [path for folder in folders for path in image_files.other_files(folder)]
-    films = {name for name, path in files.items() if is_dicom(path)}
-    film_of = {mask: _film_of(mask, films) for mask in masks}
-    of_films = {film: masks[mask] for mask, film in reversed(film_of.items()) if film is not None}
-    return pair(files, {name: masks[name] for name in masks if film_of[name] is None} | of_films, others)
+    clips = {name for name, path in files.items() if is_dicom(path)}
+    clip_of = {mask: _clip_of(mask, clips) for mask in masks}
+    of_clips = {clip: masks[mask] for mask, clip in reversed(clip_of.items()) if clip is not None}
+    return pair(files, {name: masks[name] for name in masks if clip_of[name] is None} | of_clips, others)
 
 
-def _film_of(mask: str, films: Collection[str]) -> str | None:
-    return next((name for name in (mask, mask.rpartition("_")[0]) if name in films), None)
+def _clip_of(mask: str, clips: Collection[str]) -> str | None:
+    return next((name for name in (mask, mask.rpartition("_")[0]) if name in clips), None)
 
 
 def _with_frames(
     by_name: Pairing, pictures: Mapping[str, _Picture], files: Mapping[str, Path], masks: Mapping[str, Path]
 ) -> Pairing:
-    """The pairing once the films' frames are known: films without any, and masks of frames that films do not have."""
+    """Return the pairing once the frames of clips are known, with masks of frames that no clip has."""
     shown = {picture.file for picture in pictures.values()}
     without = tuple(path for name, path in files.items() if name not in shown)
     frameless = tuple(
@@ -164,19 +234,19 @@ def _with_frames(
 
 
 def _pictures(files: Mapping[str, Path], masks: Mapping[str, Path]) -> dict[str, _Picture]:
-    """The frames that have a mask, by case."""
+    """Return the frames that have a mask, by case."""
     pictures: dict[str, _Picture] = {}
     for name, path in files.items():
         if not is_dicom(path):
             pictures[name] = _Picture(image_files.read_grey(path), name, None)
             continue
-        film = read_dicom(path)
+        clip = read_dicom(path)
         cases = (
-            [name] if len(film.images) == 1 else [f"{name}_{index:04d}" for index in range(len(film.images))]
+            [name] if len(clip.images) == 1 else [f"{name}_{index:04d}" for index in range(len(clip.images))]
         )
         pictures |= {
-            case: _Picture(np.ascontiguousarray(image), name, film.spacing_mm)
-            for case, image in zip(cases, film.images, strict=True)
+            case: _Picture(np.ascontiguousarray(image), name, clip.spacing_mm)
+            for case, image in zip(cases, clip.images, strict=True)
             if case in masks
         }
     return pictures

@@ -19,7 +19,19 @@ ROLES = ("cross-validation", "selection", "test")
 
 @dataclass(frozen=True)
 class GroupRow:
-    """A case's group, pixel size (vertical, horizontal) or None, role or "", and the name it had elsewhere or ""."""
+    """What ``groups.csv`` holds of one case.
+
+    Parameters
+    ----------
+    group : str
+        Subject, session or recording.
+    spacing_mm : (float, float) or None
+        Pixel size (vertical, horizontal); None: not known.
+    role : str
+        ``cross-validation``, ``selection``, ``test``, or empty.
+    original : str
+        The name that the case had elsewhere, or empty.
+    """
 
     group: str
     spacing_mm: Spacing | None = None
@@ -28,10 +40,25 @@ class GroupRow:
 
 
 def read_groups(path: Path, cases: Collection[str]) -> dict[str, GroupRow]:
-    """The rows of ``cases`` in the table's order.
+    """Read the rows of cases, in the table's order.
 
-    Columns ``case`` and ``group`` must be there; ``vertical_mm`` and ``horizontal_mm`` (both empty: not known),
-    ``role`` and ``original`` may be. Raises InputError naming the case at fault.
+    Parameters
+    ----------
+    path : Path
+        A CSV file with columns ``case`` and ``group``; it may have ``vertical_mm`` and ``horizontal_mm``
+        (both empty: not known), ``role`` and ``original``.
+    cases : collection of str
+        The cases that must be in the table; other rows are ignored.
+
+    Returns
+    -------
+    dict of str to GroupRow
+        Rows by case.
+
+    Raises
+    ------
+    InputError
+        If a case has no group or two rows, or a cell is not as expected; the message names the case.
     """
     rows: dict[str, dict[str, str]] = {}
     for row in read_table(path, ("case", "group")):
@@ -44,7 +71,15 @@ def read_groups(path: Path, cases: Collection[str]) -> dict[str, GroupRow]:
 
 
 def write_groups(path: Path, rows: dict[str, GroupRow]) -> None:
-    """Write ``rows`` by case; a column that no case has a value for is left out."""
+    """Write a table that ``read_groups`` reads.
+
+    Parameters
+    ----------
+    path : Path
+        The CSV file.
+    rows : dict of str to GroupRow
+        Rows by case. A column that no case has a value for is left out.
+    """
     text = io.StringIO()
     columns = ["case", "group"]
     columns += SPACING if any(row.spacing_mm for row in rows.values()) else ()
@@ -60,9 +95,24 @@ def write_groups(path: Path, rows: dict[str, GroupRow]) -> None:
 
 
 def groups_by_role(group_of: Mapping[str, str], role_of: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
-    """The groups of each role, by the group and the role of each case; no role is cross-validation.
+    """Return the groups of each role.
 
-    Raises InputError naming a group whose cases have two roles.
+    Parameters
+    ----------
+    group_of : mapping of str to str
+        Group of each case.
+    role_of : mapping of str to str
+        Role of each case; empty is cross-validation.
+
+    Returns
+    -------
+    dict of str to tuple of str
+        Sorted groups of each of the roles.
+
+    Raises
+    ------
+    InputError
+        If the cases of a group have two roles; the message names the group.
     """
     roles: dict[str, str] = {}
     for case, group in group_of.items():
@@ -75,7 +125,25 @@ def groups_by_role(group_of: Mapping[str, str], role_of: Mapping[str, str]) -> d
 
 
 def spacing_pair(sides: Sequence[float | str], where: str) -> Spacing:
-    """Two pixel sizes in mm (vertical, horizontal); InputError if they are not two positive numbers."""
+    """Convert two pixel sizes.
+
+    Parameters
+    ----------
+    sides : sequence of float or str
+        Vertical and horizontal size in mm.
+    where : str
+        Setting or file and row, for the message.
+
+    Returns
+    -------
+    (float, float)
+        Vertical and horizontal size in mm.
+
+    Raises
+    ------
+    InputError
+        If they are not two positive finite numbers.
+    """
     try:
         vertical, horizontal = (float(side) for side in sides)
     except (TypeError, ValueError) as error:

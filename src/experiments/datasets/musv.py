@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
+from experiments.datasets.content_key import cached_while_unchanged
 from experiments.datasets.images import image_files
 from experiments.datasets.musv_subjects import ALL, DISTRICTS, Volunteer, read_volunteers
 from experiments.datasets.pairing import REFUSE, Pairing, pair, require_choice
@@ -25,14 +26,36 @@ VIDEOS, ANNOTATIONS = "Videos", "Annotations"
 
 @dataclass(frozen=True)
 class MusV:
-    """Mus-V (multi-stage ultrasound vessel segmentation, CC BY-NC): 3114 frames of 105 sequences, of several sizes.
+    """Mus-V (multi-stage ultrasound vessel segmentation, CC BY-NC): 3114 frames of 105 sequences.
 
-    ``target`` is artery or vein. The published parts ``train`` and ``valid`` are taken together; forces are not read.
-    No pixel spacing is known. Groups are sequences, and then a volunteer may be on both sides of a split; a table
-    ``subjects`` (CSV with columns seq, volunteer, district) makes the volunteers the groups and allows ``district``
-    (carotid or femoral) instead of all. ``unpaired`` says whether images without a mask and masks without an image are
-    refused or left out (skip). ``simulate`` makes ``substitute`` instead of reading: both vessels side by side, in both
-    districts of each subject. What is read is kept in ``cache`` (None: nowhere).
+    Frames have several sizes and no known pixel spacing. The published parts ``train`` and ``valid`` are
+    taken together; forces are not read.
+
+    Parameters
+    ----------
+    root : Path
+        The folder of ``Videos`` and ``Annotations``.
+    target : {'artery', 'vein'}
+        The vessel to segment.
+    district : {'all', 'carotid', 'femoral'}
+        The part of the body; all, where there is no table ``subjects``.
+    subjects : Path or None
+        CSV with columns seq, volunteer, district. Its volunteers are the groups; None: sequences are, and
+        then a volunteer may be on both sides of a split.
+    simulate : bool
+        Make ``substitute`` instead of reading.
+    substitute : SimulatedSubstitute
+        Settings of the simulated substitute: both vessels next to each other, in both districts of each
+        subject.
+    cache : str or None
+        Folder for decoded pixels; None: they are not stored.
+    unpaired : {'refuse', 'skip'}
+        Whether images without a mask and masks without an image are refused or left out.
+
+    Raises
+    ------
+    InputError
+        If a setting has another value than those above, or a district is given without a table.
     """
 
     root: PathSetting
@@ -64,15 +87,43 @@ class MusV:
         return f"musv_{self.target}" + ("" if self.district == ALL else f"_{self.district}")
 
     def require_root(self) -> Path | None:
-        """The folder, None where the simulated substitute is asked for; InputError says where the data comes from."""
+        """Check that the folder is there.
+
+        Returns
+        -------
+        Path or None
+            The folder; None where the data set is simulated.
+
+        Raises
+        ------
+        InputError
+            If there is none; the message says where the data comes from.
+        """
         return None if self.simulate else _folder(self)
 
     def __call__(self) -> LabelledFrames:
-        """Read or simulate images and masks by sequence; InputError names what is not as expected."""
+        """Read or simulate images and masks by sequence.
+
+        Returns
+        -------
+        LabelledFrames
+            All frames of the district.
+
+        Raises
+        ------
+        InputError
+            If a file or folder is not as expected; the message names it.
+        """
         return _simulated(self) if self.simulate else _read(self)
 
     def notes(self) -> tuple[str, ...]:
-        """What a reader of the results must know of the data."""
+        """Return what a reader of the results must know of the data.
+
+        Returns
+        -------
+        tuple of str
+            Sentences on the groups and on what was left out.
+        """
         if self.simulate:
             return (self.substitute.note(self.name),)
         notes = (
@@ -85,7 +136,13 @@ class MusV:
         return (*notes, *_paired(self)[0].notes(_folder(self)))
 
     def left_out(self) -> int:
-        """How many images and masks were left out because they had no partner."""
+        """Count the images and masks that were left out because they had no partner.
+
+        Returns
+        -------
+        int
+            Number of files.
+        """
         return 0 if self.simulate else _paired(self)[0].unpaired
 
 
@@ -99,7 +156,12 @@ def _folder(dataset: MusV) -> Path:
     )
 
 
-@lru_cache(maxsize=1)
+def _files(dataset: MusV) -> tuple[Path, ...]:
+    table = () if dataset.subjects is None else (Path(dataset.subjects).expanduser(),)
+    return (*_paired(dataset)[0].files, *table)
+
+
+@cached_while_unchanged(_files)
 def _read(dataset: MusV) -> LabelledFrames:
     root = _folder(dataset)
     pairing, groups = _paired(dataset)
@@ -141,7 +203,7 @@ def _paired(dataset: MusV) -> tuple[Pairing, tuple[str, ...]]:
 
 
 def _sequences(root: Path) -> dict[str, Path]:
-    """The folder of each sequence, in order of name; each must be in one part."""
+    """Return the folder of each sequence, in order of name; each must be in one part."""
     found: dict[str, Path] = {}
     for part in PARTS:
         folder = root / VIDEOS / part
@@ -162,7 +224,7 @@ def _sequences(root: Path) -> dict[str, Path]:
 
 
 def _annotations(root: Path) -> dict[str, Path]:
-    """The folders of masks that hold any file, by sequence."""
+    """Return the folders of masks that hold any file, by sequence."""
     folder = root / ANNOTATIONS
     if not folder.is_dir():
         raise InputError(f"{folder}: expected a folder of annotations, found none")
@@ -183,7 +245,7 @@ def _of_district(
 
 
 def _frames(sequence: str, folder: Path) -> dict[str, Path]:
-    """The frames of a sequence in order of their number."""
+    """Return the frames of a sequence in order of their number."""
     files = image_files.image_files(folder)
     numbered = re.compile(rf"{re.escape(sequence)}_(\d+)")
     for case, path in files.items():

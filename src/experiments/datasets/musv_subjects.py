@@ -15,16 +15,39 @@ DISTRICTS = ("carotid", "femoral")
 
 @dataclass(frozen=True)
 class Volunteer:
-    """Who was recorded in a sequence, and in which district."""
+    """Who was recorded in a sequence, and where on the body.
+
+    Parameters
+    ----------
+    name : str
+        The volunteer.
+    district : {'carotid', 'femoral'}
+        The part of the body.
+    """
 
     name: str
     district: str
 
 
 def read_volunteers(path: Path, sequences: Collection[str]) -> dict[str, Volunteer]:
-    """The volunteer of each of ``sequences``, from a table with columns seq, volunteer, district.
+    """Read the volunteer of each sequence.
 
-    It may have rows for further sequences. InputError names the row at fault.
+    Parameters
+    ----------
+    path : Path
+        CSV with columns seq, volunteer, district.
+    sequences : collection of str
+        Sequences that must be in the table; it may have more.
+
+    Returns
+    -------
+    dict of str to Volunteer
+        Volunteers by sequence.
+
+    Raises
+    ------
+    InputError
+        If a row is missing, twice there or not as expected; the message names the sequence.
     """
     found: dict[str, Volunteer] = {}
     for row in read_table(path.expanduser(), ("seq", "volunteer", "district")):

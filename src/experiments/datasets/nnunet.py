@@ -8,10 +8,10 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar
 
+from experiments.datasets.content_key import cached_while_unchanged
 from experiments.datasets.group_table import GroupRow, groups_by_role, read_groups, spacing_pair
 from experiments.datasets.images import image_files as reading
 from experiments.datasets.pairing import REFUSE, SKIP, Pairing, pair, require_choice
@@ -31,14 +31,36 @@ FOLDERS = {"Tr": "cross-validation", "Ts": "test", "Selection": "selection"}
 class NnUNet:
     """``root/imagesTr/<case>_0000.png`` with ``root/labelsTr/<case>.png`` and ``root/dataset.json``.
 
-    ``target`` is the label of ``dataset.json`` that is segmented. ``imagesTs`` counts where ``labelsTs`` is beside it:
-    its groups are kept for the test. ``imagesSelection`` with ``labelsSelection``, which nnU-Net doesn't look at, are
-    groups kept for selection. ``groups`` is a table as ``read_groups`` takes it; null: ``root/groups.csv`` where that
-    is, else each case is a group of its own. nnU-Net takes PNG for 1 mm a pixel; here the pixel size is that of the
-    table, else ``spacing_mm`` (vertical, horizontal), else not known. Images have one channel of 8 bits; RGB becomes
-    grey. ``unpaired`` says whether images without a mask and masks without an image are refused or left out (skip).
-    Pixels of the label called ``ignore`` are not labelled: ``ignored`` refuses images that have some, leaves them out
-    (skip) or takes these pixels for background (background). What is read is kept in ``cache`` (None: nowhere).
+    Parameters
+    ----------
+    root : Path
+        A ``DatasetXXX_Name`` folder.
+    target : str
+        The label of ``dataset.json`` that is segmented.
+    spacing_mm : sequence of float or None
+        Pixel size (vertical, horizontal) of cases for which the table has none; None: not known. nnU-Net
+        takes PNG for 1 mm a pixel.
+    groups : Path or None
+        A table as ``read_groups`` takes it; None: ``root/groups.csv`` where there is one, else each case is a
+        group of its own.
+    cache : str or None
+        Folder for decoded pixels; None: they are not stored.
+    unpaired : {'refuse', 'skip'}
+        Whether images without a mask and masks without an image are refused or left out.
+    ignored : {'refuse', 'skip', 'background'}
+        What to do with images that have pixels of the label ``ignore``, which are not labelled: refuse them,
+        leave them out, or take these pixels for background.
+
+    Raises
+    ------
+    InputError
+        If a setting has another value than those above.
+
+    Notes
+    -----
+    Images have one channel of 8 bits; RGB becomes grey. ``imagesTs`` counts where there is a ``labelsTs``:
+    its groups are kept for the test. ``imagesSelection`` with ``labelsSelection``, which nnU-Net ignores, are
+    groups kept for selection.
     """
 
     root: PathSetting
@@ -59,7 +81,18 @@ class NnUNet:
             object.__setattr__(self, "spacing_mm", spacing_pair(self.spacing_mm, "spacing_mm"))
 
     def require_root(self) -> Path:
-        """The folder; InputError says what it must hold if it is not there."""
+        """Check that the folder is there.
+
+        Returns
+        -------
+        Path
+            The folder.
+
+        Raises
+        ------
+        InputError
+            If there is none; the message says what it must hold.
+        """
         return reading.require_root(
             self.name,
             self.root,
@@ -68,28 +101,63 @@ class NnUNet:
         )
 
     def __call__(self) -> LabelledFrames:
-        """Read the images and masks; InputError names the folder or file that is not as expected."""
+        """Read the images and masks.
+
+        Returns
+        -------
+        LabelledFrames
+            All frames that are used.
+
+        Raises
+        ------
+        InputError
+            If a file or folder is not as expected; the message names it.
+        """
         return _read(self).frames
 
     def test_groups(self) -> tuple[str, ...]:
-        """The groups of ``imagesTs``."""
+        """Return the groups of ``imagesTs``.
+
+        Returns
+        -------
+        tuple of str
+            Group names, sorted.
+        """
         return _read(self).roles["test"]
 
     def selection_groups(self) -> tuple[str, ...]:
-        """The groups of ``imagesSelection``."""
+        """Return the groups of ``imagesSelection``.
+
+        Returns
+        -------
+        tuple of str
+            Group names, sorted.
+        """
         return _read(self).roles["selection"]
 
     def notes(self) -> tuple[str, ...]:
-        """What of the folder is not known or not used."""
+        """Return what of the folder is not known or not used.
+
+        Returns
+        -------
+        tuple of str
+            Sentences.
+        """
         root, notes = self.require_root(), []
         if self._table is None:
             notes.append("No groups.csv: each case is a group of its own, subject leakage can't be excluded.")
         if (root / "imagesTs").is_dir() and not (root / "labelsTs").is_dir():
-            notes.append("imagesTs has no labelsTs beside it and is not used.")
+            notes.append("imagesTs is not used: there is no labelsTs.")
         return (*notes, *_left_out_notes(self))
 
     def left_out(self) -> int:
-        """How many images and masks were left out because they had no partner."""
+        """Count the images and masks that were left out because they had no partner.
+
+        Returns
+        -------
+        int
+            Number of files.
+        """
         return _paired(self.require_root(), self)[0].unpaired
 
     @property
@@ -119,16 +187,17 @@ class _Labels:
     ending: str
 
 
+def _files(dataset: NnUNet) -> tuple[Path, ...]:
+    root, table = dataset.require_root(), dataset._table
+    files = _paired(root, dataset)[0].files
+    return (*files, root / "dataset.json", *(() if table is None else (table,)))
+
+
+@cached_while_unchanged(_files)
 def _read(dataset: NnUNet) -> _Content:
-    pairing, role_of = _paired(dataset.require_root(), dataset)
-    return _content(dataset, tuple(pairing.pairs.items()), tuple(role_of.items()))
-
-
-@lru_cache(maxsize=1)
-def _content(
-    dataset: NnUNet, pairs: tuple[tuple[str, tuple[Path, Path]], ...], roles: tuple[tuple[str, str], ...]
-) -> _Content:
-    root, files = dataset.require_root(), dict(pairs)
+    root = dataset.require_root()
+    pairing, role_of = _paired(root, dataset)
+    files = pairing.pairs
     labels = _described(root / "dataset.json", dataset.target)
     table = dataset._table
     rows = {case: GroupRow(case) for case in files} if table is None else read_groups(table, set(files))
@@ -150,13 +219,13 @@ def _content(
     if dataset.ignored == SKIP and found:
         frames = frames.subset(index for index, case in enumerate(rows) if case not in found)
     groups = dict(zip(frames.case_ids, frames.groups, strict=True))
-    return _Content(frames, groups_by_role(groups, dict(roles)), len(found))
+    return _Content(frames, groups_by_role(groups, role_of), len(found))
 
 
 def _ignored(
     dataset: NnUNet, labels: _Labels, frames: LabelledFrames, mask_files: Sequence[Path]
 ) -> set[str]:
-    """The cases with pixels that are not labelled; InputError for some where they are refused, or for nothing else."""
+    """Return the cases with pixels that are not labelled; InputError where they are refused."""
     if not labels.ignored:
         return set()
     sizes = [image.shape for image in frames.images]

@@ -13,9 +13,18 @@ REFUSE, SKIP = "refuse", "skip"
 
 @dataclass(frozen=True)
 class Pairing:
-    """Image and mask of each case, and what is left over: images, masks, and files that are neither.
+    """Image and mask of each case, and what is left over.
 
-    ``others`` are files among the images or masks that are no images. They do no harm and are only reported.
+    Parameters
+    ----------
+    pairs : mapping of str to (Path, Path)
+        Image and mask of each case.
+    images : tuple of Path
+        Images without a mask.
+    masks : tuple of Path
+        Masks without an image.
+    others : tuple of Path
+        Files among the images or masks that are no images. They do no harm and are only reported.
     """
 
     pairs: Mapping[str, tuple[Path, Path]]
@@ -32,15 +41,37 @@ class Pairing:
         )
 
     @property
+    def files(self) -> tuple[Path, ...]:
+        """All files: images and masks of the pairs, then what is left over."""
+        paired = tuple(path for both in self.pairs.values() for path in both)
+        return (*paired, *self.images, *self.masks, *self.others)
+
+    @property
     def unpaired(self) -> int:
         """How many images and masks are left over."""
         return len(self.images) + len(self.masks)
 
     def settled(self, unpaired: str, root: Path, remark: str = "") -> Pairing:
-        """This pairing, if nothing is left over or ``unpaired`` is skip.
+        """Return this pairing if it can be used.
 
-        Raises InputError that names all that is left over (relative to ``root``), with what is to be known ``remark``;
-        and for skip where no image has a mask.
+        Parameters
+        ----------
+        unpaired : {'refuse', 'skip'}
+            Whether images and masks that are left over are refused.
+        root : Path
+            The folder that file names are given relative to.
+        remark : str
+            What else is to be known, for the message.
+
+        Returns
+        -------
+        Pairing
+            This pairing.
+
+        Raises
+        ------
+        InputError
+            If something is left over that is refused, all of which the message names, or there is no pair.
         """
         if self.unpaired and unpaired == REFUSE:
             raise InputError(
@@ -55,16 +86,27 @@ class Pairing:
         return self
 
     def notes(self, root: Path) -> tuple[str, ...]:
-        """Sentences on what was left out, for whoever reads the results."""
-        said = []
+        """Return what was left out, as sentences for reports.
+
+        Parameters
+        ----------
+        root : Path
+            The folder that file names are given relative to.
+
+        Returns
+        -------
+        tuple of str
+            Sentences.
+        """
+        notes = []
         if self.unpaired:
-            said.append(
+            notes.append(
                 f"Left out as unpaired: {_counted(self.images, 'image')} without a mask and "
                 f"{_counted(self.masks, 'mask')} without an image."
             )
         if self.others:
-            said.append(f"Not used: {self._no_images(root).removeprefix(', with ')}.")
-        return tuple(said)
+            notes.append(f"Not used: {self._no_images(root).removeprefix(', with ')}.")
+        return tuple(notes)
 
     def _parts(self, root: Path) -> list[str]:
         parts = []
@@ -82,7 +124,24 @@ class Pairing:
 def pair(
     images: Mapping[str, Path], masks: Mapping[str, Path], others: Iterable[Path] = (), prefix: str = ""
 ) -> Pairing:
-    """Pair files of the same name, in the order of ``images``; cases are called ``prefix`` and that name."""
+    """Pair files of the same name.
+
+    Parameters
+    ----------
+    images : mapping of str to Path
+        Images by name; their order is kept.
+    masks : mapping of str to Path
+        Masks by name.
+    others : iterable of Path
+        Files that are no images.
+    prefix : str
+        What case names begin with, before the name of the file.
+
+    Returns
+    -------
+    Pairing
+        Pairs, and what is left over.
+    """
     return Pairing(
         {f"{prefix}{name}": (path, masks[name]) for name, path in images.items() if name in masks},
         tuple(path for name, path in images.items() if name not in masks),
@@ -92,7 +151,18 @@ def pair(
 
 
 def require_choice(unpaired: object) -> None:
-    """Raise InputError for a value of the setting ``unpaired`` that is not one."""
+    """Check the setting ``unpaired``.
+
+    Parameters
+    ----------
+    unpaired : object
+        Its value.
+
+    Raises
+    ------
+    InputError
+        If it is neither refuse nor skip.
+    """
     if unpaired not in (REFUSE, SKIP):
         raise InputError(f"unpaired: expected {REFUSE} or {SKIP}, received {unpaired!r}")
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from experiments.datasets.sweep_cache import SweepRecipe, cache_folder, labelled_sweep, prepare
-from experiments.errors import InputError
+from experiments.errors import InputError, require_count
 from models.labelled_frames import LabelledFrames
 from registration.phantom.settings import SUBSETS, PhantomSettings
 
@@ -19,11 +19,32 @@ ALL = "all"
 class Phantom:
     """Labelled frames of simulated sweeps; each sweep is one group.
 
-    ``subset`` is artificial, vein, artery, or all three. Sweeps number ``first_sweep`` to ``first_sweep + sweeps - 1``
-    are made, of ``frames_per_sweep`` frames each, ``size_px`` high and wide. All else is as in ``settings``, whose own
-    subset, seed, size and number of frames are not used. ``workers`` processes share what is to be made. ``cache`` is a
-    folder, taken from the project's where it is relative; what lies in it is named by a hash of all settings and of the
-    simulator's source, so that nothing outdated is ever read.
+    Parameters
+    ----------
+    subset : {'artificial', 'vein', 'artery', 'all'}
+        The phantom, or all three.
+    sweeps : int
+        Sweeps of each phantom.
+    frames_per_sweep : int
+        Frames of each sweep, at least 2.
+    size_px : int
+        Height and width of a frame, at least 16.
+    seed : int
+        Seed of the simulated images.
+    first_sweep : int
+        Number of the first sweep.
+    workers : int
+        Processes that share what is not in the cache.
+    cache : str
+        Folder for simulated sweeps, relative to the project's. Entries are named by a hash of all settings
+        and of the simulator's version, so that nothing outdated is read.
+    settings : PhantomSettings
+        All other settings; its own subset, seed, size and number of frames are not used.
+
+    Raises
+    ------
+    InputError
+        If a setting is out of range.
     """
 
     subset: str = ALL
@@ -48,14 +69,16 @@ class Phantom:
             "workers": 1,
         }
         for name, smallest in minimum.items():
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int) or value < smallest:
-                raise InputError(
-                    f"{name}: expected a whole number of at least {smallest}, received {value!r}"
-                )
+            require_count(name, getattr(self, name), smallest)
 
     def __call__(self) -> LabelledFrames:
-        """Simulate what is not in the cache and return all frames in order of subset, sweep and time."""
+        """Simulate what is not in the cache.
+
+        Returns
+        -------
+        LabelledFrames
+            All frames in order of subset, sweep and time.
+        """
         sweeps = [
             SweepRecipe(self.settings_of(subset), sweep)
             for subset in (SUBSETS if self.subset == ALL else (self.subset,))
@@ -83,11 +106,28 @@ class Phantom:
         )
 
     def notes(self) -> tuple[str, ...]:
-        """What a reader of the results must know of the data."""
+        """Return what a reader of the results must know of the data.
+
+        Returns
+        -------
+        tuple of str
+            One sentence.
+        """
         return ("Simulated by the built-in phantom simulator; each sweep is one group.",)
 
     def settings_of(self, subset: str) -> PhantomSettings:
-        """The simulator's settings for one of the phantoms."""
+        """Return the simulator's settings for one of the phantoms.
+
+        Parameters
+        ----------
+        subset : {'artificial', 'vein', 'artery'}
+            The phantom.
+
+        Returns
+        -------
+        PhantomSettings
+            Settings with the subset, seed, size and number of frames of this data set.
+        """
         return dataclasses.replace(
             self.settings,
             subset=subset,

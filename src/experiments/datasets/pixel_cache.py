@@ -6,21 +6,21 @@ was decoded takes a fraction of a second.
 
 from __future__ import annotations
 
-import hashlib
-import sys
 from collections.abc import Callable, Sequence
-from functools import lru_cache
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 
 from experiments import files
+from experiments.datasets.content_key import content_key
 from experiments.datasets.images import image_files
 from experiments.datasets.sweep_cache import cache_folder
 
 Arrays = tuple[np.ndarray, ...]
-OWN = ("models.", "experiments.")
+# Raise it by one whenever a file is decoded to other pixels than before (``datasets.images``, or
+# ``models.preprocessing.grey``): entries of the version before are then never read again. A test of this module
+# decodes known files and fails when the pixels change without it.
+CACHE_VERSION = 1
 
 
 def read_pairs(
@@ -30,11 +30,35 @@ def read_pairs(
     others: Sequence[int],
     cache: str | None,
 ) -> tuple[Arrays, Arrays]:
-    """Images, uint8, and masks, bool, of paired files; the first that can't be taken is an InputError by name.
+    """Read images and masks of paired files.
 
-    ``vessel`` and ``others`` are the labels that a mask may hold. What was read is kept in the folder ``cache`` (None:
-    nowhere) under the files' names, sizes and times of change, and read again once one of them differs. A folder that
-    can't be written to is no failure.
+    Parameters
+    ----------
+    images : sequence of Path
+        n image files.
+    masks : sequence of Path
+        Their n mask files.
+    vessel : sequence of int
+        Labels of the vessel.
+    others : sequence of int
+        Further labels that a mask may hold.
+    cache : str or None
+        Folder for decoded pixels; None: they are not stored. One that can't be written to is no failure.
+
+    Returns
+    -------
+    (tuple of ndarray of uint8, tuple of ndarray of bool)
+        Images and masks, each of shape (h, w).
+
+    Raises
+    ------
+    InputError
+        If a file can't be read as expected; the message names the first.
+
+    Notes
+    -----
+    Entries are named by the files' paths, sizes and times of change, and files are read again once one of
+    these differs.
     """
     folder = cache_folder(cache) if cache else None
     grey = _kept(
@@ -50,7 +74,31 @@ def read_masks(
     others: Sequence[int],
     cache: str | None,
 ) -> Arrays:
-    """The masks alone, of images of these sizes, as ``read_pairs`` reads and keeps them."""
+    """Read masks alone, as ``read_pairs`` does.
+
+    Parameters
+    ----------
+    masks : sequence of Path
+        n mask files.
+    sizes : sequence of tuple of int
+        Height and width of their images in px.
+    vessel : sequence of int
+        Labels of the vessel.
+    others : sequence of int
+        Further labels that a mask may hold.
+    cache : str or None
+        Folder for decoded pixels; None: they are not stored.
+
+    Returns
+    -------
+    tuple of ndarray of bool, shape (h, w)
+        The masks.
+
+    Raises
+    ------
+    InputError
+        If a file can't be read as expected; the message names the first.
+    """
     folder = cache_folder(cache) if cache else None
     labels = sorted(vessel), sorted(others)
     return _kept(
@@ -81,7 +129,7 @@ def _kept(folder: Path | None, key: str, kind: type, read: Callable[[], list[np.
 
 
 def _mapped(entry: Path, kind: type) -> Arrays | None:
-    """The arrays of an entry, mapped from disk; None if it is not there or damaged."""
+    """Return the arrays of an entry, mapped from disk; None if it is not there or damaged."""
     try:
         sizes = np.load(entry / "sizes.npy")
         pixels = np.memmap(entry / "pixels.bin", dtype=kind, mode="r")
@@ -98,27 +146,5 @@ def _mapped(entry: Path, kind: type) -> Arrays | None:
 
 
 def _key(paths: Sequence[Path], what: str) -> str:
-    """What decides the content: each file's name, size and time of change, and the source of what reads it."""
-    digest = hashlib.sha256(f"{what} {_source_hash()}".encode())
-    for path in paths:
-        about = path.stat()
-        digest.update(f"{path.absolute()} {about.st_size} {about.st_mtime_ns}\n".encode())
-    return digest.hexdigest()[:32]
-
-
-@lru_cache(maxsize=1)
-def _source_hash() -> str:
-    return hashlib.sha256(b"".join(source.read_bytes() for source in sources())).hexdigest()
-
-
-def sources() -> tuple[Path, ...]:
-    """The files of ``reading`` and of all modules of this project whose functions and classes it draws on."""
-    found: dict[str, ModuleType] = {}
-    waiting = [image_files]
-    while waiting:
-        module = waiting.pop()
-        found[module.__name__] = module
-        owners = {str(getattr(value, "__module__", "")) for value in vars(module).values()}
-        owned = [name for name in owners - found.keys() if name.startswith(OWN) and name in sys.modules]
-        waiting.extend(sys.modules[name] for name in owned)
-    return tuple(Path(str(found[name].__file__)) for name in sorted(found))
+    """Hash what decides the content: the state of each file, and the version of the decoding."""
+    return content_key(paths, f"{what} {CACHE_VERSION}")

@@ -9,10 +9,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from experiments.datasets import san_raffaele_subsets as subsets
+from experiments.datasets.content_key import cached_while_unchanged, content_key
 from experiments.datasets.images import image_files
 from experiments.datasets.images.image_quality import QualityOutliers
 from experiments.datasets.pairing import REFUSE, require_choice
-from experiments.datasets.san_raffaele_sessions import Session, left_over, read_sessions, simulated_sessions
+from experiments.datasets.san_raffaele_sessions import (
+    Session,
+    left_over,
+    read_sessions,
+    session_files,
+    simulated_sessions,
+)
 from experiments.datasets.san_raffaele_subsets import Chosen, Frame
 from experiments.datasets.simulated import SimulatedSubstitute
 from experiments.errors import InputError
@@ -31,14 +38,52 @@ SINGLE, FULL, PRUNED, SUBSAMPLED = "single_session", "full", "pruned", "full_sub
 class SanRaffaele:
     """One configuration of the private San Raffaele set, and the test subjects that all configurations share.
 
-    ``subset``: ``single_session`` (the one named by ``session``, else the largest; cut into contiguous ``blocks``, each
-    a group, with ``gap_frames`` left out between them), ``full``, ``pruned`` (without what ``prune_by=list`` finds
-    excluded in sessions.csv or excluded.csv, or what ``quality`` finds unlike the rest by more than ``quality_limit``,
-    see ``image_quality``), or ``full_subsampled``: as many frames of full, drawn by ``subsample_seed``, as the
-    configuration ``subsample_to`` has. Test subjects are ``test_subjects``, else a ``test_share`` of all subjects drawn
-    by ``test_seed``, with all their frames; neither depends on the subset. Groups are subjects, where none is known
-    sessions. ``unpaired`` says whether images without a mask and masks without an image are refused or left out (skip).
-    ``simulate`` makes ``substitute`` instead of reading. What is read is kept in ``cache`` (None: nowhere).
+    Parameters
+    ----------
+    root : Path
+        The folder of sessions and tables.
+    subset : {'single_session', 'full', 'pruned', 'full_subsampled'}
+        The configuration, see Notes.
+    session : str or None
+        The session of ``single_session``; None: the largest.
+    blocks : int
+        Contiguous blocks that the single session is cut into, each a group; at least 2.
+    gap_frames : int
+        Frames left out between two blocks.
+    prune_by : {'list', 'quality'}
+        What ``pruned`` leaves out: what sessions.csv or excluded.csv exclude, or outliers of image quality
+        (see ``image_quality``).
+    quality_limit : float
+        Modified z-score beyond which a frame is an outlier.
+    subsample_to : {'pruned', 'single_session'}
+        The configuration whose number of frames ``full_subsampled`` has.
+    subsample_seed : int
+        Seed of that draw.
+    test_subjects : sequence of str or None
+        Test subjects; None: drawn.
+    test_share : float
+        Share of all subjects drawn for the test, above 0 and below 1.
+    test_seed : int
+        Seed of that draw.
+    simulate : bool
+        Make ``substitute`` instead of reading.
+    substitute : SimulatedSubstitute
+        Settings of the simulated substitute.
+    cache : str or None
+        Folder for decoded pixels; None: they are not stored.
+    unpaired : {'refuse', 'skip'}
+        Whether images without a mask and masks without an image are refused or left out.
+
+    Raises
+    ------
+    InputError
+        If a setting has another value than those above.
+
+    Notes
+    -----
+    ``single_session`` is one session, ``full`` all of them, ``pruned`` full without what is excluded, and
+    ``full_subsampled`` as many frames of full, drawn at random, as ``subsample_to`` has. The test subjects,
+    with all their frames, do not depend on the subset. Groups are subjects, where none is known sessions.
     """
 
     root: PathSetting
@@ -90,7 +135,18 @@ class SanRaffaele:
         return f"san_raffaele_{f'full_as_{self.subsample_to}' if self.subset == SUBSAMPLED else self.subset}"
 
     def require_root(self) -> Path | None:
-        """The folder, None where the simulated substitute is asked for; InputError says where the data comes from."""
+        """Check that the folder is there.
+
+        Returns
+        -------
+        Path or None
+            The folder; None where the data set is simulated.
+
+        Raises
+        ------
+        InputError
+            If there is none; the message says what it must hold.
+        """
         if self.simulate:
             return None
         return image_files.require_root(
@@ -103,17 +159,40 @@ class SanRaffaele:
         )
 
     def __call__(self) -> LabelledFrames:
-        """The frames of the configuration, then those of the test subjects; InputError names what is at fault."""
+        """Read or simulate the frames of the configuration, then those of the test subjects.
+
+        Returns
+        -------
+        LabelledFrames
+            All of them.
+
+        Raises
+        ------
+        InputError
+            If a file or folder is not as expected; the message names it.
+        """
         return _labelled(self)
 
     def test_groups(self) -> tuple[str, ...]:
-        """The groups that every configuration keeps for the test."""
+        """Return the groups that every configuration keeps for the test.
+
+        Returns
+        -------
+        tuple of str
+            Group names, sorted.
+        """
         sessions = _sessions(self)
         alone = subsets.lone_session(sessions, self.session)
         return subsets.test_groups(sessions, alone, self.test_subjects, self.test_share, self.test_seed)
 
     def notes(self) -> tuple[str, ...]:
-        """What a reader of the results must know of the data."""
+        """Return what a reader of the results must know of the data.
+
+        Returns
+        -------
+        tuple of str
+            Sentences on test subjects, configuration and what was left out.
+        """
         tested = self.test_groups()
         notes = [self.substitute.note("San Raffaele")] if self.simulate else []
         notes.append(f"Subjects that all configurations are tested on: {', '.join(tested)}.")
@@ -133,12 +212,25 @@ class SanRaffaele:
         return tuple(notes)
 
     def left_out(self) -> int:
-        """How many images and masks were left out because they had no partner."""
+        """Count the images and masks that were left out because they had no partner.
+
+        Returns
+        -------
+        int
+            Number of files.
+        """
         root = self.require_root()
         return 0 if root is None else left_over(root).unpaired
 
     def report(self) -> Mapping[str, pd.DataFrame]:
-        """``pruned``: each frame left out with the rule, its value and its limit. ``sessions``: frames used of each."""
+        """Return tables of what was left out and used.
+
+        Returns
+        -------
+        mapping of str to DataFrame
+            ``pruned``: each frame left out with the rule, its value and its limit; ``sessions``: the frames
+            used of each session.
+        """
         import pandas as pd
 
         chosen, tested = _chosen(self), self.test_groups()
@@ -164,18 +256,28 @@ def _sessions(dataset: SanRaffaele) -> tuple[Session, ...]:
     return (
         _simulated_once(dataset.substitute)
         if root is None
-        else _read_once(root, dataset.cache, dataset.unpaired)
+        else _read_once(root, dataset.cache, dataset.unpaired, content_key(session_files(root)))
     )
 
 
-# Of the configurations only the choice differs: the frames are read once for all.
-_read_once = lru_cache(maxsize=1)(read_sessions)
+@lru_cache(maxsize=1)
+def _read_once(root: Path, cache: str | None, unpaired: str, content: str) -> tuple[Session, ...]:
+    """Read the sessions for all configurations, of which only the choice differs, until ``content`` changes."""
+    del content
+    return read_sessions(root, cache, unpaired)
+
+
 _simulated_once = lru_cache(maxsize=1)(simulated_sessions)
 
 
-@lru_cache(maxsize=4)
+def _files(dataset: SanRaffaele) -> tuple[Path, ...]:
+    root = dataset.require_root()
+    return () if root is None else session_files(root)
+
+
+@cached_while_unchanged(_files, maxsize=4)
 def _chosen(dataset: SanRaffaele) -> Chosen:
-    """The frames of a configuration outside the test."""
+    """Return the frames of a configuration outside the test."""
     sessions, tested = _sessions(dataset), dataset.test_groups()
     pool = subsets.frames_of([session for session in sessions if session.group not in tested])
     if dataset.subset == FULL:
@@ -196,7 +298,7 @@ def _part(dataset: SanRaffaele, subset: str, pool: tuple[Frame, ...]) -> Chosen:
     return subsets.without_outliers(pool, dataset.quality_limit)
 
 
-@lru_cache(maxsize=1)
+@cached_while_unchanged(_files)
 def _labelled(dataset: SanRaffaele) -> LabelledFrames:
     tested = dataset.test_groups()
     test = subsets.frames_of([session for session in _sessions(dataset) if session.group in tested])

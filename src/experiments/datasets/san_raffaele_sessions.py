@@ -26,9 +26,28 @@ POOR_EVERY = 4
 
 @dataclass(frozen=True)
 class Session:
-    """One visit: its frames in order of time, and why it (or a frame of it) is on the list of the excluded.
+    """One visit: its frames in order of time.
 
-    ``reasons`` has a sentence for each excluded frame, by its place. ``group`` is the subject, else the session.
+    Parameters
+    ----------
+    name : str
+        Name of the session.
+    group : str
+        The subject, else the session.
+    date : str
+        As the table has it.
+    scanner : str
+        As the table has it.
+    reasons : mapping of int to str
+        A sentence for each excluded frame, by its place.
+    cases : tuple of str
+        Name of each frame in the data set.
+    images : tuple of ndarray of uint8, shape (h, w)
+        Grey values.
+    masks : tuple of ndarray of bool, shape (h, w)
+        The vessel.
+    spacing_mm : (float, float) or None
+        Pixel size (vertical, horizontal); None: not known.
     """
 
     name: str
@@ -51,10 +70,26 @@ class Session:
 
 
 def read_sessions(root: Path, cache: str | None, unpaired: str = REFUSE) -> tuple[Session, ...]:
-    """All sessions that have labelled frames, in order of name.
+    """Read all sessions that have labelled frames.
 
-    ``unpaired`` is refuse or skip, as ``Pairing.settled`` takes it. InputError names the row, folder or file that is
-    not as expected.
+    Parameters
+    ----------
+    root : Path
+        The folder of sessions and tables.
+    cache : str or None
+        Folder for decoded pixels; None: they are not stored.
+    unpaired : {'refuse', 'skip'}
+        Whether images without a mask and masks without an image are refused or left out.
+
+    Returns
+    -------
+    tuple of Session
+        Sessions in order of name.
+
+    Raises
+    ------
+    InputError
+        If a row, folder or file is not as expected; the message names it.
     """
     rows = _session_rows(root)
     found = _paired(root, rows)
@@ -89,13 +124,51 @@ def read_sessions(root: Path, cache: str | None, unpaired: str = REFUSE) -> tupl
     return tuple(sessions)
 
 
+def session_files(root: Path) -> tuple[Path, ...]:
+    """List all files that decide what ``read_sessions`` returns.
+
+    Parameters
+    ----------
+    root : Path
+        The folder of sessions and tables.
+
+    Returns
+    -------
+    tuple of Path
+        The tables, which may be missing, images and masks.
+    """
+    return (root / "sessions.csv", root / "excluded.csv", *left_over(root).files)
+
+
 def left_over(root: Path) -> Pairing:
-    """All frames of all sessions with what has no partner among them."""
+    """Pair all frames of all sessions.
+
+    Parameters
+    ----------
+    root : Path
+        The folder of sessions and tables.
+
+    Returns
+    -------
+    Pairing
+        The pairs, and what has no partner among them.
+    """
     return pairing_of(_paired(root, _session_rows(root)))
 
 
 def pairing_of(sessions: Mapping[str, Pairing]) -> Pairing:
-    """Those of all sessions as one; cases are called by session and frame."""
+    """Join the pairings of sessions.
+
+    Parameters
+    ----------
+    sessions : mapping of str to Pairing
+        Pairing of each session.
+
+    Returns
+    -------
+    Pairing
+        One pairing, whose cases are named by session and frame.
+    """
     whole = Pairing({})
     for name, one in sessions.items():
         cases = {f"{name}_{frame}": files for frame, files in one.pairs.items()}
@@ -104,7 +177,18 @@ def pairing_of(sessions: Mapping[str, Pairing]) -> Pairing:
 
 
 def simulated_sessions(maker: SimulatedSubstitute) -> tuple[Session, ...]:
-    """Subjects with a vessel of their own, each session by another scanner; one in four poor and excluded."""
+    """Simulate subjects with a vessel of their own, each session recorded by another scanner.
+
+    Parameters
+    ----------
+    maker : SimulatedSubstitute
+        Settings of the simulated substitute.
+
+    Returns
+    -------
+    tuple of Session
+        Sessions, one in four of them poor and excluded.
+    """
     places = [(subject, number) for number in range(maker.recordings) for subject in range(maker.subjects)]
     # Shifted by one from round to round, so that no subject has poor sessions alone.
     poor = [(subject + number) % POOR_EVERY == POOR_EVERY - 1 for subject, number in places]
@@ -134,7 +218,7 @@ def simulated_sessions(maker: SimulatedSubstitute) -> tuple[Session, ...]:
 
 
 def _session_rows(root: Path) -> dict[str, dict[str, str]]:
-    """The row of each session; every row must have its folder and every folder its row."""
+    """Return the row of each session; every row must have its folder and every folder its row."""
     path = root / "sessions.csv"
     rows: dict[str, dict[str, str]] = {}
     for row in read_table(path, COLUMNS):
@@ -170,7 +254,7 @@ def _frames(folder: Path) -> Pairing:
 
 
 def _listed_frames(path: Path, sessions: Mapping[str, Pairing]) -> dict[str, dict[int, str]]:
-    """The frames on the optional list ``excluded.csv`` (session, frame, reason), by session and place.
+    """Return the frames on the optional list ``excluded.csv`` (session, frame, reason), by session and place.
 
     Frames that are left out because they have no mask or image may be on it.
     """
@@ -205,6 +289,6 @@ def _marked(root: Path, row: Mapping[str, str]) -> bool:
 
 
 def _spacing(root: Path, row: Mapping[str, str]) -> Spacing | None:
-    """The pixel's size where the table has columns vertical_mm and horizontal_mm and the row fills them."""
+    """Return the pixel size where the row has values in columns vertical_mm and horizontal_mm."""
     sides = [row.get(side, "") for side in SPACING]
     return spacing_pair(sides, f"{root / 'sessions.csv'}: {row['session']}") if any(sides) else None

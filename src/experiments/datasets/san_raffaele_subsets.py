@@ -17,7 +17,17 @@ LIST, QUALITY = "list", "quality"
 
 @dataclass(frozen=True)
 class Frame:
-    """One frame: its session, its place in it, and the group it belongs to in the configuration."""
+    """One frame of a configuration.
+
+    Parameters
+    ----------
+    session : Session
+        The session that it belongs to.
+    place : int
+        Its place in the session, from 0.
+    group : str
+        Its group in the configuration.
+    """
 
     session: Session
     place: int
@@ -31,21 +41,58 @@ class Frame:
 
 @dataclass(frozen=True)
 class Chosen:
-    """The ``frames`` of a configuration beside the test ones, and a row for each reason to leave one out."""
+    """The frames of a configuration apart from the test.
+
+    Parameters
+    ----------
+    frames : tuple of Frame
+        The frames.
+    left_out : tuple of mapping
+        A row for each reason to leave a frame out.
+    """
 
     frames: tuple[Frame, ...]
     left_out: tuple[Row, ...] = ()
 
 
 def frames_of(sessions: Sequence[Session]) -> tuple[Frame, ...]:
-    """All frames of sessions, by subject."""
+    """List all frames of sessions, grouped by subject.
+
+    Parameters
+    ----------
+    sessions : sequence of Session
+        Sessions.
+
+    Returns
+    -------
+    tuple of Frame
+        Frames in their order.
+    """
     return tuple(
         Frame(session, place, session.group) for session in sessions for place in range(len(session))
     )
 
 
 def lone_session(sessions: Sequence[Session], name: str | None) -> Session:
-    """The session that stands alone: the one named, else the largest that is not excluded, the first among equals."""
+    """Find the session of the configuration ``single_session``.
+
+    Parameters
+    ----------
+    sessions : sequence of Session
+        All sessions.
+    name : str or None
+        Its name; None: the largest that is not excluded, the first among equals.
+
+    Returns
+    -------
+    Session
+        The session.
+
+    Raises
+    ------
+    InputError
+        If there is none of that name.
+    """
     if name is None:
         kept = [session for session in sessions if not session.excluded] or list(sessions)
         return max(kept, key=len)
@@ -61,9 +108,30 @@ def lone_session(sessions: Sequence[Session], name: str | None) -> Session:
 def test_groups(
     sessions: Sequence[Session], alone: Session, wanted: Sequence[str] | None, share: float, seed: int
 ) -> tuple[str, ...]:
-    """The groups kept for the test of every configuration: those ``wanted``, else a ``share`` of them by ``seed``.
+    """Choose the groups kept for the test of every configuration.
 
-    Never the group of the session that stands ``alone``, and never all others: each configuration keeps some to train.
+    Parameters
+    ----------
+    sessions : sequence of Session
+        All sessions.
+    alone : Session
+        The session of ``single_session``, whose group is never chosen.
+    wanted : sequence of str or None
+        The groups to choose; None: drawn.
+    share : float
+        Share of all groups drawn.
+    seed : int
+        Seed of the draw.
+
+    Returns
+    -------
+    tuple of str
+        Sorted groups; never all others, as each configuration keeps some to train with.
+
+    Raises
+    ------
+    InputError
+        If there are too few groups, or those wanted are not possible.
     """
     groups = sorted({session.group for session in sessions})
     others = [group for group in groups if group != alone.group]
@@ -89,7 +157,27 @@ def test_groups(
 
 
 def in_blocks(session: Session, blocks: int, gap_frames: int) -> Chosen:
-    """One session in contiguous blocks of like length, each a group, with frames left out between them."""
+    """Cut one session into contiguous blocks of similar length, each a group.
+
+    Parameters
+    ----------
+    session : Session
+        The session.
+    blocks : int
+        Number of blocks.
+    gap_frames : int
+        Frames left out between two blocks.
+
+    Returns
+    -------
+    Chosen
+        The frames of the blocks, and a row for each frame between them.
+
+    Raises
+    ------
+    InputError
+        If the session is too short.
+    """
     kept = len(session) - (blocks - 1) * gap_frames
     if kept < blocks:
         raise InputError(
@@ -109,7 +197,23 @@ def in_blocks(session: Session, blocks: int, gap_frames: int) -> Chosen:
 
 
 def without_listed(pool: Sequence[Frame]) -> Chosen:
-    """What is not on the list of the excluded; InputError if nothing is on it: then pruned would be full."""
+    """Leave out the frames on the list of the excluded.
+
+    Parameters
+    ----------
+    pool : sequence of Frame
+        Frames outside the test.
+
+    Returns
+    -------
+    Chosen
+        The others, and a row for each frame left out.
+
+    Raises
+    ------
+    InputError
+        If none is on the list: pruned would then be full.
+    """
     rows = tuple(
         _row(frame.session, frame.place, frame.session.reasons[frame.place], "excluded", "")
         for frame in pool
@@ -124,7 +228,20 @@ def without_listed(pool: Sequence[Frame]) -> Chosen:
 
 
 def without_outliers(pool: Sequence[Frame], limit: float) -> Chosen:
-    """What no measure of image quality sets apart from the rest of ``pool``."""
+    """Leave out the frames that a measure of image quality separates from the rest.
+
+    Parameters
+    ----------
+    pool : sequence of Frame
+        Frames outside the test.
+    limit : float
+        Modified z-score beyond which a frame is an outlier.
+
+    Returns
+    -------
+    Chosen
+        The others, and a row for each reason to leave one out.
+    """
     findings = QualityOutliers(limit)([frame.session.images[frame.place] for frame in pool])
     rows = tuple(
         _row(
@@ -138,7 +255,22 @@ def without_outliers(pool: Sequence[Frame], limit: float) -> Chosen:
 
 
 def sampled(pool: Sequence[Frame], size: int, seed: int) -> Chosen:
-    """``size`` frames of ``pool``, each with the same chance, in its order; all of it if it has no more."""
+    """Draw frames, each with the same chance.
+
+    Parameters
+    ----------
+    pool : sequence of Frame
+        Frames outside the test.
+    size : int
+        Number of frames to draw.
+    seed : int
+        Seed of the draw.
+
+    Returns
+    -------
+    Chosen
+        The frames drawn, in the order of ``pool``; all of it if it has no more.
+    """
     if size >= len(pool):
         return Chosen(tuple(pool))
     drawn = np.random.default_rng([seed, 71]).choice(len(pool), size, replace=False)

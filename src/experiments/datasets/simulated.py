@@ -24,7 +24,17 @@ POOR_NOISE_DB = 10.0
 
 @dataclass(frozen=True)
 class Recorded:
-    """One simulated recording: ``images`` (n, h, w) uint8, ``masks`` (n, h, w), the side of a pixel in mm."""
+    """One simulated recording.
+
+    Parameters
+    ----------
+    images : ndarray of uint8, shape (n, h, w)
+        Grey values.
+    masks : ndarray, shape (n, h, w)
+        Masks, or labels where there are two vessels.
+    side_mm : float
+        Side of a square pixel.
+    """
 
     images: np.ndarray
     masks: np.ndarray
@@ -38,12 +48,32 @@ class Recorded:
 
 @dataclass(frozen=True)
 class SimulatedSubstitute:
-    """How large a substitute is and how much its recordings differ.
+    """Size of a simulated substitute, and how much its recordings differ.
 
-    Each of ``subjects`` has a vessel of their own, drawn from the anatomies for development, and is recorded
-    ``recordings`` times, ``frames`` each, ``size_px`` high and wide. ``strength`` (above 0, at most 1.5) scales what
-    differs between sessions: scanner, depth, gain, speckle, contrast. ``workers`` processes share what is to be made;
-    it is kept in the folder ``cache``, taken from the project's where it is relative. All is decided by ``seed``.
+    Parameters
+    ----------
+    subjects : int
+        Subjects, each with a vessel drawn from the anatomies for development; at least 2.
+    recordings : int
+        Recordings of each subject.
+    frames : int
+        Frames of each recording; at least 2.
+    size_px : int
+        Height and width of a frame; at least 16.
+    strength : float
+        Scale of what differs between sessions (scanner, depth, gain, speckle, contrast); above 0, at most
+        1.5.
+    seed : int
+        Seed of all random choices.
+    workers : int
+        Processes that share what is not in the cache.
+    cache : str
+        Folder for simulated recordings, relative to the project's.
+
+    Raises
+    ------
+    InputError
+        If a setting is out of range.
     """
 
     subjects: int = 8
@@ -71,10 +101,27 @@ class SimulatedSubstitute:
         district: str = "",
         poor: bool = False,
     ) -> SweepRecipe:
-        """One recording of a subject (from 0); recordings of one ``session`` share the scanner and its settings.
+        """Return the recipe of one recording of a subject.
 
-        It has ``times`` the usual number of frames. ``district`` puts an artery and a vein side by side. A ``poor``
-        one has little contact, many shadows and much noise.
+        Parameters
+        ----------
+        subject : int
+            Number of the subject, from 0.
+        session : int
+            Number of the session; recordings of one session share the scanner and its settings.
+        sweep : int
+            Number of the recording.
+        times : int
+            How many times the usual number of frames it has.
+        district : str
+            ``carotid`` or ``femoral`` puts an artery and a vein next to each other; empty: one vessel.
+        poor : bool
+            Whether it has little contact, many shadows and much noise.
+
+        Returns
+        -------
+        SweepRecipe
+            All that decides the recording.
         """
         anatomies = np.random.default_rng([self.seed, 60]).permutation(TEST_SEEDS_FROM)
         base = PhantomSettings(
@@ -97,7 +144,18 @@ class SimulatedSubstitute:
         return SweepRecipe(settings, sweep, district)
 
     def __call__(self, recipes: Sequence[SweepRecipe]) -> tuple[Recorded, ...]:
-        """The recordings of these recipes: simulated now, or read from the cache."""
+        """Simulate recordings, or read them from the cache.
+
+        Parameters
+        ----------
+        recipes : sequence of SweepRecipe
+            The recordings.
+
+        Returns
+        -------
+        tuple of Recorded
+            One for each recipe.
+        """
         cache = cache_folder(self.cache)
         prepare(recipes, cache, self.workers)
         return tuple(
@@ -105,7 +163,18 @@ class SimulatedSubstitute:
         )
 
     def note(self, dataset: str) -> str:
-        """The sentence that stands beside every result of it."""
+        """Return the sentence that accompanies every result of it.
+
+        Parameters
+        ----------
+        dataset : str
+            The data set that it substitutes for.
+
+        Returns
+        -------
+        str
+            The sentence.
+        """
         return (
             f"Simulated: no image of {dataset} was used, but a substitute made by the built-in simulator "
             f"(subjects: {self.subjects}, recordings: {self.recordings}, frames: {self.frames}, "

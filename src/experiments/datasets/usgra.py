@@ -7,6 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import ClassVar
 
+from experiments.datasets.content_key import cached_while_unchanged
 from experiments.datasets.images import image_files
 from experiments.datasets.images.near_duplicates import near_duplicate_groups
 from experiments.datasets.pairing import REFUSE, Pairing, pair, require_choice
@@ -21,13 +22,34 @@ LABELS = {"nerve": 1, "vessel": 2}
 
 @dataclass(frozen=True)
 class Usgra:
-    """The 204 images of USGRA (tmkand/usgra-seg, CC BY 4.0) with the masks of one ``target``, vessel or nerve.
+    """The 204 images of USGRA (tmkand/usgra-seg, CC BY 4.0) with the masks of one structure.
 
-    No subject is published, and more than a quarter of the images have a near-duplicate, many of them the same picture
-    saved with another margin: images whose thumbnails correlate above ``duplicate_correlation`` (see
-    ``similarity_blocks``) form one group. No pixel spacing is known.
-    ``unpaired`` says whether images without a mask and masks without an image are
-    refused or left out (skip). What is read is kept in ``cache`` (None: nowhere).
+    Parameters
+    ----------
+    root : Path
+        The folder of ``images`` and ``masks``.
+    target : {'vessel', 'nerve'}
+        The structure to segment.
+    duplicate_correlation : float
+        Similarity (see ``similarity_blocks``) above which two images are in one group; above 0 to 1.
+    cache : str or None
+        Folder for decoded pixels; None: they are not stored.
+    simulate : bool
+        Make ``substitute`` instead of reading.
+    substitute : SimulatedSubstitute
+        Settings of the simulated substitute.
+    unpaired : {'refuse', 'skip'}
+        Whether images without a mask and masks without an image are refused or left out.
+
+    Raises
+    ------
+    InputError
+        If a setting has another value than those above.
+
+    Notes
+    -----
+    No subject is published, and more than a quarter of the images have a near-duplicate, many of them the
+    same picture saved with another margin: groups are near-duplicates. No pixel spacing is known.
     """
 
     root: PathSetting
@@ -54,15 +76,43 @@ class Usgra:
             raise InputError(f"target: expected vessel where simulate=true, received {self.target!r}")
 
     def require_root(self) -> Path | None:
-        """The folder, None where the simulated substitute is asked for; InputError says where the data comes from."""
+        """Check that the folder is there.
+
+        Returns
+        -------
+        Path or None
+            The folder; None where the data set is simulated.
+
+        Raises
+        ------
+        InputError
+            If there is none; the message says where the data comes from.
+        """
         return None if self.simulate else _folder(self)
 
     def __call__(self) -> LabelledFrames:
-        """Read or simulate images and masks; InputError names the folder or file that is not as expected."""
+        """Read or simulate images and masks.
+
+        Returns
+        -------
+        LabelledFrames
+            All frames.
+
+        Raises
+        ------
+        InputError
+            If a file or folder is not as expected; the message names it.
+        """
         return _simulated(self) if self.simulate else _read(self)
 
     def notes(self) -> tuple[str, ...]:
-        """What a reader of the results must know of the data."""
+        """Return what a reader of the results must know of the data.
+
+        Returns
+        -------
+        tuple of str
+            Sentences on the groups and on what was left out.
+        """
         if self.simulate:
             return (self.substitute.note(self.name),)
         return (
@@ -72,7 +122,13 @@ class Usgra:
         )
 
     def left_out(self) -> int:
-        """How many images and masks were left out because they had no partner."""
+        """Count the images and masks that were left out because they had no partner.
+
+        Returns
+        -------
+        int
+            Number of files.
+        """
         return 0 if self.simulate else _paired(self).unpaired
 
 
@@ -93,7 +149,7 @@ def _paired(dataset: Usgra) -> Pairing:
     return pair(images, masks, others).settled(dataset.unpaired, root)
 
 
-@lru_cache(maxsize=1)
+@cached_while_unchanged(lambda dataset: _paired(dataset).files)
 def _read(dataset: Usgra) -> LabelledFrames:
     root = _folder(dataset)
     files = _paired(dataset).pairs

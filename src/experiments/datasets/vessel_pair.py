@@ -2,7 +2,7 @@
 
 Sizes: the common carotid measures 6 to 7 mm across in adults (Krejza et al., Stroke 37, 2006), the internal jugular
 vein about twice that and flat; the common femoral artery 8 to 10 mm (Sandgren et al., J. Vasc. Surg. 29, 1999), the
-common femoral vein about 12 mm (Fronek et al., J. Vasc. Surg. 33, 2001). The vein lies beside the artery, somewhat in
+common femoral vein about 12 mm (Fronek et al., J. Vasc. Surg. 33, 2001). The vein lies next to the artery, somewhat in
 front of it in the neck and behind it in the groin. Under the probe both flatten alike: the simulator presses once.
 """
 
@@ -28,7 +28,19 @@ HALF_LENGTH_MM = 42.0
 
 @dataclass(frozen=True)
 class District:
-    """Ranges of one place of the body in mm: half the front-to-back size of both vessels, the vein's shift in depth."""
+    """Ranges of the sizes in one part of the body.
+
+    Parameters
+    ----------
+    artery_radius_mm : (float, float)
+        Half the front-to-back size of the artery.
+    vein_radius_mm : (float, float)
+        Half the front-to-back size of the vein.
+    vein_widening : (float, float)
+        Width of the vein over its front-to-back size.
+    vein_behind_mm : (float, float)
+        Depth of the vein less that of the artery.
+    """
 
     artery_radius_mm: tuple[float, float]
     vein_radius_mm: tuple[float, float]
@@ -43,7 +55,25 @@ DISTRICTS = {
 
 
 def draw_pair(district: str, seed: int) -> tuple[VesselLine, VesselLine]:
-    """Artery and vein of one anatomy; their lumens stay at least 1 mm apart. Either may lie on the left."""
+    """Draw artery and vein of one anatomy; their lumens stay at least 1 mm apart, either may lie on the left.
+
+    Parameters
+    ----------
+    district : {'carotid', 'femoral'}
+        The part of the body.
+    seed : int
+        Seed of the anatomy.
+
+    Returns
+    -------
+    (VesselLine, VesselLine)
+        Artery and vein, in mm.
+
+    Raises
+    ------
+    InputError
+        If there is no such district.
+    """
     if district not in DISTRICTS:
         raise InputError(f"district: expected one of {', '.join(DISTRICTS)}, received {district!r}")
     ranges, rng = DISTRICTS[district], np.random.default_rng([seed, 41, list(DISTRICTS).index(district)])
@@ -66,8 +96,21 @@ def draw_pair(district: str, seed: int) -> tuple[VesselLine, VesselLine]:
 
 
 @lru_cache(maxsize=4)
-def pair_anatomy(district: str, seed: int) -> tuple[Anatomy, Bool[np.ndarray, "t"]]:
-    """The anatomy around both vessels, and which triangles of its surface are the artery's."""
+def pair_anatomy(district: str, seed: int) -> tuple[Anatomy, Bool[np.ndarray, " t"]]:
+    """Build the anatomy around both vessels.
+
+    Parameters
+    ----------
+    district : {'carotid', 'femoral'}
+        The part of the body.
+    seed : int
+        Seed of the anatomy.
+
+    Returns
+    -------
+    (Anatomy, ndarray of bool, shape (t,))
+        The anatomy, and which triangles of its surface are the artery's.
+    """
     artery, vein = draw_pair(district, seed)
     anatomy = from_lines((artery, vein), SKIN_Y_MM)
     vertices_mm = anatomy.surface.vertices_mm
@@ -78,7 +121,13 @@ def pair_anatomy(district: str, seed: int) -> tuple[Anatomy, Bool[np.ndarray, "t
 
 @dataclass(frozen=True)
 class PairSimulator(SweepSimulator):
-    """One sweep over an artery and a vein; the mask of a frame holds labels: 0 background, 1 vein, 2 artery."""
+    """One sweep over an artery and a vein; the mask of a frame holds labels: 0 background, 1 vein, 2 artery.
+
+    Parameters
+    ----------
+    district : {'carotid', 'femoral'}
+        The part of the body.
+    """
 
     district: str
 
@@ -90,7 +139,20 @@ class PairSimulator(SweepSimulator):
     def frame(
         self, frame: int, view: View
     ) -> tuple[UInt8[np.ndarray, "h w"], UInt8[np.ndarray, "h w"], Bool[np.ndarray, "h w"]]:
-        """Picture, labels and hidden pixels of one frame."""
+        """Make one frame.
+
+        Parameters
+        ----------
+        frame : int
+            Its number, from 0.
+        view : View
+            Where the probe is, and how it presses.
+
+        Returns
+        -------
+        (ndarray of uint8, ndarray of uint8, ndarray of bool)
+            Picture, labels and hidden pixels, each of shape (h, w).
+        """
         picture, shown, hidden = super().frame(frame, view)
         _, of_artery = pair_anatomy(self.district, self.settings.anatomy_seed)
         labels = np.where(shown, np.uint8(VEIN), np.uint8(0))

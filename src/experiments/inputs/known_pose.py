@@ -1,4 +1,4 @@
-"""Initial pose of a registration, from a file or from landmarks, and a bound on the search around it."""
+"""Initial poses: what is known of the result before a search, and how far from it to search."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ SOURCES = ("file", "landmarks")
 
 @dataclass(frozen=True)
 class InitialPose:
-    """Initial pose of a registration.
+    """A pose known before a search, and a bound on the search around it.
 
     Parameters
     ----------
     fixed_T_moving : ndarray, shape (4, 4)
-        Rigid transform from moving to fixed coordinates in mm.
-    source : {"file", "landmarks"}
+        A rigid transform, in mm.
+    source : {'file', 'landmarks'}
         Where it comes from.
-    search_cone : SearchCone or None, optional
-        Bound on the search around it; None keeps the method's own.
+    search_cone : SearchCone or None
+        Bound on the search; None: the method's own.
 
     Raises
     ------
     InputError
-        If the transform is not rigid or the source is unknown.
+        If the transform is not rigid or the source is another.
     """
 
     fixed_T_moving: Float64[np.ndarray, "4 4"]
@@ -52,28 +52,28 @@ def initial_pose(
     search_cone_deg: float | None = None,
     search_radius_mm: float | None = None,
 ) -> InitialPose | None:
-    """Read or compute the initial pose of a registration.
+    """Return the pose in a file, else the one that aligns landmarks.
 
     Parameters
     ----------
     path : Path or None
-        File of a transform; it takes precedence.
+        File of a transform.
     pairs : LandmarkPairs or None
-        Landmarks whose rigid fit is the pose where there is no file.
-    search_cone_deg : float or None, optional
-        Largest rotation from the pose in degrees; None keeps the method's own.
-    search_radius_mm : float or None, optional
-        Largest translation from the pose in mm; None keeps the method's own.
+        Landmarks of both surfaces.
+    search_cone_deg : float or None
+        Largest rotation from the pose; None: the method's own.
+    search_radius_mm : float or None
+        Largest shift from the pose; None: the method's own.
 
     Returns
     -------
     InitialPose or None
-        The pose; None without file and landmarks.
+        None where neither file nor landmarks are given.
 
     Raises
     ------
     InputError
-        If the file can't be read, the pose is not rigid, or a bound is given without a pose.
+        If the file can't be read, the pose is not rigid, or a bound has no pose to search around.
     """
     cone = _cone(search_cone_deg, search_radius_mm)
     if path is not None:

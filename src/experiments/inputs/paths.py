@@ -1,4 +1,4 @@
-"""Inputs of the studies on tracked sweeps: where a sweep comes from, and a description of its timing."""
+"""What the studies on tracked sweeps share: where a sweep comes from, and what to say of its timing."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ SweepReader = Callable[[Path], "TrackedSweep"]
 
 
 def require_exists(path: str, setting: str) -> Path:
-    """Require that a setting names an existing file or folder.
+    """Check that a file or folder is there.
 
     Parameters
     ----------
     path : str
-        Value of the setting; ``~`` is expanded.
+        The path in a setting.
     setting : str
         Name of the setting, for the message.
 
@@ -37,7 +37,7 @@ def require_exists(path: str, setting: str) -> Path:
     Raises
     ------
     InputError
-        If there is nothing at the path.
+        If there is nothing.
     """
     found = Path(path).expanduser()
     if not found.exists():
@@ -46,17 +46,17 @@ def require_exists(path: str, setting: str) -> Path:
 
 
 def input_data(path: Path) -> InputData:
-    """Describe a file or folder by its digest.
+    """Describe a file by its digest, or a folder by the names and digests of all files in it.
 
     Parameters
     ----------
     path : Path
-        A file, or a folder, which is described by the names and digests of all files in it.
+        A file or folder.
 
     Returns
     -------
     InputData
-        Name, SHA-256 digest and path.
+        Name, digest and path.
     """
     if path.is_file():
         return InputData(path.name, files.digest(path), str(path))
@@ -67,17 +67,17 @@ def input_data(path: Path) -> InputData:
 
 
 def interval_ms(times_s: np.ndarray) -> tuple[float, float]:
-    """Compute the median and the largest interval between successive times.
+    """Compute the intervals between successive times.
 
     Parameters
     ----------
     times_s : ndarray, shape (n,)
-        Times in s, increasing.
+        Times.
 
     Returns
     -------
-    median, largest : float
-        Intervals in ms; NaN for fewer than two times.
+    (float, float)
+        Median and largest interval in ms; NaN for fewer than two times.
     """
     if len(times_s) < 2:
         return float("nan"), float("nan")
@@ -96,6 +96,6 @@ def describe_dropped(dropped: Mapping[str, int]) -> str:
     Returns
     -------
     str
-        Counts and reasons, or "none".
+        The counts, or none.
     """
     return ", ".join(f"{count} {reason}" for reason, count in dropped.items()) or "none"

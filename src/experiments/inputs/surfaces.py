@@ -1,4 +1,4 @@
-"""Input files of the registration studies: surfaces in their unit and axes, and poses."""
+"""Files that the registration studies take from the user: surfaces in their unit and axes, and poses."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ SPACES = ("lps", "ras")
 
 
 def require_path(value: str | Path | None, name: str, what: str) -> Path:
-    """Require that a setting names a path.
+    """Check that a setting names a path.
 
     Parameters
     ----------
-    value : str or Path or None
+    value : str, Path or None
         Value of the setting.
     name : str
         Name of the setting, for the message.
@@ -53,28 +53,28 @@ def require_path(value: str | Path | None, name: str, what: str) -> Path:
 
 
 def read_mm(path: Path, name: str, unit: str | None, space: str | None = "lps") -> Surface:
-    """Read a surface and convert it to mm in LPS axes.
+    """Read a surface in millimetres and LPS.
 
     Parameters
     ----------
     path : Path
-        File of a mesh or a point cloud.
+        A mesh or point cloud.
     name : str
         Name of the setting, for messages.
-    unit : {"mm", "m"} or None
-        Unit of the file; None for mm.
-    space : {"lps", "ras"} or None, optional
-        Axes of the file; None for what its header states (LPS if it states nothing).
+    unit : {'mm', 'm'} or None
+        Unit of the file; None: mm.
+    space : {'lps', 'ras'} or None
+        Axes of the file; None: what its header says, else lps.
 
     Returns
     -------
     Mesh or ndarray, shape (n, 3)
-        Surface in mm.
+        The surface.
 
     Raises
     ------
     InputError
-        If the file can't be read, or unit or axes are unknown.
+        If the file can't be read, or unit or space are not among these.
     """
     if unit is not None and unit not in MM_PER_UNIT:
         raise InputError(f"{name}_unit: expected mm, m or null, received {unit!r}")
@@ -85,26 +85,26 @@ def read_mm(path: Path, name: str, unit: str | None, space: str | None = "lps") 
 
 
 def read_space(path: Path, name: str, space: str | None) -> str:
-    """Determine the axes of a file.
+    """Return the axes of a file: those given, else those in its header, else lps.
 
     Parameters
     ----------
     path : Path
-        File of a surface.
+        A mesh or point cloud.
     name : str
-        Name of the setting, for the message.
-    space : {"lps", "ras"} or None
-        Axes that the user states; None for what the header states.
+        Name of the setting, for messages.
+    space : {'lps', 'ras'} or None
+        What the user gives.
 
     Returns
     -------
-    str
-        "lps" or "ras"; "lps" where neither states anything.
+    {'lps', 'ras'}
+        The axes.
 
     Raises
     ------
     InputError
-        If ``space`` is another word.
+        If ``space`` is not among these.
     """
     if space is None:
         return stated_space(path) or "lps"
@@ -114,21 +114,23 @@ def read_space(path: Path, name: str, space: str | None) -> str:
 
 
 def require_solid(surface: Surface, name: str) -> None:
-    """Require that the points of a surface do not lie in one plane.
-
-    A vessel does not, and the mirror image of a plane would fit as well.
+    """Check that points do not all lie in one plane.
 
     Parameters
     ----------
     surface : Mesh or ndarray, shape (n, 3)
-        Surface in mm.
+        In mm.
     name : str
         Name of the setting, for the message.
 
     Raises
     ------
     InputError
-        If all points lie in one plane.
+        If they do.
+
+    Notes
+    -----
+    A vessel does not, and the mirror image of points in a plane would fit as well.
     """
     points_mm = points_of(surface)
     if isinstance(surface, Mesh):
@@ -139,39 +141,41 @@ def require_solid(surface: Surface, name: str) -> None:
 
 
 def refuse_metres(surface: Surface, other: Surface, name: str, unit: str | None, hint: str) -> None:
-    """Require that a surface whose unit was not stated does not look like metres compared with another.
+    """Check that a surface whose unit was not given does not look like metres.
 
     Parameters
     ----------
-    surface, other : Mesh or ndarray, shape (n, 3)
-        The surface, and the one that it is registered with.
+    surface : Mesh or ndarray, shape (n, 3)
+        The surface.
+    other : Mesh or ndarray, shape (n, 3)
+        The surface that it is to be registered with.
     name : str
         Name of the setting, for the message.
     unit : str or None
-        Unit that was stated; None for none.
+        The unit given; with one, nothing is checked.
     hint : str
-        What the user can do, for the message.
+        What to do, for the message.
 
     Raises
     ------
     InputError
-        If no unit was stated and the surface looks like metres.
+        If its bounding box has a diagonal below 1, or a hundred times smaller than the other's.
     """
     own, others = diagonal_mm(points_of(surface)), diagonal_mm(points_of(other))
     if unit is None and (own < METRES_BELOW or HUNDREDFOLD * own <= others):
         raise InputError(
-            f"{name}: expected millimetres, received a bounding box with a diagonal of {own:.3g} beside one of "
+            f"{name}: expected millimetres, received a bounding box with a diagonal of {own:.3g} compared with one of "
             f"{others:.3g}, which looks like metres; {hint}"
         )
 
 
 def read_pose(path: Path, name: str) -> np.ndarray:
-    """Read a rigid transform.
+    """Read a pose from any file that ``read_transform`` reads.
 
     Parameters
     ----------
     path : Path
-        Any file that ``read_transform`` reads.
+        The file.
     name : str
         Name of the setting, for messages.
 
@@ -190,7 +194,7 @@ def read_pose(path: Path, name: str) -> np.ndarray:
 
 
 def read_frames(path: Path, surface: Surface) -> np.ndarray | None:
-    """Read the number of the frame that each point of a sweep's cloud comes from.
+    """Read which frame of a sweep each point of its cloud was seen in.
 
     Parameters
     ----------
@@ -202,7 +206,7 @@ def read_frames(path: Path, surface: Surface) -> np.ndarray | None:
     Returns
     -------
     ndarray of int, shape (n,), or None
-        Frame numbers; None unless it is the PLY file of a cloud with them.
+        Frame numbers; None where the file is no PLY file that has them.
     """
     if isinstance(surface, Mesh) or path.suffix.lower() != ".ply":
         return None
@@ -214,24 +218,22 @@ def read_frames(path: Path, surface: Surface) -> np.ndarray | None:
 
 
 def one_method(rigid: object) -> tuple[str, Any]:
-    """Return the only method of a configuration.
+    """Return the only method of a setting.
 
     Parameters
     ----------
     rigid : object
-        Methods by name, as configured.
+        Value of the setting ``rigid``: a mapping of name to method.
 
     Returns
     -------
-    name : str
-        Name of the method.
-    method : object
-        The method.
+    (str, object)
+        Name and method.
 
     Raises
     ------
     InputError
-        If there is not exactly one.
+        If there are none or several.
     """
     if not isinstance(rigid, dict) or len(rigid) != 1:
         received = ", ".join(rigid) if isinstance(rigid, dict) else repr(rigid)
@@ -240,24 +242,24 @@ def one_method(rigid: object) -> tuple[str, Any]:
 
 
 def points_of(surface: Surface) -> np.ndarray:
-    """Return the points of a surface.
+    """Return the vertices of a mesh, or the points of a cloud.
 
     Parameters
     ----------
     surface : Mesh or ndarray, shape (n, 3)
-        Surface.
+        The surface.
 
     Returns
     -------
     ndarray, shape (n, 3)
-        Vertices of a mesh, or the points of a cloud.
+        Points in mm.
     """
     return surface.vertices_mm if isinstance(surface, Mesh) else surface
 
 
 @contextmanager
 def naming(setting: str) -> Iterator[None]:
-    """Add the name of a setting to the message of an input error that occurs in the block.
+    """Put the name of a setting before what the reading of its file refuses.
 
     Parameters
     ----------
@@ -267,7 +269,7 @@ def naming(setting: str) -> Iterator[None]:
     Raises
     ------
     InputError
-        If the block raises registration's InputError.
+        In place of the InputError of ``registration`` that is raised within the context.
     """
     try:
         yield

@@ -14,7 +14,7 @@ BACKGROUND_PX = 12.0
 SMALLEST_VESSEL_PX = 300
 
 
-def gcnr(first: UInt8[np.ndarray, "n"], second: UInt8[np.ndarray, "m"]) -> float:
+def gcnr(first: UInt8[np.ndarray, " n"], second: UInt8[np.ndarray, " m"]) -> float:
     """Compute the generalised contrast-to-noise ratio of two sets of grey values.
 
     It is 1 less the overlap of their histograms, with bins of 8 grey levels.
@@ -141,7 +141,7 @@ def _autocorrelation_widths(patch: Float64[np.ndarray, "p p"]) -> tuple[float, f
     return _width(correlation[:, 0]), _width(correlation[0])
 
 
-def _width(course: Float64[np.ndarray, "n"]) -> float:
+def _width(course: Float64[np.ndarray, " n"]) -> float:
     below = np.flatnonzero(course < 0.5)
     if not len(below):
         return float("nan")

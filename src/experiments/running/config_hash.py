@@ -15,7 +15,18 @@ NEVER_PART = frozenset({"cache", "resume", "workers"})
 
 
 def job_config(config: Mapping[str, Any]) -> dict[str, Any]:
-    """The part of a resolved configuration that decides the result."""
+    """The part of a resolved configuration that decides the result.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        A resolved configuration.
+
+    Returns
+    -------
+    dict[str, Any]
+        The part of the configuration.
+    """
     return {key: value for key, value in config.items() if key not in NOT_PART_OF_THE_JOB}
 
 
@@ -25,6 +36,18 @@ def config_hash(config: Mapping[str, Any], contents: Mapping[str, str]) -> str:
     ``contents`` has the digest of what lies under each path that the job reads. A file that changes under the same
     name, or inside a folder of the same name, makes another job, so that ``resume=true`` never takes an old result for
     a new input. Order of keys does not matter; 1 and 1.0 are the same number.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        A resolved configuration.
+    contents : Mapping[str, str]
+        Digest of what lies under each path that is read, by path.
+
+    Returns
+    -------
+    str
+        The hash in hexadecimal.
     """
     read = {path: contents[path] for path in sorted(contents)}
     canonical = json.dumps(

@@ -35,6 +35,18 @@ def content_digest(path: Path, leave_out: Collection[Path] = ()) -> str:
     ``leave_out`` are folders that are not looked into: where results go, which may lie inside what is read. Names
     count relative to ``path``, so that a folder that is moved as a whole keeps its digest. Raises InputError for what
     can't be read.
+
+    Parameters
+    ----------
+    path : Path
+        File or folder.
+    leave_out : Collection[Path], optional
+        Folders whose contents do not count.
+
+    Returns
+    -------
+    str
+        The digest in hexadecimal.
     """
     try:
         found = dict(_under(path, {_real(folder) for folder in leave_out}))

@@ -49,7 +49,18 @@ class DigestCache:
         self._database.close()
 
     def digest(self, path: Path) -> str:
-        """SHA-256 of the bytes of a file, in hexadecimal."""
+        """SHA-256 of the bytes of a file, in hexadecimal.
+
+        Parameters
+        ----------
+        path : Path
+            File to read.
+
+        Returns
+        -------
+        str
+            The digest.
+        """
         stat = path.stat()
         key = os.path.realpath(path)
         about = f"{stat.st_size} {stat.st_mtime_ns} {stat.st_ctime_ns}"

@@ -14,7 +14,18 @@ _OPENING, _CLOSING = "([{", ")]}"
 
 
 def distinct_labels(labels: Mapping[str, str]) -> dict[str, str]:
-    """The labels of jobs by their hashes, each with the beginning of its hash where two are the same."""
+    """The labels of jobs by their hashes, each with the beginning of its hash where two are the same.
+
+    Parameters
+    ----------
+    labels : Mapping[str, str]
+        Label of every job by its hash.
+
+    Returns
+    -------
+    dict[str, str]
+        A label for each hash, all different.
+    """
     often = Counter(labels.values())
     return {
         key: label if often[label] == 1 else ",".join(filter(None, (label, f"job={key[:12]}")))
@@ -26,6 +37,16 @@ def folder_names(labels: Mapping[str, str]) -> dict[str, str]:
     """A folder's name for each job, by its hash: no two are the same, on any file system.
 
     A person can read it, a file system takes it, and an override can hold it without quotes.
+
+    Parameters
+    ----------
+    labels : Mapping[str, str]
+        Label of every job by its hash.
+
+    Returns
+    -------
+    dict[str, str]
+        A name for each hash, all different.
     """
     names = {key: _folder_name(label, key) for key, label in labels.items()}
     # Some file systems take upper for lower case, and one form of an accented letter for the other.
@@ -53,7 +74,18 @@ def _is_ambiguous(label: str) -> bool:
 
 
 def choices_of(label: str) -> dict[str, str]:
-    """The settings in a label such as ``augmentation=strong,parts=[1,2]``, by name."""
+    """The settings in a label such as ``augmentation=strong,parts=[1,2]``, by name.
+
+    Parameters
+    ----------
+    label : str
+        Label of a job.
+
+    Returns
+    -------
+    dict[str, str]
+        Values by setting.
+    """
     parts = (part.partition("=") for part in _words(label))
     return {name: value for name, equals, value in parts if equals}
 

@@ -33,6 +33,17 @@ class Job:
     """One job: its whole configuration, its hash, and a short label that tells it from its neighbours.
 
     ``choices`` are the words of the command line by which its sweep point differs from others.
+
+    Parameters
+    ----------
+    config : dict[str, Any]
+        Its resolved configuration.
+    hash : str
+        Hash of what it computes.
+    label : str
+        What tells it from the other jobs of the call.
+    choices : dict[str, str], optional
+        Settings by which its sweep point differs from others.
     """
 
     config: dict[str, Any]
@@ -46,6 +57,19 @@ class Plan:
     """All jobs of one call of the command line, by hash, and the run that stands above them, if there is one.
 
     ``contents`` are the digests of all that the jobs read, as they were when the call began.
+
+    Parameters
+    ----------
+    study : str
+        Name of the study.
+    labels : dict[str, str]
+        Label of every job by its hash.
+    out : str
+        Folder for the results of the call.
+    parent_id : str or None, optional
+        Id of the run above all jobs; None if there is none.
+    contents : dict[str, str], optional
+        Digest of what the jobs read, by path.
     """
 
     study: str
@@ -55,7 +79,18 @@ class Plan:
     contents: dict[str, str] = field(default_factory=dict)
 
     def folder_of(self, key: str) -> Path:
-        """Where the job of that hash leaves its files: in ``out`` itself if it is alone, else in a folder there."""
+        """Where the job of that hash leaves its files: in ``out`` itself if it is alone, else in a folder there.
+
+        Parameters
+        ----------
+        key : str
+            The job's hash.
+
+        Returns
+        -------
+        Path
+            The folder.
+        """
         out = Path(self.out)
         return out if len(self.labels) == 1 else out / folder_names(self.labels)[key]
 
@@ -132,7 +167,18 @@ def _is_module(package: str, name: str) -> bool:
 
 
 def job_configs(config: Mapping[str, Any]) -> list[tuple[dict[str, Any], str]]:
-    """The configuration of every job of one point of a sweep, and the label of what sets it apart."""
+    """The configuration of every job of one point of a sweep, and the label of what sets it apart.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        A resolved configuration.
+
+    Returns
+    -------
+    list[tuple[dict[str, Any], str]]
+        Configuration and label of each job.
+    """
     module = study_module(config["study"])
     changes = module.jobs(config) if hasattr(module, "jobs") else [{}]
     if not changes:
@@ -146,6 +192,16 @@ def arguments(config: Mapping[str, Any]) -> dict[str, Any]:
     """The arguments of the study's ``run`` that come from the configuration, with every ``_target_`` built.
 
     Raises InputError where the configuration has no value for one, or a class refuses its settings.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        A resolved configuration.
+
+    Returns
+    -------
+    dict[str, Any]
+        Arguments by name.
     """
     return _arguments(study_module(config["study"]).run, config)
 
@@ -154,6 +210,11 @@ def check(config: Mapping[str, Any]) -> None:
     """Raise InputError for what can be known to be wrong before any job starts.
 
     A study that reads files has a function ``check``, whose parameters are settings as those of ``run`` are.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        A resolved configuration.
     """
     arguments(config)
     module = study_module(config["study"])
@@ -181,6 +242,18 @@ def jobs_of(points: list[tuple[Mapping[str, Any], str]], contents: dict[str, str
     """Every job of every sweep point (its configuration and label), each once, with labels that are all different.
 
     ``contents`` are digests of paths that are known already; those of further paths are added to it.
+
+    Parameters
+    ----------
+    points : list[tuple[Mapping[str, Any], str]]
+        Resolved configuration and label of each sweep point.
+    contents : dict[str, str] or None, optional
+        Digests that are known already, by path; further ones are added.
+
+    Returns
+    -------
+    list[Job]
+        The jobs, each once.
     """
     known = {} if contents is None else contents
     jobs: dict[str, Job] = {}
@@ -193,7 +266,18 @@ def jobs_of(points: list[tuple[Mapping[str, Any], str]], contents: dict[str, str
 
 
 def hash_now(config: Mapping[str, Any]) -> str:
-    """The hash of a job by what it would read at this moment."""
+    """The hash of a job by what it would read at this moment.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        A resolved configuration.
+
+    Returns
+    -------
+    str
+        The hash in hexadecimal.
+    """
     return config_hash(config, _contents_of(config, {}))
 
 
@@ -202,6 +286,16 @@ def read_paths(config: Mapping[str, Any]) -> list[str]:
 
     A study that reads files which no setting names has a function ``implicit_paths`` that yields them for a
     configuration.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        A resolved configuration.
+
+    Returns
+    -------
+    list[str]
+        Paths as the configuration has them.
     """
     module = study_module(config["study"])
     takers = [getattr(module, name) for name in ("run", "check") if hasattr(module, name)]
@@ -224,7 +318,20 @@ def _contents_of(config: Mapping[str, Any], known: dict[str, str]) -> dict[str, 
 
 
 def out_folder(config: Mapping[str, Any], key: str) -> Path:
-    """Where results go: ``out`` as the user gave it (from the current folder), else a folder of the study's own."""
+    """Where results go: ``out`` as the user gave it (from the current folder), else a folder of the study's own.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        A resolved configuration.
+    key : str
+        The job's hash.
+
+    Returns
+    -------
+    Path
+        The folder.
+    """
     if config.get("out"):
         return Path(str(config["out"])).expanduser().absolute()
     return project_root() / "outputs" / str(config["study"]) / key[:12]

@@ -21,6 +21,18 @@ def named_paths(config: Mapping[str, Any], takers: Sequence[Callable[..., object
 
     ``takers`` are the functions whose parameters are settings of ``config``; the fields of every ``_target_`` in it
     are looked at as well, at any depth.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        A resolved configuration.
+    takers : Sequence[Callable[..., object]]
+        Functions whose parameters are settings.
+
+    Returns
+    -------
+    dict[str, str]
+        Paths by the dotted place of their setting.
     """
     known = _annotations(takers)
     found: dict[str, str] = {}
@@ -33,12 +45,34 @@ def named_paths(config: Mapping[str, Any], takers: Sequence[Callable[..., object
 
 
 def is_path(annotation: object) -> bool:
-    """Whether an annotation, as an object or as text, says that a setting is a path to be read."""
+    """Whether an annotation, as an object or as text, says that a setting is a path to be read.
+
+    Parameters
+    ----------
+    annotation : object
+        Annotation of a parameter, as an object or as text.
+
+    Returns
+    -------
+    bool
+        Whether an annotation, as an object or as text, says that a setting is a path to be read.
+    """
     return bool(_PATH.search(_text(annotation)))
 
 
 def words_of(annotation: object) -> frozenset[str]:
-    """The words that a setting takes in place of a path: those of a ``Literal`` in its annotation."""
+    """The words that a setting takes in place of a path: those of a ``Literal`` in its annotation.
+
+    Parameters
+    ----------
+    annotation : object
+        Annotation of a parameter, as an object or as text.
+
+    Returns
+    -------
+    frozenset[str]
+        The words.
+    """
     inside = _LITERAL.findall(_text(annotation))
     return frozenset(word.strip().strip("'\"") for text in inside for word in text.split(","))
 

@@ -31,7 +31,25 @@ CHANGED = "inputs changed while it ran"
 @dataclass(frozen=True)
 class Report:
     """How a job ended: ``finished``, ``resumed`` (a finished run of it was there), ``refused`` (the user's input is
-    at fault) or ``failed``; with the run's id and what went wrong."""
+    at fault) or ``failed``; with the run's id and what went wrong.
+
+    Parameters
+    ----------
+    hash : str
+        The job's hash.
+    label : str
+        The job's label.
+    status : str
+        ``finished``, ``resumed``, ``refused`` or ``failed``.
+    folder : str
+        Folder of its results.
+    run_id : str or None, optional
+        Id of its tracked run; None if there is none.
+    message : str, optional
+        What went wrong; empty if all is well.
+    findings : tuple[str, ...], optional
+        Results as plain sentences.
+    """
 
     hash: str
     label: str
@@ -42,23 +60,59 @@ class Report:
     findings: tuple[str, ...] = ()
 
     def write(self, path: Path) -> None:
-        """Write as JSON, so that the process that waits for all jobs can read it."""
+        """Write as JSON, so that the process that waits for all jobs can read it.
+
+        Parameters
+        ----------
+        path : Path
+            File of the report.
+        """
         files.write_text(path, json.dumps(self.__dict__))
 
     @staticmethod
     def read(path: Path) -> Report:
-        """Read what ``write`` wrote."""
+        """Read what ``write`` wrote.
+
+        Parameters
+        ----------
+        path : Path
+            File of the report.
+
+        Returns
+        -------
+        Report
+            What was written.
+        """
         content = json.loads(path.read_text(encoding="utf-8"))
         return Report(**{**content, "findings": tuple(content["findings"])})
 
 
 def report_file(folder: Path, key: str) -> Path:
-    """Where the report of the job of that hash lies while a sweep is under way."""
+    """Where the report of the job of that hash lies while a sweep is under way.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the plan.
+    key : str
+        The job's hash.
+
+    Returns
+    -------
+    Path
+        The file.
+    """
     return folder / f"{key}.json"
 
 
 def user_errors() -> tuple[type[Exception], ...]:
-    """The exceptions that mean the user's input is at fault, of every package."""
+    """The exceptions that mean the user's input is at fault, of every package.
+
+    Returns
+    -------
+    tuple[type[Exception], ...]
+        The classes of exceptions.
+    """
     import models.errors
     import registration.errors
 
@@ -66,14 +120,44 @@ def user_errors() -> tuple[type[Exception], ...]:
 
 
 def is_tracked(study: str, store: Store) -> bool:
-    """Whether the jobs of a study become runs: not if tracking is off, nor for studies that measure nothing."""
+    """Whether the jobs of a study become runs: not if tracking is off, nor for studies that measure nothing.
+
+    Parameters
+    ----------
+    study : str
+        Name of the study.
+    store : Store
+        The tracker.
+
+    Returns
+    -------
+    bool
+        Whether the jobs of a study become runs.
+    """
     return store.enabled and getattr(jobs.study_module(study), "TRACKED", True)
 
 
 def run_job(
     job: Job, plan: Plan, store: Store, progress: terminal.TerminalProgress
 ) -> tuple[Report, Outcome | None]:
-    """Run one job to its end, whatever that is; only a stop by signal or keyboard passes through."""
+    """Run one job to its end, whatever that is; only a stop by signal or keyboard passes through.
+
+    Parameters
+    ----------
+    job : Job
+        The job.
+    plan : Plan
+        The plan of the call.
+    store : Store
+        The tracker.
+    progress : terminal.TerminalProgress
+        Where progress is shown.
+
+    Returns
+    -------
+    tuple[Report, Outcome or None]
+        How the job ended, and its result if it finished just now.
+    """
     tracked = is_tracked(plan.study, store)
     run_id = None
     try:
@@ -113,7 +197,22 @@ def _keep_for_later(job: Job, plan: Plan, run: RunWriter, outcome: Outcome) -> N
 
 
 def load_result(report: Report, job: Job, store: Store) -> JobResult:
-    """A finished job as the summary sees it: from its folder where that is, else from the tracker."""
+    """A finished job as the summary sees it: from its folder where that is, else from the tracker.
+
+    Parameters
+    ----------
+    report : Report
+        How the job ended.
+    job : Job
+        The job.
+    store : Store
+        The tracker.
+
+    Returns
+    -------
+    JobResult
+        The result.
+    """
     import pandas as pd
 
     folder = Path(report.folder)
@@ -127,7 +226,15 @@ def load_result(report: Report, job: Job, store: Store) -> JobResult:
 
 
 def write_outcome(outcome: Outcome, folder: Path) -> None:
-    """Keep metrics, per-case table, result tables and figures as files in ``folder``."""
+    """Keep metrics, per-case table, result tables and figures as files in ``folder``.
+
+    Parameters
+    ----------
+    outcome : Outcome
+        The result.
+    folder : Path
+        Folder for the files.
+    """
     files.write_text(
         folder / "metrics.json", json.dumps({k: _json_number(v) for k, v in outcome.metrics.items()})
     )
@@ -143,6 +250,17 @@ def log_results(run: RunWriter, outcome: Outcome, folder: Path, names: Sequence[
     """Log what the dashboard shows of an outcome, and the files ``names`` of ``folder``, which are written already.
 
     What the tracker refuses is said and left out: by now the results are there, and nothing of them may be lost.
+
+    Parameters
+    ----------
+    run : RunWriter
+        The run that is being written.
+    outcome : Outcome
+        The result.
+    folder : Path
+        Folder that holds the files.
+    names : Sequence[str]
+        Names of the files, from that folder on.
     """
     parts: dict[str, Callable[[], None]] = {
         "the history": lambda: run.history(outcome.history),
@@ -163,7 +281,15 @@ def log_results(run: RunWriter, outcome: Outcome, folder: Path, names: Sequence[
 
 
 def log_config(run: RunWriter, config: Mapping[str, Any]) -> None:
-    """Log the resolved configuration as an artifact and as flat parameters."""
+    """Log the resolved configuration as an artifact and as flat parameters.
+
+    Parameters
+    ----------
+    run : RunWriter
+        The run that is being written.
+    config : Mapping[str, Any]
+        A resolved configuration.
+    """
     run.text(yaml.safe_dump(dict(config), sort_keys=False), "config.yaml")
     run.params(flatten(config))
 

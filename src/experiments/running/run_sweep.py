@@ -46,12 +46,13 @@ def run(points: SweepPoints) -> int:
         If the points differ in what a call has only one of, or a job is known to be wrong before it starts.
     """
     _require_one_call(points)
+    at_once = jobs_at_once(points[0][0])
     study = str(points[0][0]["study"])
     contents: dict[str, str] = {}
     planned = jobs.jobs_of(points, contents)
     for job in planned:
         jobs.check(job.config)
-    launcher = launcher_of(points[0][0], len(planned))
+    launcher = launcher_of(min(at_once, len(planned)))
     sweep_hash = hashlib.sha256("\n".join(sorted(job.hash for job in planned)).encode()).hexdigest()
     out = jobs.out_folder(points[0][0], sweep_hash)
     store = store_of(points[0][0])
@@ -73,27 +74,19 @@ def run(points: SweepPoints) -> int:
             raise
 
 
-def launcher_of(config: Mapping[str, Any], count: int) -> Launcher:
+def launcher_of(at_once: int) -> Launcher:
     """Choose how the jobs of a call are started.
 
     Parameters
     ----------
-    config : mapping
-        A resolved configuration of the call.
-    count : int
-        Number of jobs.
+    at_once : int
+        Number of jobs at the same time.
 
     Returns
     -------
     Launcher
         ``LocalProcesses`` if more than one job may run at a time, else ``InProcess``.
-
-    Raises
-    ------
-    InputError
-        If ``jobs`` is not a whole number from 1.
     """
-    at_once = min(jobs_at_once(config), count)
     return LocalProcesses(at_once) if at_once > 1 else InProcess()
 
 
@@ -118,7 +111,18 @@ def _require_one_call(points: SweepPoints) -> None:
 
 
 def jobs_at_once(config: Mapping[str, Any]) -> int:
-    """How many jobs of a call run at the same time; InputError if ``jobs`` is not a whole number from 1."""
+    """How many jobs of a call run at the same time; InputError if ``jobs`` is not a whole number from 1.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        A resolved configuration.
+
+    Returns
+    -------
+    int
+        Number of jobs.
+    """
     at_once = config.get("jobs", 1)
     if isinstance(at_once, bool) or not isinstance(at_once, int) or at_once < 1:
         raise InputError(f"jobs: expected a whole number from 1, received {at_once!r}")

@@ -15,6 +15,7 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
+    ProgressColumn,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
@@ -41,7 +42,22 @@ class TerminalProgress:
         self._open = 0
 
     def track(self, items: Iterable[Item], description: str, total: int | None = None) -> Iterator[Item]:
-        """Pass ``items`` through while the bar advances."""
+        """Pass ``items`` through while the bar advances.
+
+        Parameters
+        ----------
+        items : Iterable[Item]
+            What is worked through.
+        description : str
+            Text before the bar.
+        total : int or None, optional
+            Number of items; None if it is known from ``items`` or unknown.
+
+        Returns
+        -------
+        Iterator[Item]
+            The items.
+        """
         if total is None and isinstance(items, Sized):
             total = len(items)
         yield from (
@@ -51,7 +67,13 @@ class TerminalProgress:
         )
 
     def note(self, text: str) -> None:
-        """Print one line."""
+        """Print one line.
+
+        Parameters
+        ----------
+        text : str
+            Line to print.
+        """
         # As it is: square brackets are no markup, and ":x:" is no picture.
         self.console.print(f"{self.prefix}{text}", markup=False, emoji=False, highlight=False, soft_wrap=True)
 
@@ -85,7 +107,13 @@ class TerminalProgress:
 
 
 def plain_console() -> Console:
-    """Standard error as if it were no terminal: lines only, never a bar."""
+    """Standard error as if it were no terminal: lines only, never a bar.
+
+    Returns
+    -------
+    Console
+        The console.
+    """
     return Console(stderr=True, force_terminal=False)
 
 
@@ -101,7 +129,15 @@ def _columns() -> tuple[ProgressColumn, ...]:
 
 
 def print_tables(tables: dict[str, pd.DataFrame], console: Console | None = None) -> None:
-    """Print small result tables. Names of columns break at their underscores, so that the tables stay narrow."""
+    """Print small result tables. Names of columns break at their underscores, so that the tables stay narrow.
+
+    Parameters
+    ----------
+    tables : dict[str, pd.DataFrame]
+        Tables by title.
+    console : Console or None, optional
+        Where to print; None for standard output.
+    """
     console = console or Console(file=sys.stdout)
     # A table wider than the terminal had better wrap than lose digits.
     console.width = max(console.width, WIDEST_TABLE)
@@ -134,14 +170,36 @@ def _broken(name: str, width: int) -> str:
 
 
 def cell_text(value: object) -> str:
-    """A table's cell: three significant decimals for a number, nothing for a missing one."""
+    """A table's cell: three significant decimals for a number, nothing for a missing one.
+
+    Parameters
+    ----------
+    value : object
+        Value of a table.
+
+    Returns
+    -------
+    str
+        The text.
+    """
     if isinstance(value, float):
         return "" if value != value else f"{value:.3f}"
     return str(value)
 
 
 def markdown(tables: dict[str, pd.DataFrame]) -> str:
-    """The same tables as Markdown."""
+    """The same tables as Markdown.
+
+    Parameters
+    ----------
+    tables : dict[str, pd.DataFrame]
+        Tables by title.
+
+    Returns
+    -------
+    str
+        The tables.
+    """
     parts = []
     for title, frame in tables.items():
         rows = [[cell_text(value) for value in row] for row in frame.itertuples(index=False)]
@@ -157,7 +215,17 @@ def _field(text: str) -> str:
 
 
 def print_closing(findings: Iterable[str], folder: Path, dashboard: str | None) -> None:
-    """The last lines: what was found, where the files are, how to open the dashboard."""
+    """The last lines: what was found, where the files are, how to open the dashboard.
+
+    Parameters
+    ----------
+    findings : Iterable[str]
+        Results as plain sentences.
+    folder : Path
+        Folder of the results.
+    dashboard : str or None
+        Command or address that opens the dashboard; None if nothing is tracked.
+    """
     for finding in findings:
         print(finding)
     print(f"Files: {folder}")

@@ -15,7 +15,18 @@ Indices = Int[np.ndarray, " _"]
 
 
 def area_classes(frames: LabelledFrames) -> Int[np.ndarray, " n"]:
-    """0 for a case without vessel, 1 to 4 by the share of the image that the vessel fills."""
+    """Classify cases by the share of the image that the vessel fills.
+
+    Parameters
+    ----------
+    frames : LabelledFrames
+        n cases.
+
+    Returns
+    -------
+    ndarray of int, shape (n,)
+        0 for a case without vessel, else 1 to 4 by quartile of the share.
+    """
     shares = np.array([mask.mean() for mask in frames.masks])
     classes = np.zeros(len(shares), dtype=np.int64)
     shown = shares > 0
@@ -27,7 +38,17 @@ def area_classes(frames: LabelledFrames) -> Int[np.ndarray, " n"]:
 
 @dataclass(frozen=True)
 class GroupedCases:
-    """What dividing a data set needs of it: name, group and area class of each case. Cases are given by index."""
+    """What dividing a data set needs of it. Cases are given by index.
+
+    Parameters
+    ----------
+    ids : tuple of str
+        Name of each of n cases.
+    groups : ndarray of str, shape (n,)
+        Group of each case.
+    classes : ndarray of int, shape (n,)
+        Area class of each case, see ``area_classes``.
+    """
 
     ids: tuple[str, ...]
     groups: Shaped[np.ndarray, " n"]
@@ -35,31 +56,111 @@ class GroupedCases:
 
     @staticmethod
     def of(frames: LabelledFrames) -> GroupedCases:
-        """The cases of a data set."""
+        """Take the cases of a data set.
+
+        Parameters
+        ----------
+        frames : LabelledFrames
+            All cases.
+
+        Returns
+        -------
+        GroupedCases
+            Names, groups and area classes.
+        """
         return GroupedCases(frames.case_ids, np.array(frames.groups), area_classes(frames))
 
     def group_of(self) -> dict[str, str]:
-        """The group of each case."""
+        """Return the group of each case.
+
+        Returns
+        -------
+        dict of str to str
+            Group by name.
+        """
         return dict(zip(self.ids, self.groups.tolist(), strict=True))
 
     def names(self, cases: Indices) -> tuple[str, ...]:
-        """The names of ``cases``."""
+        """Return the names of cases.
+
+        Parameters
+        ----------
+        cases : ndarray of int, shape (m,)
+            Indices.
+
+        Returns
+        -------
+        tuple of str
+            Names.
+        """
         return tuple(self.ids[case] for case in cases)
 
     def in_groups(self, groups: Collection[str]) -> Indices:
-        """The cases of ``groups``."""
+        """Return the cases of groups.
+
+        Parameters
+        ----------
+        groups : collection of str
+            Group names.
+
+        Returns
+        -------
+        ndarray of int, shape (m,)
+            Indices.
+        """
         return np.flatnonzero(np.isin(self.groups, list(groups)))
 
     def count_groups(self, cases: Indices) -> int:
-        """How many groups ``cases`` are of."""
+        """Count the groups of cases.
+
+        Parameters
+        ----------
+        cases : ndarray of int, shape (m,)
+            Indices.
+
+        Returns
+        -------
+        int
+            Number of different groups.
+        """
         return len(set(self.groups[cases]))
 
     def divide(self, cases: Indices, shares: Sequence[float], seed: int) -> list[Indices]:
-        """``cases`` by whole groups in parts of ``shares``, as ``divide`` does."""
+        """Divide cases by whole groups, as the function ``divide`` does.
+
+        Parameters
+        ----------
+        cases : ndarray of int, shape (m,)
+            Indices.
+        shares : sequence of float
+            Share of each part; they add up to 1.
+        seed : int
+            Seed of the order among equals.
+
+        Returns
+        -------
+        list of ndarray of int
+            Indices of each part.
+        """
         return [cases[part] for part in divide(self.classes[cases], self.groups[cases], shares, seed)]
 
     def stopping_part(self, cases: Indices, parts: int, seed: int) -> Indices:
-        """One part in ``parts`` of ``cases``, at least one group: what stops a training early."""
+        """Choose the part that stops a training early.
+
+        Parameters
+        ----------
+        cases : ndarray of int, shape (m,)
+            Indices of the cases to train with.
+        parts : int
+            The part is one in so many, at least one group.
+        seed : int
+            Seed of the order among equals.
+
+        Returns
+        -------
+        ndarray of int
+            Indices of the part.
+        """
         parts = min(parts, self.count_groups(cases))
         return self.divide(cases, [1 / parts] * parts, seed)[0]
 
@@ -67,12 +168,30 @@ class GroupedCases:
 def divide(
     classes: Int[np.ndarray, " n"], groups: Shaped[np.ndarray, " n"], shares: Sequence[float], seed: int
 ) -> list[Indices]:
-    """Divide cases by whole groups into one part for each of ``shares``, which add up to 1: indices of each part.
+    """Divide cases by whole groups into parts that are alike in size and classes.
 
-    From the largest group to the smallest, in random order among equals, each goes to the part that is furthest below
-    its share of what the group brings, counted in cases and in cases of each class: that adds least to the squared
-    differences between parts and shares. No part stays empty where there are as many groups. (scikit-learn's
-    StratifiedGroupKFold looks at classes alone: it divided six sweeps of equal length 3 to 2 to 1.)
+    Parameters
+    ----------
+    classes : ndarray of int, shape (n,)
+        Class of each case.
+    groups : ndarray of str, shape (n,)
+        Group of each case.
+    shares : sequence of float
+        Share of each part; they add up to 1.
+    seed : int
+        Seed of the order among groups of equal size.
+
+    Returns
+    -------
+    list of ndarray of int
+        Indices of each part; none is empty where there are as many groups.
+
+    Notes
+    -----
+    From the largest group to the smallest, in random order among equals, each goes to the part that is
+    furthest below its share of what the group brings, counted in cases and in cases of each class: that adds
+    least to the squared differences between parts and shares. scikit-learn's StratifiedGroupKFold looks at
+    classes alone: it divided six sweeps of equal length 3 to 2 to 1.
     """
     names, member = np.unique(groups, return_inverse=True)
     counts = np.zeros((len(names), AREA_CLASSES + 1))

@@ -23,15 +23,34 @@ MIN_GROUPS = 3
 
 @dataclass(frozen=True)
 class GroupSplits:
-    """Cross-validation by groups, stratified by vessel area, with groups kept outside all folds where asked for.
+    """Cross-validation by groups, stratified by vessel area, with groups outside all folds where asked for.
 
-    Every group of the cross-validation is tested in one of ``folds``. Of the groups that a fold doesn't test, one part
-    in ``validation_parts`` (at least one group) stops the training early; the rest trains. ``selection_groups`` and
-    ``test_groups`` name groups outside all folds; ``selection_share`` and ``test_share`` (0 to 1, of the cases that
-    are not named) have them chosen, at least one group each. With ``outer_folds`` the groups of each outer fold are the
-    test groups in turn, and folds and selection come from the rest. ``file`` is a split to use as it is, either one
-    that ``SplitSet.write`` wrote or nnU-Net's ``splits_final.json``, from whose ``train`` the early-stopping part is
-    taken (``validation_parts``, ``seed``); of all else only the named groups then count.
+    Parameters
+    ----------
+    folds : int
+        Number of folds, at least 2; every group of the cross-validation is tested in one of them.
+    seed : int
+        Seed of the division.
+    validation_parts : int
+        Of the groups that a fold does not test, one part in so many (at least one group) stops the training
+        early; the rest trains. At least 2.
+    selection_share, test_share : float
+        Share of the cases, 0 to below 1, for selection and test outside all folds; at least one group each
+        where above 0.
+    selection_groups, test_groups : sequence of str
+        Groups named for them instead.
+    outer_folds : int or None
+        Nested folds: the groups of each outer fold are the test groups in turn, and folds and selection come
+        from the rest. None: not nested.
+    file : Path or None
+        A split to use as it is: one that ``SplitSet.write`` wrote, or nnU-Net's ``splits_final.json``, from
+        whose ``train`` the early-stopping part is taken (``validation_parts``, ``seed``). Of all else only
+        the named groups then count.
+
+    Raises
+    ------
+    InputError
+        If a setting is out of range, or two exclude each other.
     """
 
     folds: int = 3
@@ -52,23 +71,34 @@ class GroupSplits:
             if not 0 <= share < 1:
                 raise InputError(f"{role}_share: expected 0 to below 1, received {share}")
             if share and names:
-                raise InputError(f"{role}_share: expected 0 beside {role}_groups, received {share}")
+                raise InputError(f"{role}_share: expected 0 together with {role}_groups, received {share}")
         for name in ("folds", "validation_parts", "outer_folds"):
             value = getattr(self, name)
             if (value is not None or name != "outer_folds") and not _whole(value):
                 raise InputError(f"{name}: expected a whole number of at least 2, received {value!r}")
         if self.selection_share + self.test_share >= 1:
             raise InputError(
-                f"test_share: expected less than {1 - self.selection_share:g} beside selection_share, "
+                f"test_share: expected less than {1 - self.selection_share:g} together with selection_share, "
                 f"received {self.test_share}"
             )
         if self.outer_folds is not None and (self.test_share or self.test_groups):
             raise InputError(
-                f"outer_folds: expected null beside test_share or test_groups, received {self.outer_folds}"
+                f"outer_folds: expected null together with test_share or test_groups, received {self.outer_folds}"
             )
 
     def pairs(self) -> tuple[tuple[int | None, int], ...]:
-        """(outer fold, fold) of every job, from the configuration and the split file alone; None: not nested."""
+        """Return the fold of every job, from the configuration and the split file alone.
+
+        Returns
+        -------
+        tuple of (int or None, int)
+            Outer fold (None: not nested) and fold.
+
+        Raises
+        ------
+        InputError
+            If the file can't be read as a split.
+        """
         if self.file is not None:
             content = read_json(self._path)
             if is_nnunet(content):
@@ -80,10 +110,25 @@ class GroupSplits:
     def __call__(
         self, frames: LabelledFrames, *, selection_groups: Sequence[str] = (), test_groups: Sequence[str] = ()
     ) -> SplitSet:
-        """All folds; ``selection_groups`` and ``test_groups`` are what the data set itself keeps outside of them.
+        """Divide a data set.
 
-        Raises InputError if there are too few groups, a named group is not there or named for both, the data set and
-        the settings both choose groups for the test, or the file doesn't fit the data set.
+        Parameters
+        ----------
+        frames : LabelledFrames
+            All cases.
+        selection_groups, test_groups : sequence of str
+            Groups that the data set itself keeps outside all folds.
+
+        Returns
+        -------
+        SplitSet
+            All folds.
+
+        Raises
+        ------
+        InputError
+            If there are too few groups, a named group is missing or named for both, the data set and the
+            settings both choose groups for the test, or the file does not fit the data set.
         """
         if test_groups and (self.outer_folds is not None or self.test_share or self.test_groups):
             raise InputError(
@@ -135,7 +180,7 @@ class GroupSplits:
     def _folds(
         self, cases: GroupedCases, outer: int | None, pool: Indices, selection: Indices, held_out: Indices
     ) -> Iterator[Split]:
-        """The folds of ``pool`` less the groups that the shares take from it."""
+        """Return the folds of ``pool`` less the groups that the shares take from it."""
         taken = [share for share in (self.selection_share, self.test_share) if share]
         self._require_groups(cases.count_groups(pool) - len(taken), outer)
         pool, *chosen = cases.divide(pool, [1 - sum(taken), *taken], self.seed)

@@ -24,23 +24,54 @@ FILE_NAME = "splits_final.json"
 
 
 def to_nnunet(splits: SplitSet) -> list[dict[str, list[str]]]:
-    """What ``splits_final.json`` holds for the same folds; cases outside all folds are in neither list."""
+    """Convert folds to the content of ``splits_final.json``.
+
+    Parameters
+    ----------
+    splits : SplitSet
+        All folds.
+
+    Returns
+    -------
+    list of dict
+        ``train`` and ``val`` of each fold; cases outside all folds are in neither list.
+    """
     return [
         {"train": sorted((*split.train, *split.validation)), "val": sorted(split.test)} for split in splits
     ]
 
 
 def is_nnunet(content: Any) -> bool:
-    """Whether the content of a JSON file is a list, as in ``splits_final.json``."""
+    """Return whether the content of a JSON file is a list, as in ``splits_final.json``.
+
+    Parameters
+    ----------
+    content : object
+        Content of the file.
+
+    Returns
+    -------
+    bool
+        Whether it is.
+    """
     return isinstance(content, list)
 
 
 @dataclass(frozen=True)
 class NnUnetSplits:
-    """The folds of a ``splits_final.json``, with the part that stops a training early taken out of its ``train``.
+    """The folds of a ``splits_final.json``, with an early-stopping part taken out of ``train``.
 
-    That part is one in ``validation_parts`` by whole groups and depends on ``seed`` and fold as it does in the
-    project's own folds, so that what ``to_nnunet`` wrote comes back as it was.
+    Parameters
+    ----------
+    path : Path
+        The file, for messages.
+    content : object
+        Its content.
+    validation_parts : int
+        The early-stopping part is one in so many, by whole groups.
+    seed : int
+        Seed of that choice. With the fold, it acts as in the project's own folds, so that what ``to_nnunet``
+        wrote comes back as it was.
     """
 
     path: Path
@@ -51,9 +82,24 @@ class NnUnetSplits:
     def __call__(
         self, frames: LabelledFrames, selection_groups: Collection[str], test_groups: Collection[str]
     ) -> SplitSet:
-        """The folds; cases of the groups kept outside all folds must stand in no list, all others in one of each fold.
+        """Convert the folds.
 
-        Raises InputError for content of another form, and as ``SplitSet`` and its ``for_frames`` do.
+        Parameters
+        ----------
+        frames : LabelledFrames
+            All cases; those outside the groups below must be in one list of each fold.
+        selection_groups, test_groups : collection of str
+            Groups kept outside all folds, whose cases must be in no list.
+
+        Returns
+        -------
+        SplitSet
+            All folds.
+
+        Raises
+        ------
+        InputError
+            If the content has another form, and as ``SplitSet`` and its ``for_frames`` raise it.
         """
         cases = GroupedCases.of(frames)
         selection, held_out = (

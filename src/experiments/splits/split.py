@@ -27,9 +27,26 @@ OUTSIDE = ("selection", "held_out")
 class Split:
     """The case ids of one fold, with the group of each.
 
-    ``train``, ``validation`` and ``test`` are the fold's own; ``selection`` and ``held_out`` lie outside all folds and
-    may be empty. ``outer_fold`` is set where folds are nested: its groups are then ``held_out``. Raises InputError for
-    an empty side of the fold, a case named twice, and a group on two sides, which it names.
+    Parameters
+    ----------
+    fold : int
+        Number of the fold, from 0.
+    folds : int
+        Number of folds.
+    train, validation, test : tuple of str
+        The fold's own cases.
+    groups : dict of str to str
+        Group of each case.
+    selection, held_out : tuple of str
+        Cases outside all folds; may be empty.
+    outer_fold : int or None
+        The outer fold whose groups are ``held_out``, where folds are nested.
+
+    Raises
+    ------
+    InputError
+        If a side of the fold is empty, a case is named twice, or a group is on two sides; the message names
+        it.
     """
 
     fold: int
@@ -66,7 +83,25 @@ class Split:
         return f"fold {self.fold}" + ("" if self.outer_fold is None else f" of outer fold {self.outer_fold}")
 
     def of(self, frames: LabelledFrames, side: str) -> LabelledFrames:
-        """The frames of one side; InputError if a case is not among ``frames``."""
+        """Take the frames of one side.
+
+        Parameters
+        ----------
+        frames : LabelledFrames
+            All cases.
+        side : str
+            ``train``, ``validation``, ``test``, ``selection`` or ``held_out``.
+
+        Returns
+        -------
+        LabelledFrames
+            The frames, in the order of the split.
+
+        Raises
+        ------
+        InputError
+            If a case is not among ``frames``.
+        """
         place = {case: index for index, case in enumerate(frames.case_ids)}
         cases: tuple[str, ...] = getattr(self, side)
         missing = next((case for case in cases if case not in place), None)
@@ -75,18 +110,46 @@ class Split:
         return frames.subset(place[case] for case in cases)
 
     def sides(self) -> Iterator[tuple[str, str]]:
-        """Every case with the side it is on."""
+        """Iterate over every case with the side it is on.
+
+        Yields
+        ------
+        (str, str)
+            Case and side.
+        """
         for side in (*FOLD_SIDES, *OUTSIDE):
             for case in getattr(self, side):
                 yield case, side
 
     def write(self, path: Path) -> None:
-        """Write this fold as JSON, as ``python -m models.train`` reads it."""
+        """Write this fold as JSON, as ``python -m models.train`` reads it.
+
+        Parameters
+        ----------
+        path : Path
+            The file.
+        """
         write_text(path, json.dumps(asdict(self), indent=1))
 
     @staticmethod
     def read(path: Path) -> Split:
-        """Read what ``write`` wrote; InputError if it is not that."""
+        """Read what ``write`` wrote.
+
+        Parameters
+        ----------
+        path : Path
+            The file.
+
+        Returns
+        -------
+        Split
+            The fold.
+
+        Raises
+        ------
+        InputError
+            If it is another file.
+        """
         content = read_json(path)
         try:
             return from_json(content)
@@ -95,7 +158,23 @@ class Split:
 
 
 def read_json(path: Path) -> Any:
-    """The content of a JSON file; InputError if it can't be read as one."""
+    """Read a JSON file.
+
+    Parameters
+    ----------
+    path : Path
+        The file, in UTF-8 with or without a byte-order mark.
+
+    Returns
+    -------
+    object
+        Its content.
+
+    Raises
+    ------
+    InputError
+        If it can't be read as JSON.
+    """
     try:
         return json.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, ValueError) as error:
@@ -105,7 +184,23 @@ def read_json(path: Path) -> Any:
 
 
 def from_json(content: dict[str, Any]) -> Split:
-    """A fold of the content of a file; KeyError or TypeError if it is not one."""
+    """Build a fold from the content of a file.
+
+    Parameters
+    ----------
+    content : dict
+        The fields of a ``Split``.
+
+    Returns
+    -------
+    Split
+        The fold.
+
+    Raises
+    ------
+    KeyError, TypeError or AttributeError
+        If the content is not that of a fold.
+    """
     sides = {side: tuple(map(same_name, content[side])) for side in FOLD_SIDES}
     # A file that knows no groups outside the folds says nothing of them.
     outside = {side: tuple(map(same_name, content.get(side, ()))) for side in OUTSIDE}

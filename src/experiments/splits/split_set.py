@@ -18,8 +18,16 @@ from models.labelled_frames import LabelledFrames
 class SplitSet:
     """All folds of a data set, of every outer fold where they are nested.
 
-    Raises InputError, naming group and places, where a group is tested in two folds, held out of two outer folds, or in
-    a fold's sides in one and outside in another.
+    Parameters
+    ----------
+    splits : tuple of Split
+        The folds.
+
+    Raises
+    ------
+    InputError
+        If a group is tested in two folds, held out of two outer folds, or in the folds in one and outside in
+        another; the message names group and places.
     """
 
     splits: tuple[Split, ...]
@@ -51,7 +59,25 @@ class SplitSet:
         return len(self.splits)
 
     def fold(self, fold: int, outer_fold: int | None = None) -> Split:
-        """One fold; InputError if there is none of that number."""
+        """Return one fold.
+
+        Parameters
+        ----------
+        fold : int
+            Its number.
+        outer_fold : int or None
+            Its outer fold; None: not nested.
+
+        Returns
+        -------
+        Split
+            The fold.
+
+        Raises
+        ------
+        InputError
+            If there is none of that number.
+        """
         for split in self.splits:
             if (split.outer_fold, split.fold) == (outer_fold, fold):
                 return split
@@ -61,14 +87,33 @@ class SplitSet:
         )
 
     def pairs(self) -> tuple[tuple[int | None, int], ...]:
-        """Number of the outer fold (None where they are not nested) and of the fold, of each."""
+        """Return the numbers of all folds.
+
+        Returns
+        -------
+        tuple of (int or None, int)
+            Outer fold (None: not nested) and fold.
+        """
         return tuple((split.outer_fold, split.fold) for split in self.splits)
 
     def for_frames(self, frames: LabelledFrames) -> SplitSet:
-        """The same folds with the groups of ``frames``.
+        """Return the same folds with the groups of a data set.
 
-        Raises InputError, naming the case, if the split has one that is not among ``frames`` or none for one that is,
-        and, naming the group, if the folds don't keep the groups of ``frames`` whole.
+        Parameters
+        ----------
+        frames : LabelledFrames
+            All cases.
+
+        Returns
+        -------
+        SplitSet
+            The folds.
+
+        Raises
+        ------
+        InputError
+            If a case is in one of both alone, or the folds do not keep the groups of ``frames`` whole; the
+            message names case or group.
         """
         groups = dict(zip(frames.case_ids, frames.groups, strict=True))
         for split in self.splits:
@@ -85,7 +130,18 @@ class SplitSet:
         return SplitSet(tuple(Split(**{**vars(split), "groups": groups}) for split in self.splits))
 
     def renamed(self, names: Mapping[str, str]) -> SplitSet:
-        """The same folds with another name for each case."""
+        """Return the same folds with other names.
+
+        Parameters
+        ----------
+        names : mapping of str to str
+            New name of each case.
+
+        Returns
+        -------
+        SplitSet
+            The folds.
+        """
         groups = {names[case]: group for case, group in self.splits[0].groups.items()}
         sides = [
             {side: tuple(names[case] for case in getattr(split, side)) for side in (*FOLD_SIDES, *OUTSIDE)}
@@ -95,9 +151,22 @@ class SplitSet:
         return SplitSet(tuple(Split(**fields) for fields in changed))
 
     def of_outer_fold(self, outer_fold: int | None) -> SplitSet:
-        """The folds of one outer fold; null stands for all where they are not nested.
+        """Return the folds of one outer fold.
 
-        Raises InputError if there is no such outer fold, or null is given for folds that are nested.
+        Parameters
+        ----------
+        outer_fold : int or None
+            Its number; None stands for all where folds are not nested.
+
+        Returns
+        -------
+        SplitSet
+            The folds.
+
+        Raises
+        ------
+        InputError
+            If there is no such outer fold, or None is given for nested folds.
         """
         splits = tuple(split for split in self.splits if split.outer_fold == outer_fold)
         if not splits:
@@ -109,13 +178,35 @@ class SplitSet:
         return SplitSet(splits)
 
     def write(self, path: Path) -> None:
-        """Write all folds as one JSON file: ``groups`` (case to group) and ``folds``."""
+        """Write all folds as one JSON file: ``groups`` (case to group) and ``folds``.
+
+        Parameters
+        ----------
+        path : Path
+            The file.
+        """
         folds = [{key: value for key, value in vars(split).items() if key != "groups"} for split in self]
         write_text(path, json.dumps({"groups": self.splits[0].groups, "folds": folds}, indent=1))
 
     @staticmethod
     def read(path: Path) -> SplitSet:
-        """Read what ``write`` wrote; InputError if it is not that."""
+        """Read what ``write`` wrote.
+
+        Parameters
+        ----------
+        path : Path
+            The file.
+
+        Returns
+        -------
+        SplitSet
+            The folds.
+
+        Raises
+        ------
+        InputError
+            If it is another file.
+        """
         content = read_json(path)
         try:
             return SplitSet(

@@ -20,8 +20,17 @@ from experiments.analysis.segmentation.fold_run import (
 )
 from experiments.analysis.segmentation.summary import pooled_metrics
 from experiments.analysis.segmentation.tables import table, tables
-from experiments.datasets.exclusion_report import write_report
-from experiments.datasets.protocol import DataSet, input_data, name_of, notes_of, outside_groups, require_root
+from experiments.datasets.protocol import (
+    DataSet,
+    input_data,
+    name_of,
+    notes_of,
+    outside_groups,
+    read_notes,
+    require_root,
+    write_notes,
+    write_report,
+)
 from experiments.outcome import JobResult, Outcome, Progress
 from experiments.splits.group_splits import GroupSplits
 
@@ -67,8 +76,8 @@ def run(
     """Train one fold and score the cases that it has not seen at their native resolution.
 
     Leaves ``model.pt`` (the weights of the best epoch), ``split.json`` (this fold), ``splits.json`` (all folds, as
-    ``split.file`` takes them) and the tables of what the data set left out in ``workspace``. Raises InputError for a
-    data set that can't be read or divided, or a network that doesn't take the image size.
+    ``split.file`` takes them), the data set's notes and the tables of what it left out in ``workspace``. Raises
+    InputError for a data set that can't be read or divided, or a network that doesn't take the image size.
     """
     name = name_of(dataset)
     progress.note(f"reading {name}")
@@ -78,6 +87,7 @@ def run(
     own = splits.fold(fold, outer_fold)
     own.write(workspace / "split.json")
     write_report(dataset, workspace)
+    write_notes(workspace, dataset)
     one = FoldRun(model, preprocessing, trainer, augmentation, loss, seed, fold, outer_fold)
     trained = one.train(frames, own, workspace, progress)
     test = own.of(frames, "test")
@@ -107,10 +117,11 @@ def summarise(results: list[JobResult]) -> Outcome:
     """Pool the cases of all jobs: tables with intervals, every pair of models compared, the spread, sentences."""
     cases = pool(results)
     compared = compare_models(cases)
+    notes = read_notes(result.workspace for result in results)
     return Outcome(
         metrics={**pooled_metrics(cases), **comparison_metrics(compared)},
         cases=cases,
         tables=tables(cases, compared),
         figures={"spread": spread(cases)},
-        findings=(*describe(cases), *describe_comparison(compared), *smoke_note(cases)),
+        findings=(*describe(cases), *describe_comparison(compared), *smoke_note(cases), *notes),
     )

@@ -27,7 +27,13 @@ _SAID = {
 
 
 def require_address(address: str) -> None:
-    """Raise InputError unless ``address`` is one that runs can be tracked at."""
+    """Raise InputError unless ``address`` is one that runs can be tracked at.
+
+    Parameters
+    ----------
+    address : str
+        Tracking address.
+    """
     scheme, separator, rest = address.partition("://")
     if not separator:
         # "localhost:5000", "tracker.example/mlflow"; a path of the file system is no server.
@@ -52,7 +58,13 @@ def require_address(address: str) -> None:
 
 @contextmanager
 def opening(address: str) -> Iterator[None]:
-    """Say in one sentence, as an InputError, why a store can't be opened at ``address``."""
+    """Say in one sentence, as an InputError, why a store can't be opened at ``address``.
+
+    Parameters
+    ----------
+    address : str
+        Tracking address.
+    """
     require_address(address)
     try:
         yield

@@ -38,6 +38,18 @@ def write_archive(records: Iterable[RunRecord], folder: Path) -> int:
     """Write runs into ``folder``, beside those already there; a run written before is replaced. Returns the count.
 
     A run that has lost its files keeps the configuration and the table that an earlier export has of it.
+
+    Parameters
+    ----------
+    records : Iterable[RunRecord]
+        Runs to write.
+    folder : Path
+        Folder of the archive.
+
+    Returns
+    -------
+    int
+        Number of runs written.
     """
     by_experiment: dict[str, dict[str, RunRecord]] = {}
     count = 0
@@ -64,7 +76,20 @@ def write_archive(records: Iterable[RunRecord], folder: Path) -> int:
 
 
 def read_archive(folder: Path, experiments: list[str] | None = None) -> Iterator[RunRecord]:
-    """Read the runs under ``folder``, parents before their children; only of the named experiments if any is named."""
+    """Read the runs under ``folder``, parents before their children; only of the named experiments if any is named.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the archive.
+    experiments : list[str] or None, optional
+        Names of experiments; None for all.
+
+    Returns
+    -------
+    Iterator[RunRecord]
+        The runs.
+    """
     tables = sorted(folder.glob("*/runs.parquet"))
     if not tables:
         raise InputError(f"{folder}: expected exported runs (<experiment>/runs.parquet), found none")
@@ -84,6 +109,18 @@ def read_archive(folder: Path, experiments: list[str] | None = None) -> Iterator
 def folder_of(experiment: str) -> str:
     """The folder of an experiment in an archive: its name, quoted so that it is one folder inside the archive.
 
+    Parameters
+    ----------
+    experiment : str
+        Name of the experiment.
+
+    Returns
+    -------
+    str
+        The folder.
+
+    Examples
+    --------
     >>> folder_of("segmentation"), folder_of("team/x"), folder_of("../up")
     ('segmentation', 'team%2Fx', '%2E.%2Fup')
     """
@@ -100,6 +137,18 @@ def folder_of(experiment: str) -> str:
 def without_folders(text: str) -> str:
     """The text with every absolute path cut to its last part.
 
+    Parameters
+    ----------
+    text : str
+        Text that may name folders of this machine.
+
+    Returns
+    -------
+    str
+        The text without these folders.
+
+    Examples
+    --------
     >>> without_folders("root: /home/someone/data/usgra")
     'root: .../usgra'
     """

@@ -20,7 +20,18 @@ _FILES = ("model.pt", "metrics.json", "history.json", "cases.csv", "config.yaml"
 
 
 def is_training(folder: Path) -> bool:
-    """Whether ``folder`` looks like what a training leaves."""
+    """Whether ``folder`` looks like what a training leaves.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder that may hold a training.
+
+    Returns
+    -------
+    bool
+        Whether ``folder`` looks like what a training leaves.
+    """
     return (folder / "history.json").is_file()
 
 
@@ -28,6 +39,16 @@ def read_training(folder: Path) -> RunRecord:
     """The run of a training. Its id is made from the weights, so that the same training is never two runs.
 
     Raises InputError that names a file that is missing or can't be read.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the training.
+
+    Returns
+    -------
+    RunRecord
+        The run.
     """
     for name in _FILES:
         if not (folder / name).is_file():

@@ -17,6 +17,18 @@ def follow_move(database: Path, artifacts: Path) -> int:
 
     Only what is found in ``artifacts``, or is no longer where the store says, is changed: another project's files that
     this store names stay where they are. Returns how many runs were changed.
+
+    Parameters
+    ----------
+    database : Path
+        SQLite file.
+    artifacts : Path
+        Folder of the artifacts.
+
+    Returns
+    -------
+    int
+        Number of addresses that were changed.
     """
     with closing(sqlite3.connect(database, timeout=60.0)) as store, store:
         experiments = store.execute("SELECT experiment_id, artifact_location FROM experiments").fetchall()

@@ -20,6 +20,18 @@ def tracked_name(name: str) -> str:
 
     Different names stay different.
 
+    Parameters
+    ----------
+    name : str
+        Name as the project has it.
+
+    Returns
+    -------
+    str
+        The name for the tracker.
+
+    Examples
+    --------
     >>> tracked_name("unet augmentation=strong/dsc_mean")
     'unet augmentation:strong/dsc_mean'
     """
@@ -33,7 +45,20 @@ def tracked_name(name: str) -> str:
 
 
 def flatten(config: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """One level of dotted keys, as the tracker's parameters want it; an empty mapping or list stays a value."""
+    """One level of dotted keys, as the tracker's parameters want it; an empty mapping or list stays a value.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        Nested configuration.
+    prefix : str, optional
+        Dotted name of what holds these keys, with a dot at its end.
+
+    Returns
+    -------
+    dict[str, Any]
+        Values by dotted name.
+    """
     flat: dict[str, Any] = {}
     for key, value in config.items():
         dotted = f"{prefix}{key}"

@@ -36,13 +36,25 @@ class Deferred:
         return len(self._waiting)
 
     def __call__(self, call: Call) -> None:
-        """Make the call, now or later."""
+        """Make the call, now or later.
+
+        Parameters
+        ----------
+        call : Call
+            A call to the tracking server.
+        """
         self._waiting.append(call)
         if len(self._waiting) == 1 or time.monotonic() - self._tried_s >= self._retry_every_s:
             self.make()
 
     def make(self) -> bool:
-        """Make all calls that wait, as far as they are answered; whether none is left."""
+        """Make all calls that wait, as far as they are answered; whether none is left.
+
+        Returns
+        -------
+        bool
+            True if all were made.
+        """
         while self._waiting:
             try:
                 self._waiting[0]()
@@ -64,7 +76,20 @@ class Deferred:
         return True
 
     def last(self, wait_s: float, pause_s: float = 5.0) -> bool:
-        """Try for up to ``wait_s`` to make what waits; whether none is left."""
+        """Try for up to ``wait_s`` to make what waits; whether none is left.
+
+        Parameters
+        ----------
+        wait_s : float
+            Longest time to wait in s.
+        pause_s : float, optional
+            Time between two tries in s.
+
+        Returns
+        -------
+        bool
+            True if all were made.
+        """
         deadline = time.monotonic() + wait_s
         while not self.make():
             if time.monotonic() + pause_s > deadline:

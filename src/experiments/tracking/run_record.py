@@ -20,7 +20,35 @@ from experiments.tracking.names import flatten
 
 @dataclass(frozen=True)
 class RunRecord:
-    """Everything of a run that is worth keeping. ``history`` has the columns metric, step, value, timestamp_ms."""
+    """Everything of a run that is worth keeping. ``history`` has the columns metric, step, value, timestamp_ms.
+
+    Parameters
+    ----------
+    run_id : str
+        Id of the run.
+    experiment : str
+        Name of the experiment.
+    name : str
+        Name of the run.
+    status : str
+        FINISHED, FAILED or KILLED.
+    start_ms : int
+        Start in ms since 1970.
+    end_ms : int or None
+        End in ms since 1970; None if unknown.
+    parent_id : str or None
+        Id of the run above; None if there is none.
+    tags : dict[str, str]
+        Tags by name.
+    params : dict[str, str]
+        Parameters by name.
+    config : str
+        Resolved configuration as YAML.
+    history : pd.DataFrame
+        One row a metric, step and value.
+    cases : pd.DataFrame or None
+        Table of cases; None if there is none.
+    """
 
     run_id: str
     experiment: str
@@ -37,7 +65,22 @@ class RunRecord:
 
 
 def read_run(store: Store, run_id: str, experiment: str) -> RunRecord:
-    """Read a run of the store with every step of its metrics and its per-case table."""
+    """Read a run of the store with every step of its metrics and its per-case table.
+
+    Parameters
+    ----------
+    store : Store
+        The tracker.
+    run_id : str
+        Id of the run.
+    experiment : str
+        Name of the experiment.
+
+    Returns
+    -------
+    RunRecord
+        The run.
+    """
     client = store.client()
     run = client.get_run(run_id)
     tags = dict(run.data.tags)
@@ -73,7 +116,22 @@ def _first_id(store: Store, run_id: str | None) -> str | None:
 
 
 def finished_run(run: RunWriter, config: Mapping[str, Any], outcome: Outcome) -> RunRecord:
-    """A run of this process that has just finished, as ``read_run`` would have read it."""
+    """A run of this process that has just finished, as ``read_run`` would have read it.
+
+    Parameters
+    ----------
+    run : RunWriter
+        The run that is being written.
+    config : Mapping[str, Any]
+        A resolved configuration.
+    outcome : Outcome
+        The result.
+
+    Returns
+    -------
+    RunRecord
+        The run.
+    """
     start = run.start
     assert start is not None, "a run begun by Store.start knows what it was begun with"
     now_ms = int(time.time() * 1000)
@@ -98,7 +156,22 @@ def finished_run(run: RunWriter, config: Mapping[str, Any], outcome: Outcome) ->
 
 
 def restore_run(store: Store, record: RunRecord, parent_id: str | None) -> str:
-    """Write a run into the store and return its new id there; the tag ``ctus.run_id`` keeps the first one."""
+    """Write a run into the store and return its new id there; the tag ``ctus.run_id`` keeps the first one.
+
+    Parameters
+    ----------
+    store : Store
+        The tracker.
+    record : RunRecord
+        The run to write.
+    parent_id : str or None
+        Id of the run above; None if there is none.
+
+    Returns
+    -------
+    str
+        Id of the new run.
+    """
     tags = {**record.tags, ORIGIN_TAG: record.run_id, **({PARENT_TAG: parent_id} if parent_id else {})}
     writer = store.begin_copy(record.experiment, record.name, tags, record.start_ms)
     writer.params(record.params)

@@ -30,7 +30,21 @@ _METRICS_A_BATCH, _PARAMS_A_BATCH, _TAGS_A_BATCH, _PARAM_LENGTH, _TAG_LENGTH = 1
 
 @dataclass(frozen=True)
 class RunStart:
-    """What a run was begun with."""
+    """What a run was begun with.
+
+    Parameters
+    ----------
+    experiment : str
+        Name of the experiment.
+    name : str
+        Name of the run.
+    parent_id : str or None
+        Id of the run above; None if there is none.
+    tags : Mapping[str, str]
+        Tags by name.
+    start_ms : int
+        Start in ms since 1970.
+    """
 
     experiment: str
     name: str
@@ -69,7 +83,13 @@ class RunWriter:
             self._deferred(call)
 
     def params(self, params: Mapping[str, Any]) -> None:
-        """Log flat parameters; a value too long for the tracker is cut (the resolved configuration holds it whole)."""
+        """Log flat parameters; a value too long for the tracker is cut (the resolved configuration holds it whole).
+
+        Parameters
+        ----------
+        params : Mapping[str, Any]
+            Parameters by name.
+        """
         from mlflow.entities import Param
 
         entries = [Param(tracked_name(key), str(value)[:_PARAM_LENGTH]) for key, value in params.items()]
@@ -77,11 +97,27 @@ class RunWriter:
             self._send(partial(self._client.log_batch, self.run_id, params=batch))
 
     def metrics(self, metrics: Mapping[str, float], step: int = 0) -> None:
-        """Log metrics of one step."""
+        """Log metrics of one step.
+
+        Parameters
+        ----------
+        metrics : Mapping[str, float]
+            Scalars by metric name.
+        step : int, optional
+            Step (epoch) of the values.
+        """
         self.history([metrics], step)
 
     def history(self, steps: Iterable[Mapping[str, float]], first_step: int = 0) -> None:
-        """Log metrics step by step in batches, as ``loggable`` says."""
+        """Log metrics step by step in batches, as ``loggable`` says.
+
+        Parameters
+        ----------
+        steps : Iterable[Mapping[str, float]]
+            Metrics of each step.
+        first_step : int, optional
+            Number of the first of the steps.
+        """
         now_ms = int(time.time() * 1000)
         self.points(
             (key, value, now_ms, step)
@@ -90,7 +126,13 @@ class RunWriter:
         )
 
     def points(self, points: Iterable[tuple[str, float, int, int]]) -> None:
-        """Log metric points (name, finite value, time in ms, step) in batches, as ``tracked_name`` calls them."""
+        """Log metric points (name, finite value, time in ms, step) in batches, as ``tracked_name`` calls them.
+
+        Parameters
+        ----------
+        points : Iterable[tuple[str, float, int, int]]
+            Name, finite value, time in ms and step of each point.
+        """
         from mlflow.entities import Metric
 
         entries = [Metric(tracked_name(name), *point) for name, *point in points]
@@ -98,7 +140,13 @@ class RunWriter:
             self._send(partial(self._client.log_batch, self.run_id, metrics=batch))
 
     def tags(self, tags: Mapping[str, str]) -> None:
-        """Set tags."""
+        """Set tags.
+
+        Parameters
+        ----------
+        tags : Mapping[str, str]
+            Tags by name.
+        """
         from mlflow.entities import RunTag
 
         entries = [RunTag(key, value) for key, value in shortened(tags).items()]
@@ -106,12 +154,24 @@ class RunWriter:
             self._send(partial(self._client.log_batch, self.run_id, tags=batch))
 
     def drop_tags(self, names: Iterable[str]) -> None:
-        """Remove tags."""
+        """Remove tags.
+
+        Parameters
+        ----------
+        names : Iterable[str]
+            Names of tags.
+        """
         for name in names:
             self._send(partial(self._client.delete_tag, self.run_id, name))
 
     def inputs(self, data: Iterable[InputData]) -> None:
-        """Record the data sets the run used."""
+        """Record the data sets the run used.
+
+        Parameters
+        ----------
+        data : Iterable[InputData]
+            Data sets that were used.
+        """
         from mlflow.entities import Dataset, DatasetInput
 
         entries = [
@@ -124,13 +184,28 @@ class RunWriter:
             self._send(partial(self._client.log_inputs, self.run_id, datasets=entries))
 
     def text(self, text: str, name: str) -> None:
-        """Store ``text`` as an artifact."""
+        """Store ``text`` as an artifact.
+
+        Parameters
+        ----------
+        text : str
+            Content.
+        name : str
+            Name of the artifact.
+        """
         self._send(partial(self._client.log_text, self.run_id, text, name))
 
     def files(self, folder: Path, names: Iterable[str]) -> None:
         """Store the files ``names`` (paths from ``folder`` on) as artifacts under these names.
 
         They may be moved afterwards, so this can't wait.
+
+        Parameters
+        ----------
+        folder : Path
+            Folder that holds the files.
+        names : Iterable[str]
+            Names of the files, from that folder on.
         """
         for name in names:
             inside = Path(name).parent.as_posix()
@@ -144,6 +219,13 @@ class RunWriter:
 
         A tracker that refuses this is no failure of what was computed: it is said, and the run counts as failed at
         the next call.
+
+        Parameters
+        ----------
+        status : str
+            FINISHED, FAILED or KILLED.
+        end_ms : int or None, optional
+            End in ms since 1970; None for now.
         """
         self._ended.set()
         try:
@@ -167,7 +249,18 @@ class RunWriter:
 
 @contextmanager
 def ending(run: RunWriter) -> Iterator[RunWriter]:
-    """End the run as FINISHED, or as FAILED when the block raises anything, a stop by signal included."""
+    """End the run as FINISHED, or as FAILED when the block raises anything, a stop by signal included.
+
+    Parameters
+    ----------
+    run : RunWriter
+        The run that is being written.
+
+    Returns
+    -------
+    Iterator[RunWriter]
+        The same run.
+    """
     try:
         yield run
     except BaseException as failure:
@@ -182,6 +275,16 @@ def loggable(metrics: Mapping[str, float]) -> dict[str, float]:
     """Metrics as the tracker may have them: one that is not finite becomes ``<metric>_failed = 1``.
 
     The tracker can't tell NaN from a missing value and stores infinity as 1.8e308.
+
+    Parameters
+    ----------
+    metrics : Mapping[str, float]
+        Scalars by metric name.
+
+    Returns
+    -------
+    dict[str, float]
+        Finite values by name.
     """
     return {
         key if math.isfinite(value) else f"{key}_failed": value if math.isfinite(value) else 1.0
@@ -190,7 +293,18 @@ def loggable(metrics: Mapping[str, float]) -> dict[str, float]:
 
 
 def server_unreachable(error: Exception) -> bool:
-    """Whether an exception means that a tracking server did not answer, or that it is not able to just now."""
+    """Whether an exception means that a tracking server did not answer, or that it is not able to just now.
+
+    Parameters
+    ----------
+    error : Exception
+        Exception of a call.
+
+    Returns
+    -------
+    bool
+        Whether an exception means that a tracking server did not answer, or that it is not able to just now.
+    """
     from mlflow.exceptions import MlflowException
     from requests.exceptions import ConnectionError, Timeout
 
@@ -210,7 +324,18 @@ def _say(sentence: str) -> None:
 
 
 def shortened(tags: Mapping[str, str]) -> dict[str, str]:
-    """Tags no longer than the tracker takes them."""
+    """Tags no longer than the tracker takes them.
+
+    Parameters
+    ----------
+    tags : Mapping[str, str]
+        Tags by name.
+
+    Returns
+    -------
+    dict[str, str]
+        The tags.
+    """
     return {key: value[:_TAG_LENGTH] for key, value in tags.items()}
 
 

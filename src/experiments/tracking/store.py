@@ -42,7 +42,15 @@ _PLAIN_PATH = re.compile(r"[\w./+=@,~ -]*")
 
 @dataclass(frozen=True)
 class Store:
-    """Where runs go. ``uri`` is an MLflow tracking address or null for the project's own SQLite file."""
+    """Where runs go. ``uri`` is an MLflow tracking address or null for the project's own SQLite file.
+
+    Parameters
+    ----------
+    uri : str or None, optional
+        Tracking address; None for the project's own SQLite file.
+    enabled : bool, optional
+        Whether runs are tracked.
+    """
 
     uri: str | None = None
     enabled: bool = True
@@ -66,7 +74,13 @@ class Store:
         return f"mlflow ui --backend-store-uri {shlex.quote(self.address)}"
 
     def client(self) -> MlflowClient:
-        """The client, opened and initialised at the first call."""
+        """The client, opened and initialised at the first call.
+
+        Returns
+        -------
+        MlflowClient
+            The client.
+        """
         if "client" not in self._opened:
             with opening(self.address):
                 self._opened["client"] = _open(self.address, self.folder)
@@ -74,7 +88,18 @@ class Store:
         return client
 
     def experiment_id(self, name: str) -> str:
-        """The experiment of that name, made if there is none."""
+        """The experiment of that name, made if there is none.
+
+        Parameters
+        ----------
+        name : str
+            Name as the project has it.
+
+        Returns
+        -------
+        str
+            Id of the experiment.
+        """
         if (known := self._opened.get(f"experiment {name}")) is not None:
             return str(known)
         with self._lock():
@@ -91,7 +116,24 @@ class Store:
     def start(
         self, experiment: str, name: str, tags: Mapping[str, str], parent_id: str | None = None
     ) -> RunWriter:
-        """Begin a run that is RUNNING until its writer is told how it ended."""
+        """Begin a run that is RUNNING until its writer is told how it ended.
+
+        Parameters
+        ----------
+        experiment : str
+            Name of the experiment.
+        name : str
+            Name of the run.
+        tags : Mapping[str, str]
+            Tags by name.
+        parent_id : str or None, optional
+            Id of the run above; None if there is none.
+
+        Returns
+        -------
+        RunWriter
+            The writer of the run.
+        """
         all_tags = {
             **environment_tags(),
             **tags,
@@ -115,6 +157,16 @@ class Store:
         """Set a finished or failed run to RUNNING again, to go on with it from this process.
 
         The process is said first: a run that is marked as running must never name one that is gone.
+
+        Parameters
+        ----------
+        run_id : str
+            Id of the run.
+
+        Returns
+        -------
+        RunWriter
+            The writer of the run.
         """
         writer = RunWriter(self.client(), run_id)
         writer.tags(process_tags())
@@ -123,12 +175,36 @@ class Store:
 
     @staticmethod
     def is_under_way(run: MlflowRun) -> bool:
-        """Whether another process that lives is writing a run."""
+        """Whether another process that lives is writing a run.
+
+        Parameters
+        ----------
+        run : MlflowRun
+            The run that is being written.
+
+        Returns
+        -------
+        bool
+            Whether another process that lives is writing a run.
+        """
         tags = run.data.tags
         return run.info.status == "RUNNING" and tags.get("ctus.pid") != str(os.getpid()) and not is_gone(tags)
 
     def runs(self, experiments: Iterable[str] | None = None, filter_string: str = "") -> Iterator[MlflowRun]:
-        """All runs of the named experiments (all of them if none is named), newest first, page by page."""
+        """All runs of the named experiments (all of them if none is named), newest first, page by page.
+
+        Parameters
+        ----------
+        experiments : Iterable[str] or None, optional
+            Names of experiments; None for all.
+        filter_string : str, optional
+            Condition in MLflow's search language.
+
+        Returns
+        -------
+        Iterator[MlflowRun]
+            The runs, newest first.
+        """
         client = self.client()
         ids = [
             experiment.experiment_id
@@ -144,7 +220,20 @@ class Store:
                 return
 
     def finished(self, experiment: str, config_hash: str) -> str | None:
-        """The id of the newest FINISHED run of a job, or none."""
+        """The id of the newest FINISHED run of a job, or none.
+
+        Parameters
+        ----------
+        experiment : str
+            Name of the experiment.
+        config_hash : str
+            Hash of the job.
+
+        Returns
+        -------
+        str or None
+            Id of the run; None if there is none.
+        """
         wanted = f"tags.`{HASH_TAG}` = '{config_hash}' and attributes.status = 'FINISHED'"
         try:
             found = next(self.runs([experiment], wanted), None)
@@ -155,7 +244,18 @@ class Store:
         return None if found is None else str(found.info.run_id)
 
     def run(self, run_id: str) -> MlflowRun | None:
-        """A run by its id, or none if there is no such run."""
+        """A run by its id, or none if there is no such run.
+
+        Parameters
+        ----------
+        run_id : str
+            Id of the run.
+
+        Returns
+        -------
+        MlflowRun or None
+            The run; None if there is none.
+        """
         from mlflow.exceptions import MlflowException
 
         try:
@@ -166,16 +266,46 @@ class Store:
             raise
 
     def metrics(self, run_id: str) -> dict[str, float]:
-        """The last value of every metric of a run."""
+        """The last value of every metric of a run.
+
+        Parameters
+        ----------
+        run_id : str
+            Id of the run.
+
+        Returns
+        -------
+        dict[str, float]
+            Values by name.
+        """
         return dict(self.client().get_run(run_id).data.metrics)
 
     def restore_files(self, run_id: str, folder: Path) -> None:
-        """Copy every artifact of a run into ``folder``."""
+        """Copy every artifact of a run into ``folder``.
+
+        Parameters
+        ----------
+        run_id : str
+            Id of the run.
+        folder : Path
+            Folder to copy into.
+        """
         for entry in self.client().list_artifacts(run_id):
             self.client().download_artifacts(run_id, entry.path, str(folder))
 
     def cases(self, run_id: str) -> pd.DataFrame | None:
-        """The per-case table of a run, or none if it has none."""
+        """The per-case table of a run, or none if it has none.
+
+        Parameters
+        ----------
+        run_id : str
+            Id of the run.
+
+        Returns
+        -------
+        pd.DataFrame or None
+            The table; None if there is none.
+        """
         import pandas as pd
 
         client = self.client()
@@ -187,6 +317,22 @@ class Store:
         """Make a run that was run before, elsewhere: with its own start and tags, and no heartbeat.
 
         Until the copy is complete it names this process; ``tags`` of the process that ran it are to be set at the end.
+
+        Parameters
+        ----------
+        experiment : str
+            Name of the experiment.
+        name : str
+            Name of the run.
+        tags : Mapping[str, str]
+            Tags by name.
+        start_ms : int
+            Start in ms since 1970.
+
+        Returns
+        -------
+        RunWriter
+            The writer of the run.
         """
         own = shortened({**tags, **process_tags()})
         run = self.client().create_run(self.experiment_id(experiment), start_ms, own, name[:LONGEST])
@@ -197,6 +343,16 @@ class Store:
 
         On this machine a run is gone when its process is; on another one, or in another container, when its heartbeat
         has been silent for twenty minutes.
+
+        Parameters
+        ----------
+        experiment : str
+            Name of the experiment.
+
+        Returns
+        -------
+        list[str]
+            Ids of the runs.
         """
         gone = [
             run.info.run_id
@@ -229,7 +385,18 @@ class Store:
 
 
 def sqlite_address(database: Path) -> str:
-    """The tracking address of a SQLite file, whatever characters its path has."""
+    """The tracking address of a SQLite file, whatever characters its path has.
+
+    Parameters
+    ----------
+    database : Path
+        SQLite file.
+
+    Returns
+    -------
+    str
+        The address.
+    """
     plain = str(database)
     if _PLAIN_PATH.fullmatch(plain):
         return f"sqlite:///{plain}"
@@ -245,7 +412,18 @@ def sqlite_address(database: Path) -> str:
 
 
 def sqlite_file(address: str) -> Path:
-    """The file of such an address, however it is written."""
+    """The file of such an address, however it is written.
+
+    Parameters
+    ----------
+    address : str
+        Tracking address.
+
+    Returns
+    -------
+    Path
+        The file.
+    """
     from sqlalchemy import make_url
 
     path = make_url(address).database or ""

@@ -49,12 +49,12 @@ class ReliabilityTable:
         return int(self.counts.sum())
 
     @property
-    def confidence(self) -> Float64[np.ndarray, "bins"]:
+    def confidence(self) -> Float64[np.ndarray, " bins"]:
         """Mean predicted probability in each bin; NaN in an empty one."""
         return _quotient(self.probability_sums, self.counts)
 
     @property
-    def frequency(self) -> Float64[np.ndarray, "bins"]:
+    def frequency(self) -> Float64[np.ndarray, " bins"]:
         """Share of vessel in each bin; NaN in an empty one."""
         return _quotient(self.vessel_counts, self.counts)
 
@@ -82,7 +82,7 @@ class ReliabilityTable:
 
 
 def equal_width_table(
-    probability: Float[np.ndarray, "*any"], reference: Shaped[np.ndarray, "..."], n_bins: int
+    probability: Float[np.ndarray, " *any"], reference: Shaped[np.ndarray, "..."], n_bins: int
 ) -> ReliabilityTable:
     """Compute the table of bins of equal width; a bin includes its lower edge, the last one both edges.
 
@@ -120,7 +120,7 @@ def equal_width_table(
 
 
 def fine_table(
-    probability: Float[np.ndarray, "*any"], reference: Shaped[np.ndarray, "..."]
+    probability: Float[np.ndarray, " *any"], reference: Shaped[np.ndarray, "..."]
 ) -> ReliabilityTable:
     """Compute the table of ``FINE_BINS`` bins as fine as 16-bit floats, towards 1 as towards 0.
 
@@ -189,8 +189,8 @@ def adaptive_table(fine: ReliabilityTable, n_bins: int) -> ReliabilityTable:
 
 
 def checked(
-    probability: Float[np.ndarray, "*any"], reference: Shaped[np.ndarray, "..."]
-) -> tuple[Float64[np.ndarray, "n"], Bool[np.ndarray, "n"]]:
+    probability: Float[np.ndarray, " *any"], reference: Shaped[np.ndarray, "..."]
+) -> tuple[Float64[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
     """Check and flatten probabilities and labels.
 
     Parameters

@@ -1,5 +1,5 @@
 """Networks of the U-Net family."""
 
-from models.networks.registry import RECIPES, NetworkRecipe, recipe_of, settings_of
+from models.networks.registry import NetworkRecipe, recipe_of, recipes, settings_of
 
-__all__ = ["RECIPES", "NetworkRecipe", "recipe_of", "settings_of"]
+__all__ = ["NetworkRecipe", "recipe_of", "recipes", "settings_of"]

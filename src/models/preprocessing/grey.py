@@ -13,7 +13,23 @@ LUMA = (0.299, 0.587, 0.114)
 
 
 def to_grey(image: UInt8[np.ndarray, "*size"]) -> UInt8[np.ndarray, "h w"]:
-    """A grey image of one with 1 (h, w), 3 (RGB) or 4 (RGBA, alpha ignored) channels last."""
+    """Convert an image to grey.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (h, w), (h, w, 3) or (h, w, 4)
+        Grey, RGB or RGBA image; alpha is ignored.
+
+    Returns
+    -------
+    ndarray of uint8, shape (h, w)
+        Grey image.
+
+    Raises
+    ------
+    InputError
+        If the image has another shape.
+    """
     if image.ndim == 2:
         return image
     if image.ndim != 3 or image.shape[2] not in (3, 4):
@@ -25,9 +41,19 @@ def to_grey(image: UInt8[np.ndarray, "*size"]) -> UInt8[np.ndarray, "h w"]:
 
 
 def echo_grey(image: UInt8[np.ndarray, "*size"]) -> UInt8[np.ndarray, "h w"]:
-    """The grey values of the echoes in a frame of the same shapes: small coloured graphics are painted over first.
+    """Convert a frame to the grey values of its echoes; small coloured graphics are removed first.
 
     Data sets read their images so and the predictor takes colour frames so, whatever a network's settings are.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (h, w), (h, w, 3) or (h, w, 4)
+        Frame as recorded.
+
+    Returns
+    -------
+    ndarray of uint8, shape (h, w)
+        Grey frame.
     """
     if image.ndim == 3 and image.shape[2] in (3, 4):
         image = without_colour_marks(image[..., :3])

@@ -30,9 +30,18 @@ HALF_LEVEL = 0.5 / 255
 
 @dataclass(frozen=True)
 class Placement:
-    """Where a frame of ``native`` (height, width) lies in the network's square: ``size`` pixels from ``corner``.
+    """Where a frame lies in the network's square.
 
-    ``box`` is the part of the frame that is placed there: top, left, bottom, right in pixels, the last two exclusive.
+    Parameters
+    ----------
+    native : tuple of int
+        Height and width of the frame in px.
+    size : tuple of int
+        Height and width in the square, in px.
+    corner : tuple of int
+        Top and left of the frame in the square, in px.
+    box : tuple of int
+        Part of the frame that is placed: top, left, bottom, right in px, the last two exclusive.
     """
 
     native: tuple[int, int]
@@ -49,17 +58,31 @@ class Placement:
 
 @dataclass(frozen=True)
 class Preprocessing:
-    """Clean the frame, resize it to fit a square of ``image_size_px`` on black, aspect kept; normalise its grey values.
+    """Cleaning, resizing to a square on black with the aspect kept, and normalisation of frames.
 
-    ``sector``: where the echoes are; all outside becomes black. ``none`` leaves the frame as it is, ``auto`` finds the
-    sector in each frame (``models.preprocessing.sector``), corners [row, column] as shares 0 to 1 of the
-    frame's height and width
-    set it for all; then ``crop`` may cut the frame to their bounding box. ``ground_tolerance``: by how many grey levels
-    the dark ground around the sector varies, 0 for files (JPEG too), about 8 for grabbed video.
-    ``overlays``: ``auto`` paints over thin white graphics (``models.preprocessing.overlays``).
-    ``normalisation``: ``standard`` gives
-    each image mean 0 and deviation 1; ``standard_sector`` does so for its pixels brighter than its darkest grey, so
-    that black around the sector doesn't count; ``unit`` maps 0 to 255 to 0 to 1.
+    Parameters
+    ----------
+    image_size_px : int
+        Side of the square in px.
+    normalisation : str
+        ``standard`` gives each image mean 0 and deviation 1; ``standard_sector`` does so for its pixels brighter than
+        its darkest grey, so that black around the sector does not count; ``unit`` maps 0 to 255 to 0 to 1.
+    sector : str or sequence of sequences of float
+        Where the echoes are; all outside becomes black. ``none`` leaves the frame as it is, ``auto`` finds the sector
+        in each frame (``models.preprocessing.sector``), corners [row, column] as fractions of the frame's height and
+        width set it for all.
+    overlays : str
+        ``auto`` removes thin white graphics (``models.preprocessing.overlays``), ``none`` nothing.
+    crop : bool
+        Whether the frame is cut to the bounding box of the corners.
+    ground_tolerance : int
+        Grey levels by which the dark ground around the sector varies: 0 for files (JPEG too), about 8 for grabbed
+        video.
+
+    Raises
+    ------
+    InputError
+        If a setting is out of range or does not go with another.
     """
 
     image_size_px: int
@@ -87,7 +110,18 @@ class Preprocessing:
             )
 
     def placement(self, height: int, width: int) -> Placement:
-        """Where a frame of that size goes."""
+        """Compute where a frame goes.
+
+        Parameters
+        ----------
+        height, width : int
+            Size of the frame in px.
+
+        Returns
+        -------
+        Placement
+            Its place in the square.
+        """
         box = (0, 0, height, width)
         if self.crop and self._corners is not None:
             box = bounding_box(self._corners, height, width)
@@ -98,27 +132,82 @@ class Preprocessing:
         return Placement((height, width), size, corner, box)
 
     def __call__(self, frames: UInt8[Tensor, "n h w"]) -> Float32[Tensor, "n 1 s s"]:
-        """Grey frames of one size, cleaned and resized; values 0 to 1, not normalised."""
+        """Clean and resize frames.
+
+        Parameters
+        ----------
+        frames : Tensor of uint8, shape (n, h, w)
+            Grey frames of one size.
+
+        Returns
+        -------
+        Tensor, shape (n, 1, s, s)
+            Images of values 0 to 1, not normalised.
+        """
         if self.sector == "none" and self.overlays == "none":
             return self.resize(frames)
         return self.resize(torch.from_numpy(self.clean(frames.cpu().numpy())).to(frames.device))
 
     def clean(self, frames: UInt8[np.ndarray, "n h w"]) -> UInt8[np.ndarray, "n h w"]:
-        """The frames at their own size without burnt-in graphics and what lies outside the sector; others are new."""
+        """Remove burnt-in graphics and what lies outside the sector.
+
+        Parameters
+        ----------
+        frames : ndarray of uint8, shape (n, h, w)
+            Grey frames of one size.
+
+        Returns
+        -------
+        ndarray of uint8, shape (n, h, w)
+            Clean frames; the same array where there is nothing to do.
+        """
         if self.sector == "none" and self.overlays == "none":
             return frames
         return np.stack([self._cleaned(frame) for frame in frames]) if len(frames) else frames
 
     def resize(self, frames: UInt8[Tensor, "n h w"]) -> Float32[Tensor, "n 1 s s"]:
-        """Clean frames of one size, resized with anti-aliasing and placed; values 0 to 1, not normalised."""
+        """Resize clean frames with anti-aliasing, and place them.
+
+        Parameters
+        ----------
+        frames : Tensor of uint8, shape (n, h, w)
+            Clean frames of one size.
+
+        Returns
+        -------
+        Tensor, shape (n, 1, s, s)
+            Images of values 0 to 1, not normalised.
+        """
         return self._place(frames.float().div_(255))
 
     def mask(self, masks: Bool[Tensor, "n h w"]) -> Float32[Tensor, "n 1 s s"]:
-        """Masks that follow their frames: 1 where vessel fills at least half of a pixel, else 0."""
+        """Resize and place masks as their frames.
+
+        Parameters
+        ----------
+        masks : Tensor of bool, shape (n, h, w)
+            Masks of one size.
+
+        Returns
+        -------
+        Tensor, shape (n, 1, s, s)
+            1 where vessel fills at least half of a pixel, otherwise 0.
+        """
         return (self._place(masks.float()) >= 0.5).float()
 
     def normalise(self, images: Float32[Tensor, "n 1 s s"]) -> Float32[Tensor, "n 1 s s"]:
-        """The grey values as the network gets them; a uniform image becomes 0."""
+        """Normalise grey values for the network.
+
+        Parameters
+        ----------
+        images : Tensor, shape (n, 1, s, s)
+            Images of values 0 to 1.
+
+        Returns
+        -------
+        Tensor, shape (n, 1, s, s)
+            Normalised images; a uniform image becomes 0.
+        """
         if self.normalisation == "unit":
             return images
         if self.normalisation == "standard_sector":
@@ -130,7 +219,20 @@ class Preprocessing:
     def restore(
         self, maps: Float32[Tensor, "n 1 s s"], placement: Placement
     ) -> Float32[Tensor, "n height width"]:
-        """Bring maps of the network's size back to the native one, bilinearly; 0 where the frame was cut off."""
+        """Bring maps of the network's size back to the native one, bilinearly.
+
+        Parameters
+        ----------
+        maps : Tensor, shape (n, 1, s, s)
+            Maps in the square.
+        placement : Placement
+            Where the frames lie in it.
+
+        Returns
+        -------
+        Tensor, shape (n, height, width)
+            Maps of the frames' size; 0 where the frame was cut off.
+        """
         rows, columns = placement.window
         top, left, bottom, right = placement.box
         native = functional.interpolate(

@@ -27,7 +27,21 @@ Batch = list[Tensor]
 
 
 class FoldData(LightningDataModule):
-    """Training and validation batches: images (b, 1, s, s), normalised, and masks of 0 and 1 alike."""
+    """Training and validation batches: normalised images (b, 1, s, s), and masks of 0 and 1 of the same shape.
+
+    Parameters
+    ----------
+    train, validation : LabelledFrames
+        Cases of either side.
+    preprocessing : Preprocessing
+        What all frames go through, once.
+    augmentation : Augmentation
+        Random transforms of training batches.
+    batch_size : int
+        Number of images in a batch.
+    seed : int
+        Seed of the shuffling and the augmentation.
+    """
 
     def __init__(
         self,
@@ -50,26 +64,57 @@ class FoldData(LightningDataModule):
         self.begin_epoch(0)
 
     def begin_epoch(self, epoch: int) -> None:
-        """Seed the order of the images and their augmentation: both depend on the seed and the epoch alone."""
+        """Seed the order of the images and their augmentation: both depend on the seed and the epoch alone.
+
+        Parameters
+        ----------
+        epoch : int
+            Number of the epoch, counted from 0.
+        """
         self.epoch = epoch
         self._shuffle_generator.manual_seed(seed_of(self.seed, SHUFFLING, epoch))
         self._augmentation_generator = None
 
     @property
     def steps_per_epoch(self) -> int:
-        """How many batches an epoch has."""
+        """Number of batches in an epoch."""
         return -(-len(self.train_set) // self.batch_size)
 
     def train_dataloader(self) -> DataLoader[Batch]:
-        """Shuffled anew in each epoch."""
+        """Load training batches, shuffled anew in each epoch.
+
+        Returns
+        -------
+        DataLoader
+            Images and masks at the network's size, not normalised.
+        """
         return self._loader(RandomSampler(self.train_set, generator=self._shuffle_generator), self.train_set)
 
     def val_dataloader(self) -> DataLoader[Batch]:
-        """In order."""
+        """Load validation batches in order.
+
+        Returns
+        -------
+        DataLoader
+            Images and masks at the network's size, not normalised.
+        """
         return self._loader(SequentialSampler(self.validation_set), self.validation_set)
 
     def on_after_batch_transfer(self, batch: Batch, dataloader_idx: int) -> Batch:
-        """Augment (in training) and normalise on the device."""
+        """Augment (in training) and normalise a batch on the device.
+
+        Parameters
+        ----------
+        batch : list of Tensor
+            Images and masks, shape (b, 1, s, s).
+        dataloader_idx : int
+            Not used.
+
+        Returns
+        -------
+        list of Tensor
+            Normalised images in channels-last layout, and masks of 0 and 1.
+        """
         images, masks = batch[0], batch[1].float()
         if self.trainer is not None and self.trainer.training:
             if self._augmentation_generator is None:
@@ -89,7 +134,20 @@ class FoldData(LightningDataModule):
 
 
 def prepared(frames: LabelledFrames, preprocessing: Preprocessing) -> TensorDataset:
-    """All images (n, 1, s, s), values 0 to 1, and masks, bool, at the network's size."""
+    """Preprocess all frames.
+
+    Parameters
+    ----------
+    frames : LabelledFrames
+        Cases of any sizes.
+    preprocessing : Preprocessing
+        What they go through.
+
+    Returns
+    -------
+    TensorDataset
+        Images of values 0 to 1 and masks of bool, shape (n, 1, s, s).
+    """
     size = preprocessing.image_size_px
     images = torch.empty((len(frames), 1, size, size))
     masks = torch.empty((len(frames), 1, size, size), dtype=torch.bool)

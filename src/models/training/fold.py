@@ -28,7 +28,21 @@ OnEpoch = Callable[[Mapping[str, float]], None]
 
 @dataclass(frozen=True)
 class TrainedFold:
-    """Where the best weights lie, and how the training went: one mapping of measures for each epoch."""
+    """Result of a training.
+
+    Parameters
+    ----------
+    checkpoint : Path
+        File with the weights of the best epoch.
+    history : tuple of mapping
+        Measures of each epoch.
+    best_epoch : int
+        Number of the best epoch, counted from 0.
+    best_validation_dsc : float
+        Its validation DSC, 0 to 1.
+    runtime_s : float
+        Time in s, including that before an interruption.
+    """
 
     checkpoint: Path
     history: tuple[Mapping[str, float], ...]
@@ -46,13 +60,32 @@ def train_fold(
 ) -> TrainedFold:
     """Train a network and keep the weights of the epoch with the best validation DSC in ``directory/model.pt``.
 
-    The first weights depend on ``seed`` alone, the same for every fold; shuffling, augmentation and dropout depend on
-    ``seed``, ``fold`` and the number of the epoch. ``state_directory`` is where this very training keeps what
-    ``resume`` and ``extend_epochs`` of ``training.trainer`` go on from. ``on_epoch`` gets each epoch's measures; where
-    the training goes on, those of the earlier epochs first.
+    The first weights depend on ``training.seed`` alone, the same for every fold; shuffling, augmentation and dropout
+    depend on the seed, the fold and the number of the epoch.
 
-    Raises InputError if the state is of another training or there is no finished one to extend, RuntimeError if the
-    training diverges.
+    Parameters
+    ----------
+    training : FoldTraining
+        What is trained on what, and how.
+    directory : Path
+        Folder for ``model.pt``.
+    state_directory : Path or None
+        Folder in which this very training keeps what ``resume`` and ``extend_epochs`` of ``training.trainer``
+        continue from; None keeps nothing.
+    on_epoch : callable or None
+        Called with each epoch's measures; in a resumed training, with those of the earlier epochs first.
+
+    Returns
+    -------
+    TrainedFold
+        The checkpoint and the history.
+
+    Raises
+    ------
+    InputError
+        If the state is of another training or there is no finished one to extend.
+    RuntimeError
+        If the training diverges.
     """
     settings = training.trainer
     path = directory / "model.pt"
@@ -75,7 +108,20 @@ def train_fold(
 
 
 def initial_network(model: NetworkRecipe, seed: int) -> nn.Module:
-    """The network with the weights that every fold starts from; torch's own random stream is left as it was."""
+    """Build the network with the weights that every fold starts from; torch's own random stream is left as it was.
+
+    Parameters
+    ----------
+    model : NetworkRecipe
+        Architecture.
+    seed : int
+        Seed of the training.
+
+    Returns
+    -------
+    nn.Module
+        The untrained network.
+    """
     with torch.random.fork_rng():
         torch.manual_seed(seed_of(seed, WEIGHTS))
         return model()

@@ -49,6 +49,8 @@ class TrainerSettings:
     extend_epochs : int
         Largest number of epochs that a finished training is extended by, at a constant tenth of ``learning_rate``, so
         that an extension by 10 is the beginning of one by 20; patience counts anew.
+    smoke : bool
+        Whether the training shows that all works and not how well; its results are marked so and not compared.
 
     Raises
     ------

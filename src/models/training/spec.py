@@ -27,10 +27,32 @@ _HOW_FAR = ("resume", "extend_epochs")
 
 @dataclass(frozen=True)
 class FoldTraining:
-    """One fold of one network on one data set, with one seed.
+    """Specification of a training: one fold of one network on one data set, with one seed.
 
-    Raises InputError if the network doesn't take the image size, if the training or validation frames show no vessel,
-    or if a GPU is asked for and there is none.
+    Parameters
+    ----------
+    model : NetworkRecipe
+        Architecture.
+    train, validation : LabelledFrames
+        Cases to train on and to select the best epoch by.
+    preprocessing : Preprocessing
+        What all frames go through.
+    trainer : TrainerSettings
+        Budget and optimisation.
+    augmentation : Augmentation
+        Random transforms of training batches.
+    loss : Loss
+        What training minimises.
+    seed : int
+        Seed of all random numbers.
+    fold : int
+        Number of the fold.
+
+    Raises
+    ------
+    InputError
+        If the network does not take the image size, if the training or validation frames show no vessel, or if a GPU
+        is asked for and there is none.
     """
 
     model: NetworkRecipe
@@ -61,7 +83,7 @@ class FoldTraining:
 
     @cached_property
     def fingerprint(self) -> str:
-        """SHA-256 over the settings and every image and mask of either side: the same for the same training alone."""
+        """SHA-256 over the settings and every image and mask of either side: equal for the same training alone."""
         budget = {key: value for key, value in vars(self.trainer).items() if key not in _HOW_FAR}
         content = {
             "version": VERSION,

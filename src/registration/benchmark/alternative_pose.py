@@ -111,7 +111,7 @@ class _Search:
         found = self.model(transforms.apply(truth.fixed_T_moving, self.moving_mm))
         self.cap_mm = max(CAP * 1.4826 * float(np.median(found.apart_mm)), LEAST_CAP_MM)
 
-    def costs(self, pose: np.ndarray) -> Float64[np.ndarray, "s"]:
+    def costs(self, pose: np.ndarray) -> Float64[np.ndarray, " s"]:
         """The mean squared residual of each stretch, with an upper limit to what a point may count."""
         apart_mm = self.model(transforms.apply(pose, self.moving_mm)).apart_mm
         squared = np.minimum(apart_mm, self.cap_mm) ** 2

@@ -44,7 +44,7 @@ class BenchmarkCase:
     kind: str
     moving_mm: Float64[np.ndarray, "m 3"]
     moving_normals: Float64[np.ndarray, "m 3"]
-    moving_frame: Int64[np.ndarray, "m"]
+    moving_frame: Int64[np.ndarray, " m"]
     fixed: Mesh
     fixed_mm: Float64[np.ndarray, "n 3"]
 
@@ -85,8 +85,8 @@ class CaseTruth:
     place: str
     fixed_T_moving: Float64[np.ndarray, "4 4"]
     targets_mm: Float64[np.ndarray, "t 3"]
-    covered: Bool[np.ndarray, "t"]
-    outlier: Bool[np.ndarray, "m"]
+    covered: Bool[np.ndarray, " t"]
+    outlier: Bool[np.ndarray, " m"]
     angle_deg: float
     translation_mm: float
     symmetry: Symmetry = field(default_factory=Symmetry)

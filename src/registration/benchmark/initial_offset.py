@@ -51,8 +51,8 @@ class DrawnPoints:
     """
 
     points_mm: Float64[np.ndarray, "m 3"]
-    index: Int64[np.ndarray, "m"]
-    outlier: Bool[np.ndarray, "m"]
+    index: Int64[np.ndarray, " m"]
+    outlier: Bool[np.ndarray, " m"]
 
 
 def draw_start(points_mm: Float64[np.ndarray, "m 3"], rng: np.random.Generator) -> Start:

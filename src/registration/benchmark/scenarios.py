@@ -56,7 +56,7 @@ class Kind:
                 f"and {self.outlier_share:g}"
             )
 
-    def choose(self, frames: int, rng: np.random.Generator) -> tuple[str, Int64[np.ndarray, "k"]]:
+    def choose(self, frames: int, rng: np.random.Generator) -> tuple[str, Int64[np.ndarray, " k"]]:
         """Draw the part of the sweep and the frames that a case of this kind uses.
 
         Parameters

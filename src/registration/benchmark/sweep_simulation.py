@@ -83,7 +83,7 @@ class Swept:
         return np.concatenate([even_mm, np.array(roots_mm).reshape(-1, 3)])
 
     @cached_property
-    def covered(self) -> Bool[np.ndarray, "t"]:
+    def covered(self) -> Bool[np.ndarray, " t"]:
         """Which targets are passed by a frame's true plane."""
         ct_A_pixel = self.sweep.ct_T_world @ self.sweep.world_A_pixel[self.used]
         facing = np.cross(ct_A_pixel[:, :3, 0], ct_A_pixel[:, :3, 1])

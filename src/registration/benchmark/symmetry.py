@@ -58,7 +58,7 @@ class Screw:
             raise InputError(f"direction: expected a unit vector, received one of length {length:g}")
         require_at_least("high", self.high, self.low)
 
-    def __call__(self, s: Float64[np.ndarray, "k"]) -> Float64[np.ndarray, "k 4 4"]:
+    def __call__(self, s: Float64[np.ndarray, " k"]) -> Float64[np.ndarray, "k 4 4"]:
         """Evaluate the motions.
 
         Parameters

@@ -17,6 +17,7 @@ from registration import transforms
 from registration.calibration.probe import complete_right_handed
 from registration.checks import require_count, require_positive
 from registration.errors import InputError
+from registration.geometry.rigid_fit import kabsch
 
 
 @dataclass(frozen=True)
@@ -266,20 +267,12 @@ def phantom_registration(
     ------
     InputError
         If there are fewer than three points or they lie on a line.
-
-    References
-    ----------
-    K. S. Arun et al., IEEE PAMI 9(5), 1987.
     """
-    centre_a, centre_b = phantom_mm.mean(axis=0), reference_mm.mean(axis=0)
-    left, spread, right = np.linalg.svd((phantom_mm - centre_a).T @ (reference_mm - centre_b))
+    centred_mm = phantom_mm - phantom_mm.mean(axis=0), reference_mm - reference_mm.mean(axis=0)
+    spread = np.linalg.svd(centred_mm[0].T @ centred_mm[1], compute_uv=False)
     if len(phantom_mm) < 3 or spread[1] < 1e-9 * spread[0]:
         raise InputError("phantom_mm: expected at least three points not on a line, received fewer")
-    handed = np.diag([1.0, 1.0, np.sign(np.linalg.det(right.T @ left.T))])
-    reference_T_phantom = np.eye(4)
-    reference_T_phantom[:3, :3] = right.T @ handed @ left.T
-    reference_T_phantom[:3, 3] = centre_b - reference_T_phantom[:3, :3] @ centre_a
-    return reference_T_phantom
+    return kabsch(phantom_mm, reference_mm)
 
 
 def _crossing_mm(wire_mm: Float64[np.ndarray, "2 3"], other_mm: Float64[np.ndarray, "2 3"]) -> np.ndarray:

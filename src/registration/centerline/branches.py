@@ -163,7 +163,7 @@ def _node_in(axis: MedialAxis, end: Border) -> int:
 
 
 def _last(
-    axis: MedialAxis, main: Bool[np.ndarray, "n"], away_mm: Float64[np.ndarray, "n"], farthest: int
+    axis: MedialAxis, main: Bool[np.ndarray, " n"], away_mm: Float64[np.ndarray, " n"], farthest: int
 ) -> int:
     """The sphere where the vessel ends, step by step from the one farthest away.
 
@@ -179,17 +179,17 @@ def _last(
     return best
 
 
-def _lengths_mm(axis: MedialAxis, node: int) -> Float64[np.ndarray, "n"]:
+def _lengths_mm(axis: MedialAxis, node: int) -> Float64[np.ndarray, " n"]:
     found: np.ndarray = dijkstra(axis.shortcuts_mm, directed=False, indices=node)
     return found
 
 
-def _predecessors(axis: MedialAxis, node: int) -> Int64[np.ndarray, "n"]:
+def _predecessors(axis: MedialAxis, node: int) -> Int64[np.ndarray, " n"]:
     found: np.ndarray = dijkstra(axis.cost, directed=False, indices=node, return_predecessors=True)[1]
     return found.astype(np.int64)
 
 
-def _walk(before: Int64[np.ndarray, "n"], node: int) -> Int64[np.ndarray, "p"]:
+def _walk(before: Int64[np.ndarray, " n"], node: int) -> Int64[np.ndarray, " p"]:
     nodes = [node]
     while before[nodes[-1]] >= 0:
         nodes.append(int(before[nodes[-1]]))

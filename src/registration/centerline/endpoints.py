@@ -30,10 +30,10 @@ class BranchEnd:
 
 def branch_ends(
     axis: MedialAxis,
-    main: Bool[np.ndarray, "n"],
-    away_mm: Float64[np.ndarray, "n"],
+    main: Bool[np.ndarray, " n"],
+    away_mm: Float64[np.ndarray, " n"],
     reach: float,
-    marked: Int64[np.ndarray, "k"],
+    marked: Int64[np.ndarray, " k"],
 ) -> tuple[BranchEnd, ...]:
     """Find the ends of all branches as persistent maxima of the distance from the source.
 
@@ -89,7 +89,7 @@ def branch_ends(
     return tuple(sorted(found, key=lambda branch_end: -away_mm[branch_end.node]))
 
 
-def _meetings(axis: MedialAxis, away_mm: Float64[np.ndarray, "n"]) -> list[tuple[int, int, float]]:
+def _meetings(axis: MedialAxis, away_mm: Float64[np.ndarray, " n"]) -> list[tuple[int, int, float]]:
     """The links by which parts meet, the farthest first: a spanning tree, each with the distance of its nearer end."""
     links = axis.apart_mm.tocoo()
     level_mm = np.minimum(away_mm[links.row], away_mm[links.col])
@@ -112,7 +112,7 @@ def _root(owner: list[int], node: int) -> int:
 
 def _is_branch(
     axis: MedialAxis,
-    main: Bool[np.ndarray, "n"],
+    main: Bool[np.ndarray, " n"],
     branch_end: int,
     meeting: int,
     reach_mm: float,

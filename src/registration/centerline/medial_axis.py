@@ -45,7 +45,7 @@ class MedialAxis:
     """
 
     centres_mm: Float64[np.ndarray, "n 3"]
-    radius_mm: Float64[np.ndarray, "n"]
+    radius_mm: Float64[np.ndarray, " n"]
     apart_mm: csr_array
 
     @property
@@ -73,7 +73,7 @@ class MedialAxis:
         chosen = np.unique(row.astype(np.int64) * len(self.radius_mm) + column, return_index=True)[1]
         return csr_array((lengths_mm[chosen], (row[chosen], column[chosen])), shape=pairs.shape)
 
-    def is_main(self) -> Bool[np.ndarray, "n"]:
+    def is_main(self) -> Bool[np.ndarray, " n"]:
         """Find the spheres that belong to a vessel, and not to a spike into a roughness or a cap's rim.
 
         A sphere is excluded if a larger one contains it once both are ``SCALE`` times as large (scale axis
@@ -101,7 +101,7 @@ class MedialAxis:
             main[block] = (cdist(self.centres_mm[block], self.centres_mm[near]) >= limit_mm).all(axis=1)
         return main
 
-    def _blocks(self, side_mm: float) -> Iterator[Int64[np.ndarray, "b"]]:
+    def _blocks(self, side_mm: float) -> Iterator[Int64[np.ndarray, " b"]]:
         """All spheres, in blocks that lie in one cube each: what contains a sphere is near it."""
         cube = np.floor(self.centres_mm / side_mm).astype(np.int64)
         _, owner = np.unique(cube, axis=0, return_inverse=True)
@@ -207,7 +207,7 @@ def sample_evenly(
     return points_mm + JOGGLE_SHARE * coarse * size_mm * shake
 
 
-def _one_a_cube(points_mm: Float64[np.ndarray, "p 3"], side_mm: float) -> Int64[np.ndarray, "k"]:
+def _one_a_cube(points_mm: Float64[np.ndarray, "p 3"], side_mm: float) -> Int64[np.ndarray, " k"]:
     cube = np.floor((points_mm - points_mm.min(axis=0)) / side_mm).astype(np.int64)
     return np.unique(cube, axis=0, return_index=True)[1].astype(np.int64)
 
@@ -254,7 +254,7 @@ def _lattices(mesh: Mesh, max_edge_mm: float) -> list[Float64[np.ndarray, "p 3"]
 
 def _circumspheres(
     corners_mm: Float64[np.ndarray, "n 4 3"],
-) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n"]]:
+) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, " n"]]:
     """Centre and radius of the sphere through each four points; NaN where they lie in a plane."""
     a, b, c = np.moveaxis(corners_mm[:, 1:] - corners_mm[:, :1], 1, 0)
     normal = np.cross(b, c)
@@ -269,7 +269,7 @@ def _circumspheres(
 
 def _stay_inside(
     centres_mm: np.ndarray, radius_mm: np.ndarray, first: np.ndarray, second: np.ndarray, walls: Walls
-) -> Bool[np.ndarray, "e"]:
+) -> Bool[np.ndarray, " e"]:
     """Whether the way between two centres stays inside; spheres that overlap by half need no look."""
     apart_mm = np.linalg.norm(centres_mm[first] - centres_mm[second], axis=1)
     clear = apart_mm <= 0.5 * np.minimum(radius_mm[first], radius_mm[second])

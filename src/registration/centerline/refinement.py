@@ -77,7 +77,7 @@ def resample(points_mm: Float64[np.ndarray, "n 3"], step_mm: float) -> Float64[n
 
 
 def _cheapest(
-    line_mm: Float64[np.ndarray, "n 3"], pitch_mm: Float64[np.ndarray, "n"], walls: Walls
+    line_mm: Float64[np.ndarray, "n 3"], pitch_mm: Float64[np.ndarray, " n"], walls: Walls
 ) -> Float64[np.ndarray, "n 3"]:
     first, second = _across(line_mm)
     steps = np.arange(-STEPS_OUT, STEPS_OUT + 1)

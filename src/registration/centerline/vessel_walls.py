@@ -28,7 +28,7 @@ class Walls:
         self._distance = SurfaceDistance(wall)
         self._closed = TriangleScene(closed)
 
-    def inside(self, points_mm: Float64[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
+    def inside(self, points_mm: Float64[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
         """Decide whether points are inside, by the majority of three rays' parities.
 
         Parameters
@@ -45,7 +45,7 @@ class Walls:
             return np.zeros(0, dtype=bool)
         return self._closed.occupied(points_mm)
 
-    def distance_mm(self, points_mm: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n"]:
+    def distance_mm(self, points_mm: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, " n"]:
         """Compute the distance to the nearest wall, which is the radius of the largest sphere that fits.
 
         Parameters

@@ -16,7 +16,7 @@ from registration.io.segments import Segment, read_segments, scan_ends
 from registration.io.volumes import UNITS_KEY, read_volume
 
 SPACES = ("lps", "ras")
-# NRRD files that name their axes arrive here in these ones; other names say nothing about the patient.
+# NRRD files that name their axes arrive here in these ones; other names do not refer to the patient.
 _PATIENT_SPACE = "left-posterior-superior"
 
 
@@ -147,7 +147,7 @@ def _voxel_axes(image: Any, path: Path) -> Float64[np.ndarray, "4 4"]:
 
 
 def _require_one_space(facts: Mapping[str, str], space: str | None, path: Path) -> None:
-    """Raise InputError unless either the header or the user says how the axes lie."""
+    """Raise InputError unless either the header or the user names the axes."""
     stated = _states_space(facts, path)
     if stated and space is not None:
         raise InputError(
@@ -161,7 +161,7 @@ def _require_one_space(facts: Mapping[str, str], space: str | None, path: Path) 
 
 
 def _states_space(facts: Mapping[str, str], path: Path) -> bool:
-    """Whether a header says how the axes lie in the patient."""
+    """Whether a header names its axes in the patient."""
     if "qform_code" in facts or "sform_code" in facts:
         return any(facts.get(f"{form}form_code", "0").strip() != "0" for form in "qs")
     if Path(path).suffix.lower() in (".nrrd", ".nhdr"):

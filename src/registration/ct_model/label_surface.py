@@ -22,7 +22,7 @@ from registration.reconstruction.open_ends import clip
 # How well the surface's volume has to meet that of the voxels, and how many times its level is corrected for it.
 VOLUME_TOLERANCE = 1e-3
 MAX_CORRECTIONS = 4
-# The field goes on so many smoothing widths around the vessel.
+# The field extends so many smoothing widths around the vessel.
 MARGIN_WIDTHS = 4.0
 
 
@@ -119,7 +119,7 @@ class LabelSurface:
 
 
 def _extended(mask: VesselMask, margin: np.ndarray) -> np.ndarray:
-    """The mask with a margin around it; where the scan cut the vessel off, it goes on as it was."""
+    """The mask with a margin around it; where the scan cut the vessel off, it is continued as it was."""
     inside = mask.inside
     for axis in range(3):
         for side in range(2):

@@ -31,7 +31,7 @@ class VesselMask:
         Map from the indices of ``inside`` to mm in LPS.
     cut : ndarray of bool, shape (3, 2)
         For the low and the high side of each axis, whether the vessel reaches the border of the scan there:
-        it was cut off, and goes on.
+        it was cut off, and continues beyond.
     label : int
         Value of the label.
     pieces_dropped : int

@@ -32,7 +32,7 @@ from registration.geometry.shapes import Mesh
 LUMEN_SHARE, NO_LUMEN_SHARE = 0.7, 0.5
 # Pieces and patches of less than this share of the area are no walls of a vessel.
 MIN_AREA_SHARE = 0.05
-# Rays along normals that tell whether a surface faces itself.
+# Rays along normals that show whether a surface faces itself.
 SCREENING_RAYS = 4000
 # With no hole through it, a surface that faces itself on less than this share of its area has no inner wall.
 FACING_SHARE = 0.15
@@ -68,7 +68,7 @@ class Lumen:
         return f"The surface is a hollow body, its outer and inner wall {walls}: the inner wall was taken, the lumen's."
 
     def record(self) -> dict[str, bool | int]:
-        """Tell how the lumen was found, for a file of results.
+        """Describe how the lumen was found, for a file of results.
 
         Returns
         -------
@@ -255,7 +255,7 @@ def _without_islands(body: Mesh, patch: Int64[np.ndarray, " p"]) -> Int64[np.nda
     others, of_rest = pieces(keep_triangles(body, rest))
     if others < 2:
         return patch
-    # The outer wall is what is left, as one piece; anything small beside it that touches the patch lies within.
+    # The outer wall is what is left, as one piece; anything small next to it that touches the patch lies within.
     small = np.bincount(of_rest, weights=areas_mm2[rest]) < 0.5 * MIN_AREA_SHARE * areas_mm2[patch].sum()
     touched = np.zeros(len(body.vertices_mm), dtype=bool)
     touched[body.triangles[patch]] = True

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from registration.errors import InputError
 
 # A cloud whose second principal spread is below this share of its first is a line (or a point) for every purpose
-# here: no rotation about it can be told from its points. Single-precision files resolve about 1e-7.
+# here: no rotation about it can be determined from its points. Single-precision files resolve about 1e-7.
 LINE_SHARE = 1e-6
 # A cloud whose bounding box is smaller than this was not measured in millimetres.
 METRES_BELOW_MM = 2.0

@@ -1,4 +1,4 @@
-"""Positions along a vessel's principal axis, by which it is cut into pieces and into frames."""
+"""Positions along a vessel's principal axis, by which it is cut into pieces and into slabs like frames."""
 
 from __future__ import annotations
 

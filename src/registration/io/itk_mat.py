@@ -14,7 +14,7 @@ from registration.errors import InputError
 
 _FIXED = "fixed"
 _LONGEST_NAME = 256
-# The tens of a variable's type say of what size its values are.
+# The tens of a variable's type are the size of its values.
 _BYTES = {0: 8, 1: 4, 2: 4, 3: 2, 4: 2, 5: 1}
 
 

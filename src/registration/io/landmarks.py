@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.spatial.transform import Rotation
 
 from registration import transforms
 from registration.errors import InputError
+from registration.geometry.rigid_fit import kabsch
 from registration.geometry.shapes import LINE_SHARE, principal_frame
 from registration.io.patient_space import lps_from
 from registration.io.truncation import require_file
@@ -102,9 +102,7 @@ class LandmarkPairs:
     @property
     def fixed_T_moving(self) -> Float64[np.ndarray, "4 4"]:
         """The rigid transform without scale that brings the pairs closest (Kabsch, Acta Cryst. A32, 1976)."""
-        moving_centre_mm, fixed_centre_mm = self.moving_mm.mean(axis=0), self.fixed_mm.mean(axis=0)
-        turn = Rotation.align_vectors(self.fixed_mm - fixed_centre_mm, self.moving_mm - moving_centre_mm)[0]
-        return transforms.from_rotation(turn, fixed_centre_mm - turn.apply(moving_centre_mm))
+        return kabsch(self.moving_mm, self.fixed_mm)
 
     def errors_mm(self, fixed_T_moving: Float64[np.ndarray, "4 4"]) -> Float64[np.ndarray, " n"]:
         """Measure how far each moving landmark is from its fixed one after registration.

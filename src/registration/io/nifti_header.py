@@ -18,7 +18,7 @@ from registration import transforms
 from registration.errors import InputError
 
 FORMS = ("qform", "sform")
-# Codes of lengths in xyzt_units; 0 says nothing.
+# Codes of lengths in xyzt_units; 0 is none.
 UNITS = {0: "", 1: "m", 2: "mm", 3: "um"}
 # Two transforms agree if they put every corner of the volume this close, or within a tenth of a voxel.
 _AGREEMENT_MM, _AGREEMENT_VOXELS = 0.1, 0.1
@@ -50,7 +50,7 @@ _LAYOUTS = {
 
 @dataclass(frozen=True)
 class NiftiHeader:
-    """The part of a NIfTI header that says how large the file is and where its voxels lie.
+    """The part of a NIfTI header on the size of the file and the place of its voxels.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class NiftiHeader:
     spacing : tuple of float
         Distances of voxels along the three axes in the file's unit.
     qform : ndarray, shape (4, 4), or None
-        Transform from voxel to RAS in the file's unit; None where its code says that it means nothing.
+        Transform from voxel to RAS in the file's unit; None where its code is 0, which is no transform.
     sform : ndarray, shape (4, 4), or None
         The same for the second transform.
     units : str

@@ -1,4 +1,4 @@
-"""Surfaces in patient space: what a file says about its axes, and files that say it to others.
+"""Surfaces in patient space: the axes that a file names, and files written with the names of theirs.
 
 A mesh holds numbers, not axes. 3D Slicer writes SPACE=LPS or SPACE=RAS into the header of STL, the comments of PLY and
 OBJ, the title of VTK and a field of VTP files (its vtkMRMLModelStorageNode), and obeys it when it reads; so does this

@@ -179,7 +179,7 @@ def _without_mark(path: Path) -> Iterator[Path]:
 
 
 def _require_whole_hdf5(path: Path) -> None:
-    """Refuse what is no HDF5 file or shorter than it says, on which the library prints a page before it fails.
+    """Refuse what is no HDF5 file or shorter than it says, for which the library prints a page before it fails.
 
     HDF5 File Format Specification, superblock: the version follows the signature, and the address of the end of the
     file is the third of four addresses that begin at byte 24 (versions 0 and 1), 28 (1) or 12 (2 and 3).

@@ -1,4 +1,4 @@
-"""The unit of a vessel model's file, which hardly any file states: told, or suspected from the vessel's size."""
+"""The unit of a vessel model's file, which hardly any file states: set, or suspected from the vessel's size."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ _DETACHED |= {"BinaryDataByteOrderMSB", "ElementByteOrderMSB"}
 
 @dataclass(frozen=True)
 class _Copy:
-    """A file that SimpleITK reads as it should, and what it does not say of it.
+    """A file that SimpleITK reads as it should, and what the library leaves out.
 
     ``units`` are those of the axes of space (or of the voxels' axes, where the file names no others), empty where
     none are stated; ``lps_A_voxel`` is in mm, None where SimpleITK's is taken.
@@ -205,7 +205,7 @@ def _metaimage(path: Path, target: Path) -> _Copy:
 
 def _nifti(path: Path, suffix: str, target: Path, units: str | None, form: str | None) -> _Copy:
     """The reader returns zeros for what is missing of a NIfTI file, without a word, and takes one of two transforms."""
-    # Unpacked under a name of its own: the reader would prefer a file x.nii that stands beside x.nii.gz.
+    # Unpacked under a name of its own: the reader would prefer a file x.nii next to x.nii.gz.
     source = path
     if suffix == ".nii.gz":
         _unpack(path, target)

@@ -34,7 +34,7 @@ def vessel_error(
     axis: Float64[np.ndarray, "3"],
     targets_mm: Float64[np.ndarray, "t 3"],
 ) -> VesselError:
-    """Decompose the error of a pose into roll and slide, in the fixed frame.
+    """Decompose the error of a pose into roll and slide, in the fixed coordinate frame.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def vessel_error(
     axis : ndarray, shape (3,)
         Direction of the vessel's principal axis, of any length.
     targets_mm : ndarray, shape (t, 3)
-        Targets in the fixed frame in mm; the slide is that of their centroid.
+        Targets in the fixed coordinate frame in mm; the slide is that of their centroid.
 
     Returns
     -------

@@ -200,7 +200,7 @@ def pose_error(
     true_fixed_T_moving : ndarray, shape (4, 4)
         True pose.
     targets_mm : ndarray, shape (t, 3)
-        Targets in the fixed frame in mm, where the truth puts them.
+        Targets in the fixed coordinate frame in mm, where the truth puts them.
 
     Returns
     -------

@@ -40,8 +40,8 @@ def loss_of(missing: str, trial: int) -> str:
 
 
 def in_kept_frames(
-    frame: Int64[np.ndarray, "n"], missing_share: float, loss: str, rng: np.random.Generator
-) -> Bool[np.ndarray, "n"]:
+    frame: Int64[np.ndarray, " n"], missing_share: float, loss: str, rng: np.random.Generator
+) -> Bool[np.ndarray, " n"]:
     """Select the points that lie in frames that are left.
 
     Parameters

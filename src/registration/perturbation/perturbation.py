@@ -50,7 +50,7 @@ class Piece:
         if self.place not in PLACES:
             raise InputError(f"place: expected one of {', '.join(PLACES)}, received {self.place!r}")
 
-    def contains(self, points_mm: Float64[np.ndarray, "n 3"], surface: Surface) -> Bool[np.ndarray, "n"]:
+    def contains(self, points_mm: Float64[np.ndarray, "n 3"], surface: Surface) -> Bool[np.ndarray, " n"]:
         """Select the points that lie in this piece of a surface.
 
         Parameters
@@ -102,8 +102,8 @@ class Trial:
     fixed_T_moving: Float64[np.ndarray, "4 4"]
     angle_deg: float
     translation_mm: float
-    outlier: Bool[np.ndarray, "m"]
-    frame: Int64[np.ndarray, "m"]
+    outlier: Bool[np.ndarray, " m"]
+    frame: Int64[np.ndarray, " m"]
     loss: str
 
 

@@ -77,16 +77,16 @@ class Beams:
         return int(np.ceil(depth_mm / self.sample_mm)) + 1, int(np.ceil(width_mm / self.beam_mm)) + 1
 
     @cached_property
-    def sample_depth_mm(self) -> Float64[np.ndarray, "s"]:
+    def sample_depth_mm(self) -> Float64[np.ndarray, " s"]:
         """Displayed range of each sample in mm; the first ones lie behind the face."""
         return np.arange(self.shape[0]) * self.sample_mm - self.margin_mm
 
     @cached_property
-    def beam_arc_mm(self) -> Float64[np.ndarray, "b"]:
+    def beam_arc_mm(self) -> Float64[np.ndarray, " b"]:
         """Position of each beam along the face in mm, 0 in its middle."""
         return np.arange(self.shape[1]) * self.beam_mm - self.half_arc_mm - self.margin_mm
 
-    def lateral_sigma_mm(self, depth_mm: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
+    def lateral_sigma_mm(self, depth_mm: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Compute the standard deviation of the beam along the face.
 
         It is wavelength times f-number at the focus and wider elsewhere.
@@ -109,8 +109,8 @@ class Beams:
         return sigma * scanner.radius_mm / (scanner.radius_mm + np.maximum(depth_mm, 0.0))
 
     def to_beam(
-        self, lateral_mm: Float[np.ndarray, "*n"], depth_mm: Float[np.ndarray, "*n"]
-    ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
+        self, lateral_mm: Float[np.ndarray, " *n"], depth_mm: Float[np.ndarray, " *n"]
+    ) -> tuple[Float[np.ndarray, " *n"], Float[np.ndarray, " *n"]]:
         """Convert positions in the image plane to arc and true range.
 
         Parameters
@@ -134,8 +134,8 @@ class Beams:
         return angle * radius_mm, np.hypot(lateral_mm, depth_mm + radius_mm) - radius_mm
 
     def to_grid(
-        self, arc_mm: Float[np.ndarray, "*n"], shown_mm: Float[np.ndarray, "*n"]
-    ) -> tuple[Float[np.ndarray, "*n"], Float[np.ndarray, "*n"]]:
+        self, arc_mm: Float[np.ndarray, " *n"], shown_mm: Float[np.ndarray, " *n"]
+    ) -> tuple[Float[np.ndarray, " *n"], Float[np.ndarray, " *n"]]:
         """Convert arc and displayed range to fractional grid indices.
 
         Parameters

@@ -68,7 +68,7 @@ class BMode:
         return Beams(self.scanner, self.tissue.settings.sound_speed_m_s)
 
     def __call__(
-        self, view: View, contact_db: Float32[np.ndarray, "b"], rng: np.random.Generator
+        self, view: View, contact_db: Float32[np.ndarray, " b"], rng: np.random.Generator
     ) -> tuple[UInt8[np.ndarray, "h w"], Bool[np.ndarray, "h w"]]:
         """Make one frame and the mask of its hidden pixels.
 
@@ -139,7 +139,7 @@ class BMode:
         radius_mm = self.scanner.radius_mm
         return float((radius_mm + deepest_mm) * np.sin(min(half_mm / radius_mm, 0.5 * np.pi)))
 
-    def _elevation_sigma_mm(self, depth_mm: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
+    def _elevation_sigma_mm(self, depth_mm: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
         """Deviation of the slice's profile; it grows hyperbolically on both sides of the lens's focus."""
         scanner = self.scanner
         away = (depth_mm - scanner.elevation_focus_mm) / scanner.elevation_focus_mm
@@ -150,8 +150,8 @@ class BMode:
         beams, (samples, lines) = self.beams, self.beams.shape
         arc_mm, range_mm = beams.to_beam(local_mm[:, 0], local_mm[:, 1])
         row, column = beams.to_grid(arc_mm, range_mm * np.float32(beams.stretch))
-        rows: Int64[np.ndarray, "n"] = np.rint(row).astype(np.int64)
-        columns: Int64[np.ndarray, "n"] = np.rint(column).astype(np.int64)
+        rows: Int64[np.ndarray, " n"] = np.rint(row).astype(np.int64)
+        columns: Int64[np.ndarray, " n"] = np.rint(column).astype(np.int64)
         kept = (rows >= 0) & (rows < samples) & (columns >= 0) & (columns < lines)
         rows, columns, range_mm = rows[kept], columns[kept], range_mm[kept]
         sigma_mm = self._elevation_sigma_mm(range_mm)
@@ -170,7 +170,7 @@ class BMode:
         )
         return Echo(self._blur(deposited.astype(np.complex64)), loss_db)
 
-    def _per_cell(self) -> Float[np.ndarray, "s"]:
+    def _per_cell(self) -> Float[np.ndarray, " s"]:
         """Mean number of scatterers a grid cell and mm of elevation, by depth: a convex array's cells widen."""
         beams, scanner = self.beams, self.scanner
         area_mm2 = beams.sample_mm / beams.stretch * beams.beam_mm * np.ones(beams.shape[0])
@@ -205,7 +205,7 @@ class BMode:
 
     @staticmethod
     def _gaussian(
-        sigma: Float[np.ndarray, "n"], length: int, shift: float = 0.0
+        sigma: Float[np.ndarray, " n"], length: int, shift: float = 0.0
     ) -> Float32[np.ndarray, "n length"]:
         """Transfer function of Gaussians of unit energy, one a row, moved by ``shift`` of their own deviations."""
         scaled = 2.0 * np.pi * fft.fftfreq(length) * sigma[:, None] - shift
@@ -213,7 +213,7 @@ class BMode:
         return (scale * np.exp(-0.5 * scaled**2)).astype(np.float32)
 
     def _receive(
-        self, echo: Echo, contact_db: Float32[np.ndarray, "b"], rng: np.random.Generator
+        self, echo: Echo, contact_db: Float32[np.ndarray, " b"], rng: np.random.Generator
     ) -> Complex64[np.ndarray, "k s b"]:
         """Apply the losses, add what rings between face and air, and the noise that depth gain raises downwards."""
         beams, scanner = self.beams, self.scanner

@@ -354,7 +354,7 @@ class SweepDeformation:
         return transforms.apply(self.ct_T_bed, found_mm)
 
     @cached_property
-    def pressure_mm(self) -> Float64[np.ndarray, "n"]:
+    def pressure_mm(self) -> Float64[np.ndarray, " n"]:
         """Depth in mm to which the probe presses in each frame."""
         return np.array([view.press.depth_mm if view.press else 0.0 for view in self.views])
 

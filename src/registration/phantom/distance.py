@@ -32,7 +32,7 @@ class DistanceGrid:
     pitch_mm: float
     far_mm: float
 
-    def at(self, points_mm: Float[np.ndarray, "n 3"]) -> Float32[np.ndarray, "n"]:
+    def at(self, points_mm: Float[np.ndarray, "n 3"]) -> Float32[np.ndarray, " n"]:
         """Interpolate the distance at points, trilinear between nodes.
 
         Parameters
@@ -79,7 +79,7 @@ class DistanceGrid:
 
     def _locate(
         self, points_mm: Float[np.ndarray, "n 3"]
-    ) -> tuple[Int64[np.ndarray, "m"], Int64[np.ndarray, "m 3"], Float32[np.ndarray, "m 3"]]:
+    ) -> tuple[Int64[np.ndarray, " m"], Int64[np.ndarray, "m 3"], Float32[np.ndarray, "m 3"]]:
         last = np.array(self.values_mm.shape) - 1
         high_mm = self.origin_mm + self.pitch_mm * last
         within = np.ones(len(points_mm), dtype=bool)
@@ -91,7 +91,7 @@ class DistanceGrid:
         cell = np.minimum(steps.astype(np.int64), last - 1)
         return inside, cell, (steps - cell).astype(np.float32)
 
-    def _corners(self, cell: Int64[np.ndarray, "m 3"]) -> list[Float32[np.ndarray, "m"]]:
+    def _corners(self, cell: Int64[np.ndarray, "m 3"]) -> list[Float32[np.ndarray, " m"]]:
         _, rows, columns = self.values_mm.shape
         flat = self.values_mm.reshape(-1)
         base = (cell[:, 0] * rows + cell[:, 1]) * columns + cell[:, 2]

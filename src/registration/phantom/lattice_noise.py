@@ -11,8 +11,8 @@ from scipy.ndimage import gaussian_filter
 
 
 def hash_cells(
-    i: Integer[np.ndarray, "*n"], j: Integer[np.ndarray, "*n"], k: Integer[np.ndarray, "*n"], seed: int
-) -> UInt32[np.ndarray, "*n"]:
+    i: Integer[np.ndarray, " *n"], j: Integer[np.ndarray, " *n"], k: Integer[np.ndarray, " *n"], seed: int
+) -> UInt32[np.ndarray, " *n"]:
     """Mix lattice indices and a seed into 32 well-spread bits.
 
     Parameters
@@ -37,7 +37,7 @@ def hash_cells(
     return mix(mixed ^ (k.astype(np.uint32) * np.uint32(0xC2B2AE3D)))
 
 
-def mix(bits: UInt32[np.ndarray, "*n"]) -> UInt32[np.ndarray, "*n"]:
+def mix(bits: UInt32[np.ndarray, " *n"]) -> UInt32[np.ndarray, " *n"]:
     """Spread each input bit over all output bits; different inputs give different outputs.
 
     Parameters

@@ -20,7 +20,7 @@ SKIN_MM = 1.5
 SKIN_DB = 5.0
 
 
-def dither(bits: UInt32[np.ndarray, "n"], place: int) -> Float32[np.ndarray, "n"]:
+def dither(bits: UInt32[np.ndarray, " n"], place: int) -> Float32[np.ndarray, " n"]:
     """Make a number from 0 to 1 of ten of a scatterer's random bits.
 
     Parameters
@@ -62,9 +62,9 @@ class Layers:
     def level_db(
         self,
         positions_mm: Float32[np.ndarray, "n 3"],
-        bits: UInt32[np.ndarray, "n"],
-        free: Bool[np.ndarray, "n"],
-    ) -> tuple[Float32[np.ndarray, "n"], Bool[np.ndarray, "n"]]:
+        bits: UInt32[np.ndarray, " n"],
+        free: Bool[np.ndarray, " n"],
+    ) -> tuple[Float32[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
         """Compute the level of each scatterer, and whether it lies on a sheet.
 
         Parameters
@@ -109,7 +109,7 @@ class Layers:
         return self.settings.fascia_count
 
     @cached_property
-    def _sheets_mm(self) -> Float[np.ndarray, "s"]:
+    def _sheets_mm(self) -> Float[np.ndarray, " s"]:
         """Depths of the fasciae first, then of the layers that streaks lie in."""
         rng = np.random.default_rng([self.seed, 1])
         low, high = FASCIA_DEPTH_MM
@@ -119,12 +119,12 @@ class Layers:
         return np.concatenate([[SKIN_MM * 0.2], fascia_mm, streaks_mm])
 
     @cached_property
-    def _nearest_sheet(self) -> Int64[np.ndarray, "d"]:
+    def _nearest_sheet(self) -> Int64[np.ndarray, " d"]:
         depths_mm = np.arange(0.0, DEEPEST_MM, LOOKUP_MM)
         return np.abs(depths_mm[:, None] - self._sheets_mm[None]).argmin(axis=1)
 
     @cached_property
-    def _layer_db(self) -> Float32[np.ndarray, "d"]:
+    def _layer_db(self) -> Float32[np.ndarray, " d"]:
         """Skin is bright; the layers between fasciae differ."""
         rng = np.random.default_rng([self.seed, 2])
         spread_db = self.settings.mottle_db if self._fascia else 0.0
@@ -138,10 +138,10 @@ class Layers:
     def _texture(
         self,
         positions_mm: Float32[np.ndarray, "n 3"],
-        bits: UInt32[np.ndarray, "n"],
+        bits: UInt32[np.ndarray, " n"],
         cell_mm: tuple[float, float, float],
         shift: int = 0,
-    ) -> Float32[np.ndarray, "n"]:
+    ) -> Float32[np.ndarray, " n"]:
         """Noise of unit deviation, correlated over about three cells, each axis with its own size of cell.
 
         The cell is drawn among the two nearest by the scatterer's own bits, which interpolates at no cost.
@@ -156,9 +156,9 @@ class Layers:
     def _sheet_db(
         self,
         positions_mm: Float32[np.ndarray, "n 3"],
-        bits: UInt32[np.ndarray, "n"],
-        sheet: Int64[np.ndarray, "n"],
-    ) -> Float32[np.ndarray, "n"]:
+        bits: UInt32[np.ndarray, " n"],
+        sheet: Int64[np.ndarray, " n"],
+    ) -> Float32[np.ndarray, " n"]:
         """Echo of each sheet where it is present: fasciae nearly everywhere, streaks in patches some mm long."""
         settings = self.settings
         lifted = positions_mm.copy()
@@ -174,7 +174,7 @@ class Layers:
         echo_db = np.where(is_fascia, fascia_db, streak_db)
         return np.where(sheet == 0, fascia_db if self._fascia else -200.0, echo_db).astype(np.float32)
 
-    def _warped_depth_mm(self, positions_mm: Float32[np.ndarray, "n 3"]) -> Float32[np.ndarray, "n"]:
+    def _warped_depth_mm(self, positions_mm: Float32[np.ndarray, "n 3"]) -> Float32[np.ndarray, " n"]:
         """Depth below the skin along layers that undulate more the deeper they lie."""
         x, y, z = positions_mm.T
         phase = np.random.default_rng([self.seed, 3]).uniform(0.0, 2 * np.pi, 6).astype(np.float32)

@@ -80,7 +80,7 @@ def cells_in(slab: Slab, pitch_mm: float) -> Int64[np.ndarray, "n 3"]:
 
 def place(
     cells: Int64[np.ndarray, "n 3"], pitch_mm: float, seed: int
-) -> tuple[Float32[np.ndarray, "n 3"], Float32[np.ndarray, "n"], UInt32[np.ndarray, "n"]]:
+) -> tuple[Float32[np.ndarray, "n 3"], Float32[np.ndarray, " n"], UInt32[np.ndarray, " n"]]:
     """Place one scatterer in each lattice cell.
 
     Parameters
@@ -116,7 +116,7 @@ def place(
 def _columns_inside(
     slab: Slab,
     axes: tuple[int, int, int],
-    indices: tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m"], Float[np.ndarray, "m"]],
+    indices: tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"], Float[np.ndarray, " m"]],
     pitch_mm: float,
     count: int,
 ) -> np.ndarray:

@@ -43,8 +43,8 @@ class VesselLine:
     """
 
     points_mm: Float64[np.ndarray, "m 3"]
-    radius_mm: Float64[np.ndarray, "m"]
-    widening: Float64[np.ndarray, "m"]
+    radius_mm: Float64[np.ndarray, " m"]
+    widening: Float64[np.ndarray, " m"]
 
     def __post_init__(self) -> None:
         if not (self.radius_mm > 0).all() or not (self.widening > 0).all():
@@ -64,8 +64,8 @@ class VesselLine:
 
 def spline_line(
     controls_mm: Float[np.ndarray, "c 3"],
-    radii_mm: Float[np.ndarray, "c"],
-    widenings: Float[np.ndarray, "c"] | float = 1.0,
+    radii_mm: Float[np.ndarray, " c"],
+    widenings: Float[np.ndarray, " c"] | float = 1.0,
 ) -> VesselLine:
     """Draw a natural cubic spline through control points and sample it evenly, with radius and widening.
 
@@ -103,7 +103,7 @@ def spline_line(
     return VesselLine(points_mm=even[:, :3].copy(), radius_mm=even[:, 3].copy(), widening=even[:, 4].copy())
 
 
-def implicit_mm(line: VesselLine, points_mm: Float[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n"]:
+def implicit_mm(line: VesselLine, points_mm: Float[np.ndarray, "n 3"]) -> Float64[np.ndarray, " n"]:
     """Evaluate a function that is negative inside the vessel and zero on its surface.
 
     Parameters
@@ -128,8 +128,8 @@ def implicit_mm(line: VesselLine, points_mm: Float[np.ndarray, "n 3"]) -> Float6
 
 
 def _section_mm(
-    line: VesselLine, points_mm: Float[np.ndarray, "n 3"], nearest: Int[np.ndarray, "n"]
-) -> Float64[np.ndarray, "n"]:
+    line: VesselLine, points_mm: Float[np.ndarray, "n 3"], nearest: Int[np.ndarray, " n"]
+) -> Float64[np.ndarray, " n"]:
     """The implicit function in the cross-section at each point's nearest place on the line."""
     tangent = line.tangents[nearest]
     offset_mm = points_mm - line.points_mm[nearest]
@@ -220,8 +220,8 @@ def signed_volume_mm3(mesh: Mesh) -> float:
 
 
 def _smooth_minimum(
-    first_mm: Float[np.ndarray, "n"], second_mm: Float[np.ndarray, "n"], blend_mm: float
-) -> Float[np.ndarray, "n"]:
+    first_mm: Float[np.ndarray, " n"], second_mm: Float[np.ndarray, " n"], blend_mm: float
+) -> Float[np.ndarray, " n"]:
     if blend_mm <= 0:
         return np.minimum(first_mm, second_mm)
     overlap = np.maximum(blend_mm - np.abs(first_mm - second_mm), 0.0) / blend_mm

@@ -75,7 +75,7 @@ class SweepSimulator:
         return draw_contact(self.settings.motion.frames, self.settings.artefacts, rng)
 
     @cached_property
-    def frame_times_s(self) -> Float64[np.ndarray, "n"]:
+    def frame_times_s(self) -> Float64[np.ndarray, " n"]:
         """True time of each frame in s."""
         motion = self.settings.motion
         return (np.arange(motion.frames) + 0.5) * motion.duration_s / motion.frames

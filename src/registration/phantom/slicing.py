@@ -125,7 +125,7 @@ def mask_of_plane(
 
 
 def _on_plane(
-    vertices: Float[np.ndarray, "v 3"], first: Int[np.ndarray, "s"], second: Int[np.ndarray, "s"]
+    vertices: Float[np.ndarray, "v 3"], first: Int[np.ndarray, " s"], second: Int[np.ndarray, " s"]
 ) -> Float64[np.ndarray, "s 2"]:
     # Ordering each edge's ends by index makes the two triangles that share it compute the same point bit by bit.
     lower, upper = np.minimum(first, second), np.maximum(first, second)

@@ -42,9 +42,9 @@ class Scattering:
     """
 
     positions_mm: Float32[np.ndarray, "n 3"]
-    amplitude: Float32[np.ndarray, "n"]
-    smooth: Bool[np.ndarray, "n"]
-    attenuation: Float32[np.ndarray, "n"]
+    amplitude: Float32[np.ndarray, " n"]
+    smooth: Bool[np.ndarray, " n"]
+    attenuation: Float32[np.ndarray, " n"]
 
 
 @dataclass(frozen=True)
@@ -97,8 +97,8 @@ class TissueModel:
     def scatter(
         self,
         positions_mm: Float32[np.ndarray, "n 3"],
-        strength: Float32[np.ndarray, "n"],
-        bits: UInt32[np.ndarray, "n"],
+        strength: Float32[np.ndarray, " n"],
+        bits: UInt32[np.ndarray, " n"],
         beam: Float[np.ndarray, "n 3"],
     ) -> Scattering:
         """Compute the echo of scatterers.
@@ -133,11 +133,11 @@ class TissueModel:
 
     def _harden(
         self,
-        level_db: Float32[np.ndarray, "n"],
-        attenuation: Float32[np.ndarray, "n"],
-        smooth: Bool[np.ndarray, "n"],
+        level_db: Float32[np.ndarray, " n"],
+        attenuation: Float32[np.ndarray, " n"],
+        smooth: Bool[np.ndarray, " n"],
         positions_mm: Float32[np.ndarray, "n 3"],
-        distance_mm: Float32[np.ndarray, "n"],
+        distance_mm: Float32[np.ndarray, " n"],
     ) -> None:
         radius_mm = 0.5 * self.artefacts.shadow_mm
         for spot_mm in self.hard_spots_mm.astype(np.float32):
@@ -150,9 +150,9 @@ class TissueModel:
 
     def _line_vessel(
         self,
-        level_db: Float32[np.ndarray, "n"],
-        smooth: Bool[np.ndarray, "n"],
-        distance_mm: Float32[np.ndarray, "n"],
+        level_db: Float32[np.ndarray, " n"],
+        smooth: Bool[np.ndarray, " n"],
+        distance_mm: Float32[np.ndarray, " n"],
     ) -> None:
         """The lumen, the dark media and the bright adventitia around it."""
         wall_mm = self.settings.wall_mm
@@ -164,9 +164,9 @@ class TissueModel:
 
     def _line_intima(
         self,
-        echoes: tuple[Float32[np.ndarray, "n"], Bool[np.ndarray, "n"], Float32[np.ndarray, "n"]],
+        echoes: tuple[Float32[np.ndarray, " n"], Bool[np.ndarray, " n"], Float32[np.ndarray, " n"]],
         positions_mm: Float32[np.ndarray, "n 3"],
-        distance_mm: Float32[np.ndarray, "n"],
+        distance_mm: Float32[np.ndarray, " n"],
         beam: Float[np.ndarray, "n 3"],
     ) -> None:
         """Move scatterers next to the lumen's border onto it; their echo falls with the angle of incidence.
@@ -175,7 +175,7 @@ class TissueModel:
         degrees, a rough wall not at all. Where the beam grazes the wall, refraction takes energy away.
         """
         level_db, smooth, attenuation = echoes
-        on_wall: Int64[np.ndarray, "m"] = np.flatnonzero(np.abs(distance_mm) < 0.5 * self.pitch_mm)
+        on_wall: Int64[np.ndarray, " m"] = np.flatnonzero(np.abs(distance_mm) < 0.5 * self.pitch_mm)
         if not len(on_wall):
             return
         normals = self.anatomy.distance.normals(positions_mm[on_wall])

@@ -44,7 +44,7 @@ class Path:
     pressure_mm: CubicSpline
     sag_mm: float
 
-    def at(self, times_s: Float64[np.ndarray, "n"]) -> Float64[np.ndarray, "n 4 4"]:
+    def at(self, times_s: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, "n 4 4"]:
         """Evaluate the poses of the probe.
 
         Parameters

@@ -19,9 +19,9 @@ CONTACT_LOSS_DB = 30.0
 def along_beams_db(
     beams: Beams,
     tissue: Tissue,
-    places: tuple[Int64[np.ndarray, "n"], Int64[np.ndarray, "n"]],
-    attenuation: Float32[np.ndarray, "n"],
-    weight: Float32[np.ndarray, "n"],
+    places: tuple[Int64[np.ndarray, " n"], Int64[np.ndarray, " n"]],
+    attenuation: Float32[np.ndarray, " n"],
+    weight: Float32[np.ndarray, " n"],
 ) -> Float32[np.ndarray, "s b"]:
     """Sum the attenuation along the beams.
 
@@ -73,7 +73,7 @@ class Contact:
 
     lost_mm: Float64[np.ndarray, "n 2"]
 
-    def loss_db(self, frame: int, beams: Beams) -> Float32[np.ndarray, "b"]:
+    def loss_db(self, frame: int, beams: Beams) -> Float32[np.ndarray, " b"]:
         """Compute the two-way loss of each beam by missing contact, with soft edges of about a millimetre.
 
         Parameters
@@ -121,7 +121,7 @@ def draw_contact(frames: int, artefacts: Artefacts, rng: np.random.Generator) ->
 
 
 def ring_down(
-    beams: Beams, artefacts: Artefacts, loss_db: Float[np.ndarray, "b"]
+    beams: Beams, artefacts: Artefacts, loss_db: Float[np.ndarray, " b"]
 ) -> Float32[np.ndarray, "s b"]:
     """Simulate the echoes between face and air in beams without contact.
 

@@ -38,10 +38,10 @@ class ContourCloud(OrientedCloud):
         Affine matrices from pixels to world mm of all masks, including those without a vessel.
     """
 
-    frame_index: Int64[np.ndarray, "p"]
-    contour_index: Int64[np.ndarray, "p"]
-    is_open: Bool[np.ndarray, "p"]
-    confidence: Float64[np.ndarray, "p"]
+    frame_index: Int64[np.ndarray, " p"]
+    contour_index: Int64[np.ndarray, " p"]
+    is_open: Bool[np.ndarray, " p"]
+    confidence: Float64[np.ndarray, " p"]
     world_A_pixel: Float64[np.ndarray, "m 4 4"] = field(metadata={"whole": True})
 
 
@@ -190,7 +190,9 @@ def _closed(line: Float64[np.ndarray, "p 2"]) -> bool:
     return np.array_equal(line[0], line[-1])
 
 
-def _on_border(points_px: Float64[np.ndarray, "p 2"], height_px: int, width_px: int) -> Bool[np.ndarray, "p"]:
+def _on_border(
+    points_px: Float64[np.ndarray, "p 2"], height_px: int, width_px: int
+) -> Bool[np.ndarray, " p"]:
     last = np.array([width_px - 1, height_px - 1])
     return np.asarray(((points_px <= 0) | (points_px >= last)).any(axis=1))
 
@@ -214,8 +216,8 @@ def _confidence(
     masks: np.ndarray,
     points_px: Float64[np.ndarray, "p 2"],
     tangents_px: Float64[np.ndarray, "p 2"],
-    index: Int64[np.ndarray, "p"],
-) -> Float64[np.ndarray, "p"]:
+    index: Int64[np.ndarray, " p"],
+) -> Float64[np.ndarray, " p"]:
     """How much the probability falls from the vessel's side of each point to the other; 1 for binary masks.
 
     The vessel lies on the right of the direction of travel, seen with rows downwards.

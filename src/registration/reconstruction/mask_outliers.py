@@ -45,13 +45,13 @@ class MaskCheck:
 
     masks: Bool[np.ndarray, "k height width"] | Float[np.ndarray, "k height width"]
     reason: tuple[str, ...]
-    excess: Float64[np.ndarray, "k"]
-    specks: Bool[np.ndarray, "k"]
-    empty: Bool[np.ndarray, "k"]
+    excess: Float64[np.ndarray, " k"]
+    specks: Bool[np.ndarray, " k"]
+    empty: Bool[np.ndarray, " k"]
     undecided: float = 0.0
 
     @property
-    def rejected(self) -> Bool[np.ndarray, "k"]:
+    def rejected(self) -> Bool[np.ndarray, " k"]:
         """Which masks were rejected."""
         return np.array([reason != "" for reason in self.reason], dtype=bool)
 
@@ -173,7 +173,7 @@ class MaskOutliers:
         reason = tuple(REASONS[worst[frame]] if bad[frame] else "" for frame in range(count))
         return reason, np.where(bad, factors.max(axis=1), 0.0), 0.0
 
-    def _factors(self, series: MaskSeries, good: Bool[np.ndarray, "k"]) -> Float64[np.ndarray, "k 3"]:
+    def _factors(self, series: MaskSeries, good: Bool[np.ndarray, " k"]) -> Float64[np.ndarray, "k 3"]:
         """By how many times its limit each mask is off in position, size and shape, by the side that fits best."""
         usable = np.flatnonzero(good)
         found = np.full((len(good), 3, 3), np.nan)

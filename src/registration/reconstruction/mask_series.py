@@ -38,11 +38,11 @@ class MaskSeries:
 
     filled: Bool[np.ndarray, "k height width"]
     world_A_pixel: Float64[np.ndarray, "k 4 4"]
-    shown: Bool[np.ndarray, "k"]
+    shown: Bool[np.ndarray, " k"]
     middle_mm: Float64[np.ndarray, "k 3"]
     middle_px: Float64[np.ndarray, "k 2"]
-    radius_mm: Float64[np.ndarray, "k"]
-    path_mm: Float64[np.ndarray, "k"]
+    radius_mm: Float64[np.ndarray, " k"]
+    path_mm: Float64[np.ndarray, " k"]
 
     @classmethod
     def of(cls, masks: np.ndarray, world_A_pixel: np.ndarray, level: float) -> MaskSeries:
@@ -105,7 +105,7 @@ class MaskSeries:
             found.append(offset_px * self.pixel_mm[frame])
         return found
 
-    def differences(self, frame: int, others: Int64[np.ndarray, "n"]) -> tuple[float, float, float]:
+    def differences(self, frame: int, others: Int64[np.ndarray, " n"]) -> tuple[float, float, float]:
         """Compute how far a mask is from the prediction by others.
 
         Parameters
@@ -149,8 +149,8 @@ class MaskSeries:
 
 
 def _line_at(
-    path_mm: Float64[np.ndarray, "n"], values: Float64[np.ndarray, "n d"], place_mm: float
-) -> Float64[np.ndarray, "d"]:
+    path_mm: Float64[np.ndarray, " n"], values: Float64[np.ndarray, "n d"], place_mm: float
+) -> Float64[np.ndarray, " d"]:
     """Values at a place by the line of median slope through others."""
     first, second = np.triu_indices(len(path_mm), 1)
     run_mm = path_mm[second] - path_mm[first]

@@ -20,7 +20,7 @@ class _Parts:
     """The connected parts of one mask: middles in the world, radii of circles of their areas, numbered ``labels``."""
 
     middle_mm: Float64[np.ndarray, "n 3"]
-    radius_mm: Float64[np.ndarray, "n"]
+    radius_mm: Float64[np.ndarray, " n"]
     labels: Int64[np.ndarray, "height width"] | None
 
     @classmethod
@@ -42,7 +42,7 @@ class _Parts:
 
 
 def specks(
-    series: MaskSeries, good: Bool[np.ndarray, "k"], window: int
+    series: MaskSeries, good: Bool[np.ndarray, " k"], window: int
 ) -> dict[int, Bool[np.ndarray, "height width"]]:
     """Find parts of masks that are far from all parts of the neighbouring masks.
 

@@ -64,7 +64,7 @@ def measured_part(mesh: Mesh, cloud: OrientedCloud, bridge_mm: float) -> Mesh:
     return clip(mesh, past_mm)
 
 
-def beyond_mm(mesh: Mesh, cloud: OrientedCloud, bridge_mm: float) -> Float64[np.ndarray, "v"]:
+def beyond_mm(mesh: Mesh, cloud: OrientedCloud, bridge_mm: float) -> Float64[np.ndarray, " v"]:
     """Compute how far each vertex lies past the last measured points, along the surface.
 
     Parameters
@@ -153,7 +153,7 @@ def vertex_normals(mesh: Mesh) -> Float64[np.ndarray, "v 3"]:
     return _unit(_sums(facing, mesh.triangles.reshape(-1), len(mesh.vertices_mm)))
 
 
-def clip(mesh: Mesh, values: Float64[np.ndarray, "v"], max_value: float = 0.0) -> Mesh:
+def clip(mesh: Mesh, values: Float64[np.ndarray, " v"], max_value: float = 0.0) -> Mesh:
     """Keep the part of a mesh where a function on its vertices does not exceed a value.
 
     Triangles across the border are cut on it, and neighbours share the new vertices, so the border is one

@@ -27,7 +27,7 @@ class Filtered(Generic[AnyCloud]):
     """
 
     cloud: AnyCloud
-    removed: Int64[np.ndarray, "r"]
+    removed: Int64[np.ndarray, " r"]
 
 
 @dataclass(frozen=True)
@@ -198,5 +198,5 @@ def _finite(cloud: AnyCloud) -> np.ndarray:
     return cloud.points_mm
 
 
-def _split(cloud: AnyCloud, kept: Bool[np.ndarray, "p"]) -> Filtered[AnyCloud]:
+def _split(cloud: AnyCloud, kept: Bool[np.ndarray, " p"]) -> Filtered[AnyCloud]:
     return Filtered(take(cloud, np.flatnonzero(kept)), np.flatnonzero(~kept))

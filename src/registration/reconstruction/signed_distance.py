@@ -114,11 +114,11 @@ class _Slice:
     sweep_T_world: Float64[np.ndarray, "4 4"]
     tree: cKDTree
 
-    def height_mm(self, points_mm: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n"]:
+    def height_mm(self, points_mm: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, " n"]:
         """How far points lie ahead of the plane."""
         return points_mm @ self.normal - self.offset_mm
 
-    def distance_mm(self, points_mm: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n"]:
+    def distance_mm(self, points_mm: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, " n"]:
         """Signed distance in the plane to the contours, from where each point projects to; negative inside."""
         projected_mm = points_mm - self.height_mm(points_mm)[:, None] * self.normal
         apart_mm, nearest = self.tree.query(projected_mm)

@@ -223,7 +223,7 @@ class VolumePlacement:
         weighted: np.ndarray,
         weight: np.ndarray,
         index: Float64[np.ndarray, "m 3"],
-        values: Float64[np.ndarray, "m"],
+        values: Float64[np.ndarray, " m"],
         size: tuple[int, int, int],
     ) -> None:
         """Add the pixels of one frame at fractional voxel indices, in place."""

@@ -27,9 +27,20 @@ PROBED_DEG = np.array([30.0, 90.0, 180.0])
 class AcceptanceCriteria:
     """What a result must show to be accepted.
 
-    At least ``min_inlier_share`` of the moving points near the fixed ones; every pose that puts the model elsewhere by
-    more than ``max_tre_mm`` worse by ``min_gap`` standard errors (by default, worse by chance in one case of
-    forty); and a predicted error below ``max_tre_mm``.
+    Parameters
+    ----------
+    max_tre_mm : float, optional
+        Largest predicted target registration error in mm; a pose that puts the model elsewhere by more is another pose.
+    min_gap : float, optional
+        Standard errors by which every other pose must explain the clouds worse; the default is exceeded by chance in
+        one case of forty.
+    min_inlier_share : float, optional
+        Smallest share of moving points near the fixed ones, above 0 to 1.
+
+    Raises
+    ------
+    InputError
+        If a limit is not positive, or the share is above 1.
     """
 
     max_tre_mm: float = 2.0
@@ -42,9 +53,19 @@ class AcceptanceCriteria:
         require_positive("min_inlier_share", self.min_inlier_share, 1.0)
 
     def needed_gap(self, tries: int = 1) -> float:
-        """By how many standard errors other poses must be worse where ``tries`` searches could each err by chance.
+        """Compute the gap that other poses must show where several searches could each err by chance.
 
         Bonferroni: each may err in the share of cases that one may, divided by their number.
+
+        Parameters
+        ----------
+        tries : int, optional
+            Number of searches.
+
+        Returns
+        -------
+        float
+            Smallest accepted gap in standard errors.
         """
         return self.min_gap if tries == 1 else float(-ndtri(ndtr(-self.min_gap) / tries))
 
@@ -58,10 +79,29 @@ class AcceptanceCriteria:
         weak: tuple[str, ...],
         tries: int = 1,
     ) -> tuple[str, str]:
-        """The verdict and its reason in one sentence.
+        """Compute the verdict on a result.
 
-        ``expected_mm`` is the upper end of the predicted error without deformation, NaN where none was predicted;
-        ``tries`` is the number of axes that were tried for the vessel's.
+        Parameters
+        ----------
+        settled : bool
+            Whether the best pose had settled.
+        inlier_share : float
+            Share of moving points near the fixed ones.
+        gap : float
+            Standard errors by which the next pose is worse; infinite where there is none.
+        expected_mm : float
+            Upper end of the predicted error in mm without deformation; NaN where none was predicted.
+        weak : tuple of str
+            Names of the motions that the clouds leave open.
+        tries : int, optional
+            Number of axes that were tried as the vessel's.
+
+        Returns
+        -------
+        verdict : str
+            ``accepted``, ``ambiguous`` or ``failed``.
+        reason : str
+            Reason in one sentence.
         """
         named = f" ({', '.join(weak)})" if weak else ""
         needed = self.needed_gap(tries)
@@ -105,10 +145,24 @@ def _predicted(expected_mm: float) -> str:
 def named_motion(
     motion: Float64[np.ndarray, "4 4"], frame: PrincipalFrame, min_mm: float = 0.0
 ) -> tuple[str, ...]:
-    """Name the parts of a rigid motion (fixed_T_fixed) of a vessel with the given principal frame.
+    """Name the parts of a rigid motion of a vessel.
 
-    ``slide`` along the vessel, ``shift`` across it, ``roll`` about it, ``tilt`` of its axis, ``flip`` if it comes to
-    lie the other way round. A part is named that carries a good share of the displacement, and at least ``min_mm``.
+    ``slide`` along the vessel, ``shift`` across it, ``roll`` about it, ``tilt`` of its axis, ``flip`` if it comes
+    to lie the other way round. A part is named that carries a good share of the displacement.
+
+    Parameters
+    ----------
+    motion : ndarray, shape (4, 4)
+        Motion (fixed_T_fixed).
+    frame : PrincipalFrame
+        Principal axes of the vessel.
+    min_mm : float, optional
+        Smallest displacement in mm that is named.
+
+    Returns
+    -------
+    tuple of str
+        Names of the parts.
     """
     turn = frame.axes.T @ Rotation.from_matrix(motion[:3, :3]).as_rotvec()
     shift_mm = frame.axes.T @ (transforms.apply(motion, frame.centre_mm) - frame.centre_mm)
@@ -129,13 +183,37 @@ def named_motion(
 
 
 def weak_motion(motions_mm: Float64[np.ndarray, "k 6"]) -> Float64[np.ndarray, "6"]:
-    """The motion along which the samples spread most, as long as their standard deviation there."""
+    """Find the motion along which samples spread most.
+
+    Parameters
+    ----------
+    motions_mm : ndarray, shape (k, 6)
+        Sampled motions (rotation times radius, translation) in mm.
+
+    Returns
+    -------
+    ndarray, shape (6,)
+        Direction of largest spread, as long as the standard deviation along it, in mm.
+    """
     variances, ways = np.linalg.eigh(motions_mm.T @ motions_mm / len(motions_mm))
     return np.sqrt(max(float(variances[-1]), 0.0)) * ways[:, -1]
 
 
 def probes(frame: PrincipalFrame, slide_mm: float) -> Float64[np.ndarray, "k 4 4"]:
-    """Motions that a vessel without features would not feel: rolls about its axis, and slides along it both ways."""
+    """Compute motions that a vessel without features would not feel: rolls about its axis and slides along it.
+
+    Parameters
+    ----------
+    frame : PrincipalFrame
+        Principal axes of the vessel.
+    slide_mm : float
+        Length of the slides in mm.
+
+    Returns
+    -------
+    ndarray, shape (k, 4, 4)
+        Motions (fixed_T_fixed).
+    """
     turns = Rotation.from_rotvec(np.deg2rad(PROBED_DEG)[:, None] * frame.axes[:, 0])
     rolled = transforms.from_rotation(turns, frame.centre_mm - turns.apply(frame.centre_mm))
     slid = np.tile(np.eye(4), (2, 1, 1))
@@ -145,7 +223,20 @@ def probes(frame: PrincipalFrame, slide_mm: float) -> Float64[np.ndarray, "k 4 4
 
 def displacement_mm(
     motions: Float64[np.ndarray, "k 4 4"], points_mm: Float64[np.ndarray, "n 3"]
-) -> Float64[np.ndarray, "k"]:
-    """By how much each motion displaces the points, in root mean square."""
+) -> Float64[np.ndarray, " k"]:
+    """Compute by how much each motion displaces points.
+
+    Parameters
+    ----------
+    motions : ndarray, shape (k, 4, 4)
+        Motions (fixed_T_fixed).
+    points_mm : ndarray, shape (n, 3)
+        Points in mm in the fixed coordinate frame.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Root mean square displacement in mm.
+    """
     moved_mm = points_mm @ np.swapaxes(motions[:, :3, :3], 1, 2) + motions[:, None, :3, 3]
     return np.sqrt(((moved_mm - points_mm) ** 2).sum(axis=2).mean(axis=1))

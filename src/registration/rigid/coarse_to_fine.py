@@ -29,7 +29,21 @@ HOPELESS_GAP = 6.0
 
 @dataclass(frozen=True)
 class Stage:
-    """How far one stage takes its poses: on how many of the points, for how many steps, how many poses go on."""
+    """How far one stage takes its poses.
+
+    Parameters
+    ----------
+    name : str
+        Name of the stage.
+    points : int
+        Number of moving points.
+    iterations : int
+        Largest number of iterations.
+    tolerance : float
+        Relative change of the residual below which a pose has settled.
+    max_survivors : int
+        Number of poses that go on; unused in the first stage, where a share of the starts does.
+    """
 
     name: str
     points: int
@@ -40,14 +54,24 @@ class Stage:
 
 @dataclass(frozen=True)
 class Found:
-    """Where a search ended: ``candidates`` best first, steps of all starts together, and whether the best settled.
+    """Where a search ended.
 
-    ``gap`` (c,) says by how many standard errors the first c of them, the refined ones, explain the clouds worse than
-    the best. ``outside`` is the best pose beyond the bound of the search, which is no candidate, if there is one.
+    Parameters
+    ----------
+    candidates : tuple of Candidate
+        Poses, best first.
+    gap : ndarray, shape (c,)
+        By how many standard errors the first c of them, the refined ones, explain the clouds worse than the best.
+    iterations : int
+        Iterations of all starts together.
+    settled : bool
+        Whether the best pose has settled.
+    outside : Candidate or None, optional
+        Best pose beyond the bound of the search, which is no candidate; None where there is none.
     """
 
     candidates: tuple[Candidate, ...]
-    gap: Float64[np.ndarray, "c"]
+    gap: Float64[np.ndarray, " c"]
     iterations: int
     settled: bool
     outside: Candidate | None = None
@@ -55,13 +79,30 @@ class Found:
 
 @dataclass(frozen=True)
 class CoarseToFine:
-    """Takes starting poses to the few that explain the clouds best.
+    """Search that takes starting poses to the few that explain the clouds best.
 
-    ``first`` and ``coarse`` look closest points up in a table of ``cells`` voxels, by point-to-plane steps where there
-    are normals; ``middle`` and ``fine`` find them exactly. The share ``first_share`` of the starts survives the first
-    stage. ``keep``, ``rejections`` and ``kernel`` are those of ``registration.rigid.icp.loop``; ``kept`` is
-    the share of the last
-    two stages.
+    Parameters
+    ----------
+    first, coarse : Stage
+        Early stages: closest points from a table, point-to-plane steps where there are normals.
+    middle, fine : Stage
+        Late stages: exact closest points.
+    first_share : float
+        Share of the starts that survives the first stage.
+    cells : int
+        Voxels a side of the table.
+    keep : float
+        Share of closest pairs that counts in the early stages.
+    kept : float
+        Share of closest pairs that counts in the late stages.
+    basin_share : float
+        Poses that move the cloud alike within this share of its radius are one.
+    estimation : Estimation
+        Step of the late stages.
+    kernel : RobustKernel or None
+        Weights of the pairs of the late stages; None weighs them alike.
+    rejections : sequence of Rejection
+        Rules by which more pairs of the late stages do not count.
     """
 
     first: Stage
@@ -84,10 +125,24 @@ class CoarseToFine:
         within: Bound | None = None,
         moving_normals: Float64[np.ndarray, "m 3"] | None = None,
     ) -> Found:
-        """Search from all ``starts``; the points of ``evidence`` are in random order, a stage takes the first ones.
+        """Search from all starting poses.
 
-        No candidate lies outside ``within``, so there may be none; the best pose there is followed all the same, for it
-        may explain the clouds better than any candidate does.
+        Parameters
+        ----------
+        evidence : Evidence
+            Both clouds; the moving points are in random order, and a stage takes the first ones.
+        starts : ndarray, shape (s, 4, 4)
+            Starting poses (fixed_T_moving).
+        within : Bound or None, optional
+            Bound that no candidate lies outside of, so that there may be none. The best pose outside is followed
+            all the same, for it may explain the clouds better than any candidate does. None bounds nothing.
+        moving_normals : ndarray, shape (m, 3), or None, optional
+            Normals of the moving points, for steps and rules that need them.
+
+        Returns
+        -------
+        Found
+            Where the search ended.
         """
         pool, steps = self._coarse(evidence, starts)
         pool, beyond = _divided(pool, within)
@@ -201,7 +256,20 @@ class CoarseToFine:
 
 
 def estimation_by(refine_by: str, offset: bool) -> Estimation:
-    """The step of the last stages by its name in the configuration."""
+    """Choose the step of the late stages by its name in the configuration.
+
+    Parameters
+    ----------
+    refine_by : str
+        ``plane``, ``symmetric`` or ``point``.
+    offset : bool
+        Whether the walls may lie apart by the same distance everywhere.
+
+    Returns
+    -------
+    Estimation
+        The step.
+    """
     steps: dict[str, Estimation] = {
         "plane": PointToPlane(offset=offset),
         "symmetric": Symmetric(offset=offset),
@@ -231,7 +299,7 @@ def _divided(candidates: list[Candidate], within: Bound | None) -> tuple[list[Ca
     return inside, [one for one, is_held in zip(candidates, held, strict=True) if not is_held]
 
 
-def _gaps(evidence: Evidence, candidates: list[Candidate]) -> Float64[np.ndarray, "c"]:
+def _gaps(evidence: Evidence, candidates: list[Candidate]) -> Float64[np.ndarray, " c"]:
     if not candidates:
         return np.zeros(0)
     return evidence.gaps(np.stack([one.fixed_T_moving for one in candidates]))

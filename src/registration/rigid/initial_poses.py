@@ -40,17 +40,40 @@ def symmetry_starts(
     invert: bool = True,
     slide: bool = True,
 ) -> Float64[np.ndarray, "s 4 4"]:
-    """Every start worth trying without prior knowledge, as fixed_T_moving.
+    """Compute every start worth trying without prior knowledge.
 
     The principal axis of the moving cloud is laid on that of a window of the fixed one, both ways round, and rolled
-    about it in ``rolls`` equal steps. The windows are as long as the moving cloud and slide along the fixed one in
-    steps of at most ``slide_share`` of that length (in 40 places at most): the axes of a piece are those of the same
-    piece of the whole, not those of the whole. A moving cloud as long as the fixed one has one window.
+    about it. The windows are as long as the moving cloud and slide along the fixed one: the axes of a piece are
+    those of the same piece of the whole, not those of the whole. A moving cloud as long as the fixed one has one
+    window.
 
     A short piece with a bifurcation is as wide as it is long, and noise and the way it is cut decide which axis comes
     first: the axes that ``principal_axes`` names are therefore taken for the principal one in turn, and windows slide
-    along those of the fixed cloud that it names, so that all are tried of shapes without a principal axis. Without
-    ``invert`` or ``slide`` there is one way round, or one window.
+    along those of the fixed cloud that it names, so that all are tried of shapes without a principal axis.
+
+    Parameters
+    ----------
+    moving_mm : ndarray, shape (m, 3)
+        Moving points in mm.
+    fixed_mm : ndarray, shape (n, 3)
+        Fixed points in mm.
+    rolls : int
+        Number of equal steps of rotation about the axis.
+    slide_share : float
+        Largest step along the fixed cloud as a share of the moving one's length; there are 40 windows at most.
+    axis_share : float
+        An axis with this share of the longest spread counts as principal too.
+    compact_share : float, optional
+        Where the second axis has this share of the first one's spread, none is principal; 1 turns that rule off.
+    invert : bool, optional
+        Whether the vessel is tried the other way round as well.
+    slide : bool, optional
+        Whether windows slide; if not, the whole is one.
+
+    Returns
+    -------
+    ndarray, shape (s, 4, 4)
+        Starting poses (fixed_T_moving).
     """
     moving, fixed = principal_frame(moving_mm), principal_frame(fixed_mm)
     local = _turns(rolls, invert)
@@ -72,10 +95,22 @@ def symmetry_starts(
 def principal_axes(
     spread_mm: Float64[np.ndarray, "3"], axis_share: float, compact_share: float
 ) -> tuple[int, ...]:
-    """Which of a shape's axes, longest spread first, may be a vessel's.
+    """Find which of a shape's axes may be a vessel's.
 
-    Those with at least ``axis_share`` of the first one's spread, and all three where the second one has at least
-    ``compact_share`` of it: then none is principal. With a ``compact_share`` of 1 that rule is off.
+    Parameters
+    ----------
+    spread_mm : ndarray, shape (3,)
+        Spread along each axis in mm, longest first.
+    axis_share : float
+        An axis with at least this share of the first one's spread may be the vessel's.
+    compact_share : float
+        Where the second axis has at least this share of the first one's spread, none is principal and all three may
+        be; 1 turns that rule off.
+
+    Returns
+    -------
+    tuple of int
+        Indices of the axes.
     """
     if compact_share < 1 and spread_mm[1] >= compact_share * spread_mm[0]:
         return 0, 1, 2
@@ -92,11 +127,33 @@ def centerline_starts(
     invert: bool = True,
     slide: bool = True,
 ) -> Float64[np.ndarray, "s 4 4"]:
-    """Starts for the surfaces from ICP on their centerlines: the best ``places`` of these, rolled about the vessel.
+    """Compute starts for the surfaces from ICP on their centerlines: its best places, rolled about the vessel.
 
     Slides are steps along the fixed centerline's arc length: a window holds the points within half the moving
     centerline's length of its middle, measured along the lines, so that both limbs of an arch are never in one. A
-    straight centerline leaves the roll open, a symmetric one the inversion: every place is rolled in ``rolls`` steps.
+    straight centerline leaves the roll open, a symmetric one the inversion: every place is rolled.
+
+    Parameters
+    ----------
+    moving_mm : ndarray, shape (p, 3)
+        Points on the moving centerline in mm.
+    fixed_mm : ndarray, shape (q, 3)
+        Points on the fixed centerline in mm.
+    rolls : int
+        Number of equal steps of rotation about the axis.
+    slide_share : float
+        Step along the fixed centerline as a share of the moving one's length.
+    places : int
+        Number of best places that are rolled.
+    invert : bool, optional
+        Whether the vessel is tried the other way round as well.
+    slide : bool, optional
+        Whether windows slide; if not, the whole is one.
+
+    Returns
+    -------
+    ndarray, shape (s, 4, 4)
+        Starting poses (fixed_T_moving).
     """
     moving = principal_frame(moving_mm)
     local = _turns(rolls, invert)
@@ -120,10 +177,25 @@ def cone_starts(
     angle_deg: float,
     radius_mm: float,
 ) -> Float64[np.ndarray, "s 4 4"]:
-    """A known pose, and the same pose turned about each principal axis of the moving cloud and slid along the first.
+    """Compute starts around a known pose: turned about each principal axis of the moving cloud, slid along the first.
 
-    The known pose comes first. Turns are by half and by all of ``angle_deg``, both ways; slides by half and by all of
-    ``radius_mm``, at most half the cloud's length.
+    Turns are by half and by all of the angle, both ways; slides likewise.
+
+    Parameters
+    ----------
+    moving_mm : ndarray, shape (m, 3)
+        Moving points in mm.
+    initial : ndarray, shape (4, 4)
+        Known pose (fixed_T_moving).
+    angle_deg : float
+        Largest turn in degrees.
+    radius_mm : float
+        Largest slide in mm; at most half the cloud's length is used.
+
+    Returns
+    -------
+    ndarray, shape (s, 4, 4)
+        Starting poses (fixed_T_moving), the known one first.
     """
     moving = principal_frame(moving_mm)
     angles = np.deg2rad(angle_deg) * np.array([-1.0, -0.5, 0.5, 1.0])
@@ -138,7 +210,18 @@ def cone_starts(
 
 
 def arc_length_mm(points_mm: Float64[np.ndarray, "p 3"]) -> float:
-    """The longest way along the lines that the points lie on."""
+    """Compute the longest way along the lines that points lie on.
+
+    Parameters
+    ----------
+    points_mm : ndarray, shape (p, 3)
+        Points on lines in mm.
+
+    Returns
+    -------
+    float
+        Length in mm.
+    """
     tree = _spanning(_smoothed(points_mm))
     first = dijkstra(tree, directed=False, indices=0)
     return float(dijkstra(tree, directed=False, indices=int(first.argmax())).max())
@@ -147,7 +230,22 @@ def arc_length_mm(points_mm: Float64[np.ndarray, "p 3"]) -> float:
 def arc_windows(
     points_mm: Float64[np.ndarray, "p 3"], length_mm: float, slide_share: float
 ) -> list[PrincipalFrame]:
-    """The principal frames of pieces of a centerline, ``length_mm`` long, at steps of a share of it along the lines."""
+    """Compute the principal axes of pieces of a centerline.
+
+    Parameters
+    ----------
+    points_mm : ndarray, shape (p, 3)
+        Points on the centerline in mm.
+    length_mm : float
+        Length of a piece along the lines in mm.
+    slide_share : float
+        Step between pieces as a share of that length.
+
+    Returns
+    -------
+    list of PrincipalFrame
+        Principal axes of each piece; those of the whole where it is hardly longer than a piece.
+    """
     points_mm = _smoothed(points_mm)
     tree = _spanning(points_mm)
     half_mm = 0.5 * length_mm

@@ -13,14 +13,36 @@ NEIGHBOUR, ISOLATION_FACTOR = 8, 4.0
 MIN_CLOUD_POINTS = 50
 
 
-def isolated_points(points_mm: Float64[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
-    """Which points have hardly any others around them; none of a cloud of less than 50 points."""
+def isolated_points(points_mm: Float64[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+    """Find the points that have hardly any others around them.
+
+    Parameters
+    ----------
+    points_mm : ndarray, shape (n, 3)
+        Points in mm.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+        True where a point is isolated; nowhere in a cloud of less than 50 points.
+    """
     if len(points_mm) < MIN_CLOUD_POINTS:
         return np.zeros(len(points_mm), dtype=bool)
     squared_mm2 = search_tree(points_mm).batch_knn_search(points_mm, NEIGHBOUR + 1)[1]
     return is_isolated(np.sqrt(np.asarray(squared_mm2)[:, -1]))
 
 
-def is_isolated(away_mm: Float64[np.ndarray, "n"]) -> Bool[np.ndarray, "n"]:
-    """The same from how far each point's eighth neighbour is."""
+def is_isolated(away_mm: Float64[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Find the isolated points from the distances to their neighbours.
+
+    Parameters
+    ----------
+    away_mm : ndarray, shape (n,)
+        Distance in mm from each point to its eighth neighbour.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+        True where a point is isolated.
+    """
     return away_mm > ISOLATION_FACTOR * np.median(away_mm)

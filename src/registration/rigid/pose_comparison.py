@@ -31,10 +31,22 @@ BESIDE_INLIERS = 3.0
 
 def distinct(
     poses: Float64[np.ndarray, "s 4 4"], probe_mm: Float64[np.ndarray, "p 3"], reach_mm: float
-) -> list[Int64[np.ndarray, "_"]]:
-    """Group poses, best first, that move the probe points alike, within ``reach_mm`` in root mean square.
+) -> list[Int64[np.ndarray, " _"]]:
+    """Group poses that move points alike.
 
-    The first pose of each group stands for it; groups come in the order of their first ones.
+    Parameters
+    ----------
+    poses : ndarray, shape (s, 4, 4)
+        Poses, best first.
+    probe_mm : ndarray, shape (p, 3)
+        Moving points in mm.
+    reach_mm : float
+        Poses are alike if they move the points alike within this root mean square distance in mm.
+
+    Returns
+    -------
+    list of ndarray of int
+        Indices of each group; the first pose stands for it, and groups come in the order of their first ones.
     """
     places_mm = probe_mm @ np.swapaxes(poses[:, :3, :3], 1, 2) + poses[:, None, :3, 3]
     flat_mm = places_mm.reshape(len(poses), -1)
@@ -50,11 +62,23 @@ def distinct(
     return groups
 
 
-def blocks_of(points_mm: Float64[np.ndarray, "n 3"], count: int) -> Int64[np.ndarray, "n"]:
-    """Divide a cloud into about ``count`` compact blocks of equally many points.
+def blocks_of(points_mm: Float64[np.ndarray, "n 3"], count: int) -> Int64[np.ndarray, " n"]:
+    """Divide a cloud into compact blocks of equally many points.
 
     The cloud is halved across its longest side again and again, as a k-d tree is built: isolated points around it do
     not get blocks of their own.
+
+    Parameters
+    ----------
+    points_mm : ndarray, shape (n, 3)
+        Points in mm.
+    count : int
+        About how many blocks there are.
+
+    Returns
+    -------
+    ndarray of int, shape (n,)
+        Block of each point.
     """
     block = np.zeros(len(points_mm), dtype=np.int64)
     for _ in range(round(np.log2(min(count, len(points_mm))))):
@@ -68,8 +92,21 @@ def blocks_of(points_mm: Float64[np.ndarray, "n 3"], count: int) -> Int64[np.nda
     return block
 
 
-def blocks_of_frames(frame: Int64[np.ndarray, "n"], count: int) -> Int64[np.ndarray, "n"]:
-    """Divide points into at most ``count`` blocks of consecutive frames."""
+def blocks_of_frames(frame: Int64[np.ndarray, " n"], count: int) -> Int64[np.ndarray, " n"]:
+    """Divide points into blocks of consecutive frames.
+
+    Parameters
+    ----------
+    frame : ndarray of int, shape (n,)
+        Frame that each point was seen in.
+    count : int
+        Largest number of blocks.
+
+    Returns
+    -------
+    ndarray of int, shape (n,)
+        Block of each point.
+    """
     _, order = np.unique(frame, return_inverse=True)
     frames_n = int(order.max()) + 1
     return order.reshape(-1).astype(np.int64) * min(count, frames_n) // frames_n
@@ -77,15 +114,28 @@ def blocks_of_frames(frame: Int64[np.ndarray, "n"], count: int) -> Int64[np.ndar
 
 @dataclass(frozen=True)
 class Evidence:
-    """What the moving points say about poses: points (m, 3), the block of each, and the fixed cloud.
+    """What the moving points say about poses.
 
-    Poses are found on ``target`` and judged on ``smoothed``, which tells them apart better where there is noise; both
-    are one for a cloud without normals. With ``offset`` a distance that all points have along the normals, which point
-    outwards then, counts for no pose and against none. ``core`` points come first, isolated points after them.
+    Parameters
+    ----------
+    moving_mm : ndarray, shape (m, 3)
+        Moving points in mm.
+    block : ndarray of int, shape (m,)
+        Block of each point: residuals in one hang together.
+    target : TreeTarget
+        Fixed cloud that poses are found on.
+    smoothed : TreeTarget
+        Fixed cloud that poses are compared on, which tells them apart better where there is noise; the same one for a
+        cloud without normals.
+    offset : bool, optional
+        Whether a distance that all points have along the normals, which point outwards then, counts for no pose and
+        against none.
+    core : int, optional
+        Number of points before the isolated ones, which come last.
     """
 
     moving_mm: Float64[np.ndarray, "m 3"]
-    block: Int64[np.ndarray, "m"]
+    block: Int64[np.ndarray, " m"]
     target: TreeTarget
     smoothed: TreeTarget
     offset: bool = False
@@ -94,14 +144,24 @@ class Evidence:
     _known: dict[bytes, np.ndarray] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def squared_mm2(self, poses: Float64[np.ndarray, "s 4 4"]) -> Float64[np.ndarray, "s m"]:
-        """The squared distance from every moved point to the fixed surface.
+        """Compute the squared distance from every moved point to the fixed surface.
 
-        Along the normal of the closest fixed point, and beside its patch; to the point itself where there are no
-        normals.
+        It is taken along the normal of the closest fixed point and outside its patch; to the point itself where
+        there are no normals.
+
+        Parameters
+        ----------
+        poses : ndarray, shape (s, 4, 4)
+            Poses (fixed_T_moving).
+
+        Returns
+        -------
+        ndarray, shape (s, m)
+            Squared distances in mm².
         """
         return np.stack([self._squared_mm2(pose) for pose in poses])
 
-    def _squared_mm2(self, pose: np.ndarray) -> Float64[np.ndarray, "m"]:
+    def _squared_mm2(self, pose: np.ndarray) -> Float64[np.ndarray, " m"]:
         key = pose.tobytes()
         if key not in self._known:
             pairs = closest_pairs(self.moving_mm, self.smoothed, pose[None])
@@ -113,26 +173,55 @@ class Evidence:
         return self._known[key]
 
     def wall_offset_mm(self, pose: Float64[np.ndarray, "4 4"]) -> float:
-        """By how much the moved wall lies outside the fixed one, as a rule: the median along the normals.
+        """Compute by how much the moved wall lies outside the fixed one: the median along the normals.
 
-        NaN where it is not looked for.
+        Parameters
+        ----------
+        pose : ndarray, shape (4, 4)
+            Pose (fixed_T_moving).
+
+        Returns
+        -------
+        float
+            Offset in mm; NaN where it is not looked for.
         """
         if not self.offset:
             return float("nan")
         return float(-np.median(closest_pairs(self.moving_mm, self.smoothed, pose[None]).gap_mm))
 
     def bounded_mm2(self, poses: Float64[np.ndarray, "s 4 4"]) -> Float64[np.ndarray, "s m"]:
-        """The squared distances, bounded, so that an outlier weighs the same under every pose.
+        """Compute the squared distances, bounded, so that an outlier weighs the same under every pose.
 
-        The bound follows from the usual distance under the pose that has the smallest.
+        The bound follows from the robust scale under the pose that has the smallest.
+
+        Parameters
+        ----------
+        poses : ndarray, shape (s, 4, 4)
+            Poses (fixed_T_moving).
+
+        Returns
+        -------
+        ndarray, shape (s, m)
+            Squared distances in mm².
         """
         squared = self.squared_mm2(poses)
         scale_mm2 = MEDIAN_TO_SIGMA**2 * float(np.median(squared, axis=1).min())
         floor_mm = FLOOR_SPACINGS * self.smoothed.spacing_mm
         return np.minimum(squared, LOSS_CAP**2 * max(scale_mm2, floor_mm**2))
 
-    def gaps(self, poses: Float64[np.ndarray, "s 4 4"]) -> Float64[np.ndarray, "s"]:
-        """By how many standard errors each pose explains the points worse than the first one does."""
+    def gaps(self, poses: Float64[np.ndarray, "s 4 4"]) -> Float64[np.ndarray, " s"]:
+        """Compute by how many standard errors each pose explains the points worse than the first one does.
+
+        Parameters
+        ----------
+        poses : ndarray, shape (s, 4, 4)
+            Poses (fixed_T_moving).
+
+        Returns
+        -------
+        ndarray, shape (s,)
+            Gaps in standard errors, 0 for the first.
+        """
         losses = self.bounded_mm2(poses)
         count = int(self.block.max()) + 1
         summed = np.stack([np.bincount(self.block, row, count) for row in losses - losses[0]])
@@ -142,7 +231,15 @@ class Evidence:
 
 @dataclass(frozen=True)
 class TwoWay:
-    """Residuals of one pose both ways: the way back over the fixed points that the moved cloud lies beside."""
+    """Residuals of one pose both ways.
+
+    Parameters
+    ----------
+    rmse_bidirectional_mm : float
+        Root mean square distance in mm, the way back over the fixed points that the moved cloud lies next to.
+    coverage : float
+        Share of the fixed points that the moved cloud covers.
+    """
 
     rmse_bidirectional_mm: float
     coverage: float
@@ -156,10 +253,28 @@ def two_way(
     inlier_mm: float,
     beside_mm: float,
 ) -> TwoWay:
-    """Add the way back to ``rmse_mm``, the way there.
+    """Add the way back to the residual of the way there.
 
-    A fixed point is covered within ``inlier_mm`` of the moved cloud, and counts for the way back within ``beside_mm``:
-    a part of a vessel leaves most of the whole uncovered, which is no fault of the pose.
+    Parameters
+    ----------
+    moving : TreeTarget
+        Moving cloud.
+    fixed_mm : ndarray, shape (n, 3)
+        Fixed points in mm.
+    fixed_T_moving : ndarray, shape (4, 4)
+        Pose.
+    rmse_mm : float
+        Root mean square distance in mm of the way there.
+    inlier_mm : float
+        A fixed point within this distance in mm of the moved cloud is covered.
+    beside_mm : float
+        A fixed point within this distance in mm counts for the way back: a part of a vessel leaves most of the whole
+        uncovered, which is no fault of the pose.
+
+    Returns
+    -------
+    TwoWay
+        Residuals both ways.
     """
     back_mm = moving.distances_mm(transforms.apply(transforms.invert_rigid(fixed_T_moving), fixed_mm))
     beside = back_mm[back_mm <= beside_mm]
@@ -174,6 +289,25 @@ def both_ways(
     rmse_mm: float,
     inlier_spacings: float,
 ) -> TwoWay:
-    """The same with inliers within so many spacings of the sparser cloud."""
+    """Add the way back, with inliers within so many spacings of the sparser cloud.
+
+    Parameters
+    ----------
+    moving : TreeTarget
+        Moving cloud.
+    fixed : TreeTarget
+        Fixed cloud.
+    fixed_T_moving : ndarray, shape (4, 4)
+        Pose.
+    rmse_mm : float
+        Root mean square distance in mm of the way there.
+    inlier_spacings : float
+        An inlier lies within so many distances between neighbouring points.
+
+    Returns
+    -------
+    TwoWay
+        Residuals both ways.
+    """
     inlier_mm = inlier_spacings * max(fixed.spacing_mm, moving.spacing_mm)
     return two_way(moving, fixed.points_mm, fixed_T_moving, rmse_mm, inlier_mm, BESIDE_INLIERS * inlier_mm)

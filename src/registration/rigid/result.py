@@ -26,13 +26,32 @@ MIN_SHOWN_MM = 1e-3
 
 @dataclass(frozen=True)
 class Candidate:
-    """One pose that the search ended in.
+    """One pose that a search ended in.
 
-    ``fixed_T_moving`` is rigid, in mm. ``rmse_mm`` is the trimmed residual it was ranked by, ``starts`` the number of
-    starting poses that fell into its ``basin`` (numbered from 0 in the order of the list). ``stage`` is the last one
-    it went through; residuals compare within a stage, not across. ``start_fixed_T_moving`` is the starting pose that
-    led there, ``score_mm`` what the candidates of the last stage are chosen by; the scores after it are those of
-    RigidResult. All of these are NaN or None where the method has none.
+    Parameters
+    ----------
+    fixed_T_moving : ndarray, shape (4, 4)
+        Rigid pose, in mm.
+    rmse_mm : float
+        Trimmed residual in mm that it was ranked by; it compares within a stage, not across.
+    basin : int
+        Its number in the order of the list, from 0.
+    starts : int
+        Number of starting poses that fell into its basin.
+    stage : str
+        Last stage that it went through.
+    start_fixed_T_moving : ndarray, shape (4, 4), or None, optional
+        Starting pose that led there.
+    score_mm : float, optional
+        What the candidates of the last stage are chosen by, in mm; NaN where the method has none, as below.
+    rmse_trimmed_mm : float, optional
+        Root mean square distance in mm from the closest share of the moving points.
+    rmse_bidirectional_mm : float, optional
+        Root mean square distance in mm both ways.
+    inlier_share : float, optional
+        Share of moving points within the inlier distance.
+    coverage : float, optional
+        Share of fixed points that the moved cloud covers.
     """
 
     fixed_T_moving: Float64[np.ndarray, "4 4"]
@@ -50,20 +69,49 @@ class Candidate:
 
 @dataclass(frozen=True, repr=False)
 class RigidResult:
-    """The result of a rigid registration: ``fixed_T_moving`` (4, 4) maps moving to fixed coordinates, in mm.
+    """Result of a rigid registration.
 
-    ``rmse_mm`` and ``rmse_trimmed_mm`` are residuals from every moving point, or from the closest share of them, to
-    the nearest fixed point (so they fall as the fixed cloud grows denser; ``registration.metrics`` measures to
-    triangles). ``inlier_share`` is the share of moving points within the method's inlier distance. ``iterations``
-    counts the steps of all starts together. ``candidates`` come best first; the first is the result.
+    Parameters
+    ----------
+    fixed_T_moving : ndarray, shape (4, 4)
+        Pose that maps moving to fixed coordinates, in mm.
+    rmse_mm : float
+        Root mean square distance in mm from every moving point to the nearest fixed point. It falls as the fixed cloud
+        grows denser; ``registration.metrics`` measures to triangles.
+    rmse_trimmed_mm : float
+        The same from the closest share of the moving points.
+    inlier_share : float
+        Share of moving points within the method's inlier distance.
+    iterations : int
+        Iterations of all starts together.
+    converged : bool
+        Whether the pose has settled.
+    candidates : tuple of Candidate
+        Poses, best first; the first is the result.
+    runtime_s : float
+        Duration in s.
+    rmse_bidirectional_mm : float, optional
+        Root mean square distance in mm both ways, back from the fixed points that the moved cloud lies next to.
+    coverage : float, optional
+        Share of fixed points that the moved cloud covers.
+    verdict : str, optional
+        ``accepted``, ``ambiguous`` or ``failed``; ``not judged`` by a method that does not assess its results.
+    reason : str, optional
+        Reason of the verdict in one sentence.
+    ambiguity_gap : float, optional
+        Standard errors by which the best candidate of another basin is worse; infinite if there is none, NaN if nobody
+        looked.
+    weak_directions : tuple of str, optional
+        Names of the motions that the clouds leave open (``slide``, ``roll``, ...).
+    pose_samples : ndarray, shape (b, 4, 4), or None, optional
+        Motions (fixed_T_fixed) to where the result might as well lie; they carry the prediction of its error.
+    wall_offset_mm : float, optional
+        By how much the moved wall lies outside the fixed one everywhere, in mm; NaN if nobody looked.
 
-    ``rmse_bidirectional_mm`` adds the way back from the fixed points that the moved cloud lies beside, and
-    ``coverage`` is their share. ``verdict`` is ``accepted``, ``ambiguous`` or ``failed``, with the ``reason`` in one
-    sentence, and ``not judged`` by a method that cannot doubt itself. ``ambiguity_gap`` is by how much the best
-    candidate of another basin is worse, in standard errors; infinite if there is none, NaN if nobody looked.
-    ``weak_directions`` names the motions that the clouds leave open (``slide``, ``roll``, ...). ``pose_samples``
-    (b, 4, 4) are fixed_T_fixed, where the result might as well lie; they carry the prediction of its error.
-    ``wall_offset_mm`` is by how much the moved wall lies outside the fixed one everywhere, NaN if nobody looked.
+    Raises
+    ------
+    InputError
+        If the verdict is none of the four.
     """
 
     fixed_T_moving: Float64[np.ndarray, "4 4"]
@@ -106,10 +154,26 @@ class RigidResult:
         )
 
     def tre_interval_mm(self, targets_mm: ArrayLike, level: float = 0.9) -> tuple[float, float]:
-        """Where the target registration error at ``targets_mm`` (t, 3; fixed frame) lies with probability ``level``.
+        """Predict where the target registration error lies; what the tissue's deformation adds is not in it.
 
-        What the tissue's deformation adds is not in it. Both ends are NaN for a method that does not predict its error.
-        Raises InputError for no targets, targets that are no points, or a level outside 0 to 1.
+        Parameters
+        ----------
+        targets_mm : ndarray, shape (t, 3)
+            Target points in mm in the fixed coordinate frame.
+        level : float, optional
+            Probability that the error lies in the interval, above 0 to 1.
+
+        Returns
+        -------
+        low_mm : float
+            Lower end in mm; NaN for a method that does not predict its error.
+        high_mm : float
+            Upper end in mm; NaN likewise.
+
+        Raises
+        ------
+        InputError
+            If there is no target, a target is no point, or the level is outside 0 to 1.
         """
         targets = require_points(targets_mm, "targets_mm", 1)
         require_positive("level", level, 1.0)
@@ -123,21 +187,53 @@ class RigidResult:
 
 
 def verdict_sentence(result: RigidResult) -> str:
-    """The verdict and its reason, as one sentence."""
+    """Write the verdict and its reason as one sentence.
+
+    Parameters
+    ----------
+    result : RigidResult
+        Result.
+
+    Returns
+    -------
+    str
+        The sentence.
+    """
     return f"Verdict: {result.verdict}, {result.reason}."
 
 
 def length_mm(value_mm: float) -> str:
-    """A length for a sentence: two digits that count, and never 0.0 for what is not."""
+    """Write a length for a sentence: two significant digits, and never 0.0 for what is not.
+
+    Parameters
+    ----------
+    value_mm : float
+        Length in mm.
+
+    Returns
+    -------
+    str
+        Length with its unit.
+    """
     if value_mm < MIN_SHOWN_MM:
         return f"below {MIN_SHOWN_MM:g} mm"
     return f"{value_mm:.1f} mm" if value_mm >= 1 else f"{value_mm:.2g} mm"
 
 
 def predicted_sentence(low_mm: float, high_mm: float) -> str:
-    """What a method predicts of its error, and what is not in it; nothing where it predicts none.
+    """Write what a method predicts of its error, and what is not in it.
 
-    Clouds without noise leave nothing to predict an error from.
+    Parameters
+    ----------
+    low_mm : float
+        Lower end of the predicted error in mm.
+    high_mm : float
+        Upper end in mm.
+
+    Returns
+    -------
+    str
+        The sentence; empty where no error is predicted. Clouds without noise leave nothing to predict it from.
     """
     if not (np.isfinite(low_mm) and np.isfinite(high_mm)):
         return ""
@@ -151,7 +247,17 @@ def predicted_sentence(low_mm: float, high_mm: float) -> str:
 
 @dataclass(frozen=True)
 class Fit:
-    """How well a pose brings a moving cloud onto the nearest points of a fixed one."""
+    """How well a pose brings a moving cloud onto the nearest points of a fixed one.
+
+    Parameters
+    ----------
+    rmse_mm : float
+        Root mean square distance in mm.
+    rmse_trimmed_mm : float
+        The same over the closest share of the points.
+    inlier_share : float
+        Share of moving points within the inlier distance.
+    """
 
     rmse_mm: float
     rmse_trimmed_mm: float
@@ -168,8 +274,23 @@ def fit(
 ) -> Fit:
     """Measure a pose on all moving points.
 
-    ``keep`` is the share of closest points in the trimmed residual; an inlier is within ``inlier_spacings`` times the
-    median distance between neighbouring fixed points.
+    Parameters
+    ----------
+    moving_mm : ndarray, shape (m, 3)
+        Moving points in mm.
+    target : TreeTarget
+        Fixed cloud.
+    fixed_T_moving : ndarray, shape (4, 4)
+        Pose.
+    keep : float
+        Share of closest points in the trimmed residual.
+    inlier_spacings : float
+        An inlier lies within so many times the median distance between neighbouring fixed points.
+
+    Returns
+    -------
+    Fit
+        Residuals.
     """
     moved_mm = transforms.apply(fixed_T_moving, moving_mm)
     squared = ((target.points_mm[target.closest(moved_mm)] - moved_mm) ** 2).sum(axis=1)

@@ -11,26 +11,78 @@ from registration.geometry.shapes import require_cloud, require_millimetres, req
 
 
 def rigid_clouds(
-    moving_mm: ArrayLike, fixed_mm: ArrayLike, least: int = 3
+    moving_mm: ArrayLike, fixed_mm: ArrayLike, min_points: int = 3
 ) -> tuple[Float64[np.ndarray, "m 3"], Float64[np.ndarray, "n 3"]]:
-    """Both clouds as float64 of shape (n, 3), from arrays or lists.
+    """Bring both clouds into one form.
 
-    Raises InputError, by name, for a cloud of another shape, of fewer than ``least`` points, with coordinates that are
-    not finite, on a line, or so small that it must be in metres.
+    Parameters
+    ----------
+    moving_mm : array_like, shape (m, 3)
+        Moving points in mm.
+    fixed_mm : array_like, shape (n, 3)
+        Fixed points in mm.
+    min_points : int, optional
+        Smallest number of points.
+
+    Returns
+    -------
+    moving_mm : ndarray, shape (m, 3)
+        Moving points in mm as float64.
+    fixed_mm : ndarray, shape (n, 3)
+        Fixed points in mm as float64.
+
+    Raises
+    ------
+    InputError
+        If a cloud is of another shape, has too few points or coordinates that are not finite, lies on a line, or is so
+        small that it must be in metres.
     """
-    moving = require_millimetres(require_cloud(moving_mm, "moving_mm", least), "moving_mm")
-    return moving, require_millimetres(require_cloud(fixed_mm, "fixed_mm", least), "fixed_mm")
+    moving = require_millimetres(require_cloud(moving_mm, "moving_mm", min_points), "moving_mm")
+    return moving, require_millimetres(require_cloud(fixed_mm, "fixed_mm", min_points), "fixed_mm")
 
 
 def points_on_line(points_mm: ArrayLike | None, name: str) -> Float64[np.ndarray, "p 3"] | None:
-    """At least two points on a centerline as float64, or None as it is."""
+    """Bring points on a centerline into one form.
+
+    Parameters
+    ----------
+    points_mm : array_like, shape (p, 3), or None
+        Points in mm, at least two.
+    name : str
+        Name of the argument, for messages.
+
+    Returns
+    -------
+    ndarray, shape (p, 3), or None
+        Points in mm as float64; None for None.
+
+    Raises
+    ------
+    InputError
+        If they are not at least two points.
+    """
     return None if points_mm is None else require_points(points_mm, name, 2)
 
 
-def frame_of_points(moving_frame: ArrayLike | None, count: int) -> Int64[np.ndarray, "m"] | None:
-    """The frame that each of ``count`` points was seen in, or None as it is.
+def frame_of_points(moving_frame: ArrayLike | None, count: int) -> Int64[np.ndarray, " m"] | None:
+    """Bring the frames that points were seen in into one form.
 
-    Raises InputError unless there is a whole number for each point.
+    Parameters
+    ----------
+    moving_frame : array_like, shape (m,), or None
+        Index of the frame of each point.
+    count : int
+        Number of points.
+
+    Returns
+    -------
+    ndarray of int, shape (m,), or None
+        Index of the frame of each point; None for None.
+
+    Raises
+    ------
+    InputError
+        Unless there is a whole number for each point.
     """
     if moving_frame is None:
         return None

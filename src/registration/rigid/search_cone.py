@@ -51,10 +51,19 @@ DEFAULT_BOUND = SearchBound()
 
 @dataclass(frozen=True)
 class SearchCone:
-    """A bound on the result around an initial pose: turned by at most ``angle_deg``, moved by at most ``radius_mm``.
+    """A bound on the result around a known pose, as far as the caller gives one.
 
-    The angle is that of the rotation between both poses, the distance that of the moving cloud's centroid. None stands
-    for the bound that the method has itself.
+    Parameters
+    ----------
+    angle_deg : float or None, optional
+        Largest angle in degrees of the rotation between both poses; None stands for the method's own bound.
+    radius_mm : float or None, optional
+        Largest distance in mm of the moving cloud's centroid from where the known pose puts it; None likewise.
+
+    Raises
+    ------
+    InputError
+        If the angle or the distance is outside its range.
     """
 
     angle_deg: float | None = None
@@ -103,19 +112,54 @@ class Bound:
         return self.default.radius_mm if self.cone.radius_mm is None else self.cone.radius_mm
 
     def away(self, fixed_T_moving: Float64[np.ndarray, "4 4"]) -> tuple[float, float]:
-        """How far a pose is from the known one: by the angle of its turn, and by the shift of the cloud in mm."""
+        """Compute how far a pose is from the known one.
+
+        Parameters
+        ----------
+        fixed_T_moving : ndarray, shape (4, 4)
+            Pose.
+
+        Returns
+        -------
+        turn_deg : float
+            Angle of the rotation between both in degrees.
+        away_mm : float
+            Shift of the moving cloud's centroid in mm.
+        """
         turn_deg = transforms.rotation_angle_deg(
             transforms.compose(fixed_T_moving, transforms.invert_rigid(self.initial))
         )
         return float(turn_deg), float(np.linalg.norm(self._shift_mm(fixed_T_moving)))
 
     def holds(self, fixed_T_moving: Float64[np.ndarray, "4 4"]) -> bool:
-        """Whether a pose lies within the cone."""
+        """Tell whether a pose lies within the bound.
+
+        Parameters
+        ----------
+        fixed_T_moving : ndarray, shape (4, 4)
+            Pose.
+
+        Returns
+        -------
+        bool
+            Whether it does.
+        """
         turn_deg, away_mm = self.away(fixed_T_moving)
         return turn_deg <= self.angle_deg and away_mm <= self.radius_mm
 
     def held(self, fixed_T_moving: Float64[np.ndarray, "4 4"]) -> Float64[np.ndarray, "4 4"]:
-        """The pose itself if it is within the cone, else the one on the way to it from the known pose, on the bound."""
+        """Bring a pose within the bound.
+
+        Parameters
+        ----------
+        fixed_T_moving : ndarray, shape (4, 4)
+            Pose.
+
+        Returns
+        -------
+        ndarray, shape (4, 4)
+            The pose itself if it is within, else the one on the bound on the way to it from the known pose.
+        """
         if self.holds(fixed_T_moving):
             return fixed_T_moving
         turn_deg, away_mm = self.away(fixed_T_moving)
@@ -127,7 +171,18 @@ class Bound:
         return transforms.compose(transforms.translation(shift_mm), turned, self.initial)
 
     def at_edge(self, fixed_T_moving: Float64[np.ndarray, "4 4"]) -> str:
-        """Say that a pose lies at the bound, so that the right one may lie beyond it; nothing if it does not."""
+        """Say that a pose lies at the bound, so that the right one may lie beyond it.
+
+        Parameters
+        ----------
+        fixed_T_moving : ndarray, shape (4, 4)
+            Pose.
+
+        Returns
+        -------
+        str
+            The sentence; empty for a pose that does not.
+        """
         turn_deg, away_mm = self.away(fixed_T_moving)
         near = [
             f"{value:.1f} of {most:g} {unit}"
@@ -142,7 +197,18 @@ class Bound:
         return f"it lies at the bound of the search ({' and '.join(near)} from the initial pose)"
 
     def describe(self, fixed_T_moving: Float64[np.ndarray, "4 4"]) -> str:
-        """Where a pose outside the cone lies, in words."""
+        """Say where a pose outside the bound lies.
+
+        Parameters
+        ----------
+        fixed_T_moving : ndarray, shape (4, 4)
+            Pose.
+
+        Returns
+        -------
+        str
+            Part of a sentence.
+        """
         turn_deg, away_mm = self.away(fixed_T_moving)
         return (
             f"{turn_deg:.1f} degrees and {away_mm:.1f} mm from the initial pose, outside the search cone of "
@@ -159,7 +225,25 @@ class Bound:
 def known_pose(
     initial: ArrayLike | None, search_cone: SearchCone | None
 ) -> Float64[np.ndarray, "4 4"] | None:
-    """The known pose as float64, or InputError for one that is not rigid or a cone around none."""
+    """Check a known pose and the cone around it.
+
+    Parameters
+    ----------
+    initial : array_like, shape (4, 4), or None
+        Known pose (fixed_T_moving).
+    search_cone : SearchCone or None
+        Bound around it.
+
+    Returns
+    -------
+    ndarray, shape (4, 4), or None
+        Known pose as float64; None where there is none.
+
+    Raises
+    ------
+    InputError
+        If the pose is not rigid, or there is a cone around none.
+    """
     if initial is not None:
         try:
             pose = np.asarray(initial, dtype=np.float64)
@@ -179,7 +263,24 @@ def bound_around(
     moving_mm: Float64[np.ndarray, "m 3"],
     default: SearchBound = DEFAULT_BOUND,
 ) -> Bound | None:
-    """The bound on the result around a known pose, with or without a cone of the caller's; None around none."""
+    """Assemble the bound on the result around a known pose.
+
+    Parameters
+    ----------
+    initial : ndarray, shape (4, 4), or None
+        Known pose (fixed_T_moving).
+    search_cone : SearchCone or None
+        Bound of the caller's; None where there is none.
+    moving_mm : ndarray, shape (m, 3)
+        Moving points in mm.
+    default : SearchBound, optional
+        Bound on what the caller's leaves open.
+
+    Returns
+    -------
+    Bound or None
+        The bound; None where no pose is known.
+    """
     if initial is None:
         return None
     return Bound(initial, search_cone or SearchCone(), moving_mm.mean(axis=0), default)

@@ -34,7 +34,7 @@ class Smoothed:
 
     points_mm: Float64[np.ndarray, "m 3"]
     normals: Float64[np.ndarray, "m 3"]
-    bend_per_mm: Float64[np.ndarray, "m"]
+    bend_per_mm: Float64[np.ndarray, " m"]
     reach_mm: float
 
 
@@ -144,9 +144,9 @@ def outward_targets(
 
 def _sides(
     normals: Float64[np.ndarray, "n 3"],
-    bend_per_mm: Float64[np.ndarray, "n"],
+    bend_per_mm: Float64[np.ndarray, " n"],
     index: Int64[np.ndarray, "n k"],
-) -> Float64[np.ndarray, "n"]:
+) -> Float64[np.ndarray, " n"]:
     """1 where the normal points outwards, -1 where inwards.
 
     Where a wall is flat or a saddle, as in the crotch of a fork, its own bend does not tell: each point follows the

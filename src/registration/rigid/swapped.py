@@ -18,7 +18,20 @@ LONGER = 1.25
 
 
 def is_longer(one_mm: Float64[np.ndarray, "m 3"], other_mm: Float64[np.ndarray, "n 3"]) -> bool:
-    """Whether one cloud reaches clearly farther along its principal axis than the other, isolated points apart."""
+    """Tell whether one cloud reaches clearly farther along its principal axis than another, isolated points apart.
+
+    Parameters
+    ----------
+    one_mm : ndarray, shape (m, 3)
+        Points of the one in mm.
+    other_mm : ndarray, shape (n, 3)
+        Points of the other in mm.
+
+    Returns
+    -------
+    bool
+        Whether the one is longer.
+    """
     return _reach_mm(one_mm) > LONGER * _reach_mm(other_mm)
 
 
@@ -28,10 +41,26 @@ def inverted_result(
     fit: Callable[[Float64[np.ndarray, "4 4"]], Fit],
     begin_s: float,
 ) -> RigidResult:
-    """The result of registering fixed to moving as that of moving to fixed.
+    """Turn the result of registering fixed to moving into that of moving to fixed.
 
-    Poses are inverted, and with them the motions that say where the result might lie. ``measure`` and ``fit`` take the
-    residuals anew in the direction that was asked for; verdict, gap and weak directions are the same both ways.
+    Poses are inverted, and with them the motions that say where the result might lie; residuals are measured anew.
+    Verdict, gap and weak directions are the same both ways.
+
+    Parameters
+    ----------
+    result : RigidResult
+        Result with moving and fixed swapped.
+    measure : callable
+        Measures a candidate in the direction that was asked for.
+    fit : callable
+        Measures a pose in that direction.
+    begin_s : float
+        When the registration began, by ``time.perf_counter``.
+
+    Returns
+    -------
+    RigidResult
+        Result in the direction that was asked for.
     """
     pose = transforms.invert_rigid(result.fixed_T_moving)
     candidates = tuple(_inverted(one, measure) for one in result.candidates)

@@ -57,12 +57,23 @@ class Uncertainty:
 
 @dataclass(frozen=True)
 class LocalFit:
-    """The quadratic that the residuals follow around the result, block by block.
+    """Quadratic that the residuals follow around a pose, block by block.
 
-    Motions are (rotation vector times ``radius_mm``, translation), in mm, about ``centre_mm`` in the fixed frame.
-    ``stiffness`` (b, u, u) and ``pull_mm`` (b, u) are the blocks' shares of the normal equations in these six unknowns,
-    and a seventh where the walls may be offset. ``roughness`` is the usual residual over the reach that normals are
-    estimated from: by about this angle (rad) they are wrong.
+    Motions are (rotation vector times ``radius_mm``, translation) in mm.
+
+    Parameters
+    ----------
+    centre_mm : ndarray, shape (3,)
+        Centre of rotation in mm in the fixed coordinate frame.
+    radius_mm : float
+        Radius of the cloud in mm.
+    stiffness : ndarray, shape (b, u, u)
+        Each block's share of the normal equations in the six unknowns, and a seventh where the walls may be offset.
+    pull_mm : ndarray, shape (b, u)
+        Each block's share of their right-hand side.
+    roughness : float
+        Robust scale of the residuals over the reach that normals are estimated from: they are wrong by about this angle
+        in rad.
     """
 
     centre_mm: Float64[np.ndarray, "3"]
@@ -72,7 +83,18 @@ class LocalFit:
     roughness: float
 
     def motions(self, motion_mm: Float64[np.ndarray, "k 6"]) -> Float64[np.ndarray, "k 4 4"]:
-        """Small motions as transforms fixed_T_fixed."""
+        """Turn small motions into transforms.
+
+        Parameters
+        ----------
+        motion_mm : ndarray, shape (k, 6)
+            Motions in mm.
+
+        Returns
+        -------
+        ndarray, shape (k, 4, 4)
+            Transforms (fixed_T_fixed).
+        """
         turn = Rotation.from_rotvec(motion_mm[:, :3] / self.radius_mm)
         return transforms.from_rotation(turn, self.centre_mm + motion_mm[:, 3:] - turn.apply(self.centre_mm))
 
@@ -81,15 +103,39 @@ def local_fit(
     moving_mm: Float64[np.ndarray, "m 3"],
     target: SmoothedTarget,
     fixed_T_moving: Float64[np.ndarray, "4 4"],
-    block: Int64[np.ndarray, "m"],
+    block: Int64[np.ndarray, " m"],
     kernel: RobustKernel,
     offset: bool = False,
 ) -> LocalFit:
     """Linearise the point-to-plane residuals at a pose.
 
-    Residuals are to the smoothed surface: those to the closest point are too small, the more so the noisier the cloud,
-    for the closest point is one that the noise brought near. With ``offset`` the walls may lie apart by the same
-    distance everywhere.
+    Residuals are to the smoothed surface: those to the closest point are too small, the more so the noisier the
+    cloud, for the closest point is one that the noise brought near.
+
+    Parameters
+    ----------
+    moving_mm : ndarray, shape (m, 3)
+        Moving points in mm.
+    target : SmoothedTarget
+        Fixed cloud without its noise.
+    fixed_T_moving : ndarray, shape (4, 4)
+        Pose.
+    block : ndarray of int, shape (m,)
+        Block of each moving point.
+    kernel : RobustKernel
+        Weights of the residuals.
+    offset : bool, optional
+        Whether the walls may lie apart by the same distance everywhere.
+
+    Returns
+    -------
+    LocalFit
+        Normal equations of each block.
+
+    Raises
+    ------
+    InputError
+        If the fixed cloud has no normals.
     """
     pairs = closest_pairs(moving_mm, target, fixed_T_moving[None])
     if pairs.normals is None:
@@ -115,12 +161,32 @@ def local_fit(
 def bootstrap_motions(
     fit: LocalFit, replicates: int, inflation: float, rng: np.random.Generator
 ) -> Float64[np.ndarray, "k 6"]:
-    """Where the result would have moved had other blocks been seen, in mm, blocks drawn with replacement.
+    """Compute where a pose would have moved had other blocks been seen, blocks drawn with replacement.
 
-    One Gauss-Newton step a replicate (Künsch, Ann. Stat. 17(3), 1989, for the blocks; Schucany and Wang, J. R. Stat.
-    Soc. B 53(3), 1991, for steps in place of solutions). ``inflation`` makes up for what a step leaves out: the fixed
-    cloud's own noise, and that pairs follow the pose. Normals that are wrong make the fit seem stiffer than it is, by
-    the square of their error.
+    One Gauss-Newton step a replicate. Normals that are wrong make the fit seem stiffer than it is, by the square
+    of their error.
+
+    Parameters
+    ----------
+    fit : LocalFit
+        Normal equations of each block.
+    replicates : int
+        Number of draws.
+    inflation : float
+        Factor that makes up for what a step leaves out: the fixed cloud's own noise, and that pairs follow the pose.
+    rng : numpy.random.Generator
+        Source of the draws.
+
+    Returns
+    -------
+    ndarray, shape (k, 6)
+        Motions in mm.
+
+    References
+    ----------
+    H. R. Künsch, Ann. Stat. 17(3), 1989 (blocks).
+
+    W. R. Schucany and S. Wang, J. R. Stat. Soc. B 53(3), 1991 (steps in place of solutions).
     """
     count = len(fit.stiffness)
     drawn = rng.multinomial(count, np.full(count, 1 / count), size=replicates).astype(np.float64)

@@ -119,7 +119,7 @@ def test_says_what_is_not_known_or_used(tmp_path) -> None:
     for path in (root / "labelsTs").iterdir():
         path.unlink()
     (root / "labelsTs").rmdir()
-    assert "imagesTs has no labelsTs" in NnUNet(str(root)).notes()[1]
+    assert "imagesTs is not used" in NnUNet(str(root)).notes()[1]
     assert frames_of(root).case_ids == ("a", "b", "c_0000")
     (root / "groups.csv").write_text("case,group\na,p\nb,p\nc_0000,p\n")
     assert len(NnUNet(str(root)).notes()) == 1

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from experiments import registry
-from experiments.cli import compose_points
+from experiments.cli import compose_sweep
 from experiments.datasets.phantom import Phantom
 from experiments.datasets.sweep_cache import SweepRecipe, sweep_hash
 from experiments.errors import InputError
@@ -83,11 +83,11 @@ def test_later_sweeps_are_the_same_whatever_else_is_made(tmp_path: Path) -> None
 
 
 def test_the_shipped_configuration_builds(tmp_path: Path) -> None:
-    ((config, _),) = compose_points(["study=segmentation", "dataset=phantom", "seed=3"])
+    ((config, _),) = compose_sweep(["study=segmentation", "dataset=phantom", "seed=3"])
     built = registry.build(config["dataset"])
     assert isinstance(built, Phantom) and built.seed == 3
     for name in ("artificial", "vein", "artery"):
-        ((config, _),) = compose_points(["study=simulate", f"phantom={name}", "seed=3"])
+        ((config, _),) = compose_sweep(["study=simulate", f"phantom={name}", "seed=3"])
         settings = registry.build(config["phantom"])
         assert settings.subset == name and settings.seed == 3
 

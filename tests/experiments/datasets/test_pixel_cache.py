@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 from dataset_layouts import grey, speckle
+from dicom_files import write_dicom
+from PIL import Image
 
 from experiments.datasets import pixel_cache
 from experiments.datasets.images import image_files
 from experiments.datasets.pixel_cache import read_pairs
 from experiments.errors import InputError
 
+# The pixels that known files are decoded to. When it changes, entries of before are outdated: raise CACHE_VERSION and
+# change both numbers here together.
+DECODED = (1, "1b8dff4c662bc6ac")
 SIZES = ((10, 12), (7, 9), (10, 12))
 
 
@@ -86,11 +92,34 @@ def test_no_room_for_the_cache_is_no_failure(pairs, tmp_path) -> None:
     same(read(pairs, None), read(pairs, tmp_path / "file" / "cache"))
 
 
-def test_another_way_of_reading_is_another_entry(pairs, tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_version_is_another_entry(pairs, tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
     read(pairs, tmp_path / "cache")
-    # What turns colour into grey lies in another package, and decides the pixels as much as the reader does.
-    assert {"reading.py", "grey.py"} <= {source.name for source in pixel_cache.sources()}
-    monkeypatch.setattr(pixel_cache, "_source_hash", lambda: "changed")
+    monkeypatch.setattr(pixel_cache, "CACHE_VERSION", pixel_cache.CACHE_VERSION + 1)
     monkeypatch.setattr(image_files, "read_grey", lambda path: np.zeros((3, 3), np.uint8))
     monkeypatch.setattr(image_files, "read_mask", lambda *_: np.ones((3, 3), bool))
     assert read(pairs, tmp_path / "cache")[0][0].shape == (3, 3)
+
+
+def test_pixels_do_not_change_without_the_version(tmp_path: Path) -> None:
+    ramp = np.arange(12 * 16, dtype=np.uint8).reshape(12, 16)
+    colour = np.stack([ramp, ramp[::-1], ramp[:, ::-1]], axis=-1)
+    palette = Image.fromarray((ramp % 3).astype(np.uint8), "P")
+    palette.putpalette([0, 0, 0, 90, 90, 90, 255, 255, 255])
+    pictures = {
+        "grey.png": Image.fromarray(ramp),
+        "colour.png": Image.fromarray(colour),
+        "wide.png": Image.fromarray(ramp.astype(np.uint16) * 257),
+        "binary.png": Image.fromarray(ramp > 90),
+        "palette.png": palette,
+    }
+    for name, picture in pictures.items():
+        picture.save(tmp_path / name)
+    write_dicom(tmp_path / "frame.dcm", ramp)
+    digest = hashlib.sha256()
+    for name in (*pictures, "frame.dcm"):
+        digest.update(image_files.read_grey(tmp_path / name).tobytes())
+    for index, values in enumerate(((0, 1), (0, 255), (0, 1, 2))):
+        grey(tmp_path / f"{index}.png", np.array(values, np.uint8)[ramp % len(values)])
+        digest.update(image_files.read_mask(tmp_path / f"{index}.png", (1, 255), (0, 2)).tobytes())
+    digest.update(image_files.read_mask(tmp_path / "binary.png", (1, 255), (0,)).tobytes())
+    assert (pixel_cache.CACHE_VERSION, digest.hexdigest()[:16]) == DECODED

@@ -1,5 +1,7 @@
 from dataclasses import dataclass
+from pathlib import Path
 
+import pandas as pd
 from drawn_vessels import drawn_frames
 
 from experiments.datasets import protocol
@@ -44,3 +46,33 @@ def test_what_a_data_set_says_is_passed_on() -> None:
     assert protocol.reported_name(dataset) == "known (3 unpaired left out)"
     data = protocol.input_data(dataset, bare())
     assert (data.name, data.source, data.digest) == ("known", "/data/known", bare().digest())
+
+
+def test_notes_of_jobs_are_read_once_each_in_their_order(tmp_path: Path) -> None:
+    folders = [tmp_path / name for name in ("a", "b", "c")]
+    for folder, datasets in zip(folders, ([Talkative()], [bare], [Talkative(), Talkative()]), strict=True):
+        folder.mkdir()
+        protocol.write_notes(folder, *datasets)
+    assert not (folders[1] / protocol.NOTES).exists()
+    assert protocol.read_notes(folders) == ("One thing.",)
+    protocol.write_notes(folders[1], Talkative("other"))
+    assert protocol.read_notes(folders) == ("known: One thing.", "other: One thing.")
+
+
+class WithTables:
+    def report(self) -> dict[str, pd.DataFrame]:
+        return {
+            "pruned": pd.DataFrame([{"case": "a", "rule": "dark"}]),
+            "empty": pd.DataFrame(columns=["case", "rule"]),
+        }
+
+
+def test_each_table_is_a_file_and_an_empty_one_keeps_its_columns(tmp_path) -> None:
+    assert protocol.write_report(WithTables(), tmp_path) == (tmp_path / "pruned.csv", tmp_path / "empty.csv")
+    assert (tmp_path / "pruned.csv").read_text() == "case,rule\na,dark\n"
+    assert (tmp_path / "empty.csv").read_text() == "case,rule\n"
+
+
+def test_a_data_set_that_chooses_nothing_writes_nothing(tmp_path) -> None:
+    assert protocol.write_report(object(), tmp_path) == ()
+    assert not list(tmp_path.iterdir())

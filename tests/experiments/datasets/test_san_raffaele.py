@@ -5,7 +5,7 @@ import pytest
 from dataset_layouts import grey, size_of, write_san_raffaele
 from drawn_sweeps import draw_sweeps
 
-from experiments.datasets.exclusion_report import write_report
+from experiments.datasets.protocol import write_report
 from experiments.datasets.san_raffaele import SanRaffaele
 from experiments.datasets.simulated import SimulatedSubstitute
 from experiments.errors import InputError

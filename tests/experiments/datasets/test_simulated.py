@@ -10,7 +10,7 @@ import pytest
 from drawn_sweeps import draw_sweeps
 
 from experiments import registry
-from experiments.cli import compose_points
+from experiments.cli import compose_sweep
 from experiments.datasets.carotid import Carotid
 from experiments.datasets.musv import MusV
 from experiments.datasets.san_raffaele import SanRaffaele
@@ -29,7 +29,7 @@ def small(tmp_path: Path, **changes: object) -> SimulatedSubstitute:
 
 @pytest.mark.parametrize("name", REAL_SETS)
 def test_every_real_set_reads_unless_asked_to_simulate(name: str, tmp_path) -> None:
-    ((config, _),) = compose_points(["study=segmentation", f"dataset={name}", "seed=3"])
+    ((config, _),) = compose_sweep(["study=segmentation", f"dataset={name}", "seed=3"])
     dataset = registry.build({**config["dataset"], "root": str(tmp_path / "none")})
     assert dataset.stand_in.seed == 3
     assert not dataset.simulate and dataset.name.startswith(name)

@@ -10,9 +10,10 @@ import pytest
 from vessels import bent_tube
 
 from experiments.cli import main
-from experiments.running import local_processes, run_job
+from experiments.errors import InputError
+from experiments.running import launcher, local_processes
 from experiments.running.jobs import Job, Plan
-from experiments.running.run_job import Report
+from experiments.running.local_processes import LocalProcesses
 from experiments.tracking import Store
 from registration.io.surfaces import write_surface
 
@@ -22,7 +23,8 @@ import json, os, signal, sys, time
 from pathlib import Path
 folder, key = Path(sys.argv[1]), sys.argv[2]
 config = json.loads((folder / f"{key}.job.json").read_text())["config"]
-(folder / f"{key}.threads").write_text(os.environ["OMP_NUM_THREADS"])
+Path(__file__).with_name(f"{key}.threads").write_text(os.environ["OMP_NUM_THREADS"])
+Path(__file__).with_name(f"{key}.plan").write_text(str(folder / "plan.json"))
 (folder / f"{key}.started").write_text("")
 if config["ends"] == "killed":
     os.kill(os.getpid(), signal.SIGKILL)
@@ -50,18 +52,17 @@ def planned(folder: Path, **ends: dict) -> tuple[list[Job], Plan, list[str]]:
     )
 
 
-def test_two_jobs_run_at_the_same_time(tmp_path: Path) -> None:
+def test_two_jobs_run_at_the_same_time(home: Path, tmp_path: Path) -> None:
     waiting = {"ends": "waits for the other"}
     jobs, plan, worker = planned(tmp_path, a={**waiting, "other": "b"}, b={**waiting, "other": "a"})
-    local_processes.run_in_processes(jobs, plan, tmp_path, 2, worker)
-    assert {Report.read(run_job.report_file(tmp_path, key)).status for key in "ab"} == {"finished"}
+    reports = LocalProcesses(2, worker).run(jobs, plan).reports
+    assert {key: report.status for key, report in reports.items()} == {"a": "finished", "b": "finished"}
 
 
-def test_a_killed_job_is_reported_and_takes_no_other_with_it(tmp_path: Path, capsys) -> None:
+def test_a_killed_job_is_reported_and_takes_no_other_with_it(home: Path, tmp_path: Path, capsys) -> None:
     well = {"ends": "well"}
     jobs, plan, worker = planned(tmp_path, a=well, b={"ends": "killed"}, c=well, d=well)
-    local_processes.run_in_processes(jobs, plan, tmp_path, 2, worker)
-    reports = {key: Report.read(run_job.report_file(tmp_path, key)) for key in "abcd"}
+    reports = LocalProcesses(2, worker).run(jobs, plan).reports
     assert {key: report.status for key, report in reports.items()} == {
         "a": "finished",
         "b": "failed",
@@ -73,15 +74,15 @@ def test_a_killed_job_is_reported_and_takes_no_other_with_it(tmp_path: Path, cap
 
 
 def test_the_cores_are_shared_out_unless_the_user_says_otherwise(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
     monkeypatch.setattr(local_processes.os, "cpu_count", lambda: 8)
     jobs, plan, worker = planned(tmp_path, a={"ends": "well"})
-    local_processes.run_in_processes(jobs, plan, tmp_path, 3, worker)
+    LocalProcesses(3, worker).run(jobs, plan)
     assert (tmp_path / "a.threads").read_text() == "2"
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
-    local_processes.run_in_processes(jobs, plan, tmp_path, 3, worker)
+    LocalProcesses(3, worker).run(jobs, plan)
     assert (tmp_path / "a.threads").read_text() == "7"
 
 
@@ -104,6 +105,42 @@ def test_a_number_of_jobs_that_is_none_is_refused(home: Path, jobs: str, capsys)
     assert "jobs: expected a whole number" in capsys.readouterr().err
 
 
-def test_a_launcher_and_jobs_are_not_both(home: Path, capsys) -> None:
-    assert main(["-m", "study=robustness", "trials=2", "seed=0,1", "jobs=2", "hydra/launcher=joblib"]) == 2
-    assert "jobs: expected 1 where a launcher starts the jobs" in capsys.readouterr().err
+def test_the_plan_lies_under_the_project_while_jobs_run_and_is_gone_when_they_ended(
+    home: Path, tmp_path: Path
+) -> None:
+    jobs, plan, worker = planned(tmp_path, a={"ends": "well"}, b={"ends": "killed"})
+    LocalProcesses(2, worker).run(jobs, plan)
+    place = Path((tmp_path / "a.plan").read_text())
+    assert place.parent.parent == home / ".cache" / "plans"
+    assert not place.exists() and not (home / ".cache" / "plans").exists()
+
+
+def test_a_project_that_cannot_be_written_is_refused_before_a_job_starts(home: Path, tmp_path: Path) -> None:
+    jobs, plan, worker = planned(tmp_path, a={"ends": "well"})
+    (home / ".cache").write_text("a file where the folder would be")
+    with pytest.raises(InputError, match="jobs: expected a project folder that can be written"):
+        LocalProcesses(2, worker).run(jobs, plan)
+    assert not (tmp_path / "a.threads").exists()
+
+
+def test_another_calls_plan_stays(home: Path, tmp_path: Path) -> None:
+    _, plan, _ = planned(tmp_path, a={"ends": "well"})
+    with launcher.plan_folder(plan) as other:
+        with launcher.plan_folder(plan) as own:
+            assert Plan.read(own) == Plan.read(other) == plan
+        assert other.is_dir() and not own.exists()
+
+
+@pytest.mark.parametrize(
+    "more", [["hydra/launcher=joblib"], ["hydra/sweeper=basic"], ["hydra.launcher.n_jobs=2"]]
+)
+def test_a_launcher_of_hydras_is_refused_with_what_to_use(home: Path, more: list[str], capsys) -> None:
+    assert main(["-m", "study=robustness", "trials=2", "seed=0,1", *more]) == 2
+    assert "jobs=<number> runs as many at the same time" in capsys.readouterr().err
+
+
+def test_a_sweep_runs_its_jobs_in_processes_too(home: Path) -> None:
+    write_surface(home / "tube.ply", bent_tube())
+    call = ["study=robustness", f"target={home / 'tube.ply'}", "trials=1", "rigid=[single_icp]"]
+    assert main(["-m", *call, "seed=1,2", "jobs=2", f"out={home / 'out'}", "tracking.enabled=false"]) == 0
+    assert len(list((home / "out").glob("*/job.json"))) == 4  # two overlaps at each seed

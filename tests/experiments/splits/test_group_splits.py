@@ -172,14 +172,14 @@ def test_few_groups_are_enough_for_nested_folds_or_refused() -> None:
         ({"validation_parts": 0}, "validation_parts: expected a whole number of at least 2, received 0"),
         ({"test_share": 1.0}, "test_share: expected 0 to below 1, received 1"),
         ({"selection_share": -0.1}, "selection_share: expected 0 to below 1, received -0.1"),
-        ({"selection_share": 0.5, "test_share": 0.5}, "test_share: expected less than 0.5 beside"),
+        ({"selection_share": 0.5, "test_share": 0.5}, "test_share: expected less than 0.5 together with"),
         (
             {"test_share": 0.1, "test_groups": ["a"]},
-            "test_share: expected 0 beside test_groups, received 0.1",
+            "test_share: expected 0 together with test_groups, received 0.1",
         ),
         (
             {"outer_folds": 3, "test_share": 0.1},
-            "outer_folds: expected null beside test_share or test_groups",
+            "outer_folds: expected null together with test_share or test_groups",
         ),
     ],
 )

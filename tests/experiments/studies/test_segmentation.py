@@ -292,6 +292,9 @@ def test_what_was_left_out_as_unpaired_stands_in_every_table_and_figure(tmp_path
         def left_out(self) -> int:
             return 4
 
+        def notes(self) -> tuple[str, ...]:
+            return ("The copy is not whole.",)
+
     folds = [run_fold(tmp_path / str(fold), fold=fold, dataset=Incomplete()) for fold in (0, 1)]
     results = [
         JobResult(config(fold=fold), outcome.metrics, outcome.cases, tmp_path / str(fold))
@@ -299,6 +302,7 @@ def test_what_was_left_out_as_unpaired_stands_in_every_table_and_figure(tmp_path
     ]
     for outcome in (*folds, segmentation.summarise(results)):
         assert "drawn (4 unpaired left out)" in outcome.findings[0]
+        assert outcome.findings.count("The copy is not whole.") == 1
         for name, table in outcome.tables.items():
             assert "4 unpaired left out" in f"{name} {table.get('dataset', pd.Series()).tolist()}"
 

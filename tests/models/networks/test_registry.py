@@ -7,7 +7,7 @@ from models.checkpoint import Checkpoint
 from models.errors import InputError
 from models.networks.attention_unet import AttentionUNet
 from models.networks.monai_network import MonaiNetwork
-from models.networks.registry import RECIPES, NetworkRecipe, recipe_of, settings_of
+from models.networks.registry import NetworkRecipe, recipe_of, recipes, settings_of
 from models.networks.unet import UNet
 from models.networks.unet3plus import UNet3Plus
 from models.preprocessing.preprocessing import Preprocessing
@@ -22,9 +22,9 @@ every_recipe = pytest.mark.parametrize("recipe", EXAMPLES.values(), ids=EXAMPLES
 
 
 def test_every_recipe_is_kept_under_its_own_name() -> None:
-    assert RECIPES["unet"] is UNet
-    assert all(name == recipe.name for name, recipe in RECIPES.items())
-    assert sorted(RECIPES) == sorted(EXAMPLES)
+    assert recipes()["unet"] is UNet
+    assert all(name == recipe.name for name, recipe in recipes().items())
+    assert sorted(recipes()) == sorted(EXAMPLES)
 
 
 @every_recipe

@@ -7,10 +7,10 @@ from lightning.pytorch import Trainer
 from torch import nn
 
 from models.preprocessing.preprocessing import Preprocessing
+from models.training import callback
 from models.training.augmentation import Augmentation
 from models.training.callback import TrainingCourse
 from models.training.datamodule import FoldData
-from models.training.fold import callback
 from models.training.losses import DiceCrossEntropy
 from models.training.phase import Phase
 from models.training.segmenter import Segmenter

@@ -33,10 +33,18 @@ _UNREADABLE = (
 class Decoded:
     """The pixels of one image in the orientation in which it is shown.
 
-    ``values`` are grey values (h, w) as they are stored, not scaled to 8 bits; or RGB colours (h, w, 3) of 8 bits; or,
-    where there is a ``palette`` (n, 4) of RGBA colours, its indices (h, w). ``alpha`` (h, w) is None where it is the
-    same everywhere, and so says nothing, and for a palette, which has its own. ``bits`` are those of a grey value.
-    ``lossy`` says that the compression changes values.
+    Parameters
+    ----------
+    values : ndarray, shape (h, w) or (h, w, 3)
+        Grey values as they are stored, not scaled to 8 bits; RGB colours of 8 bits; or palette indices.
+    palette : ndarray of uint8, shape (n, 4), or None
+        RGBA colours that ``values`` are the indices of.
+    alpha : ndarray of uint8, shape (h, w), or None
+        Opacity; None where it is constant and so says nothing, and for a palette, which has its own.
+    bits : int
+        Bits of a grey value.
+    lossy : bool
+        Whether the compression changes values.
     """
 
     values: Shaped[np.ndarray, "h w *rgb"]
@@ -52,7 +60,23 @@ class Decoded:
 
 
 def decode(path: Path) -> Decoded:
-    """Read an image file; InputError for one that is missing, damaged, a stack of several, or of 16-bit colours."""
+    """Read an image file.
+
+    Parameters
+    ----------
+    path : Path
+        A file in any format that Pillow reads.
+
+    Returns
+    -------
+    Decoded
+        Its pixels.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged, a stack of several images, or has colours of 16 bits.
+    """
     if not path.is_file():
         raise InputError(f"{path}: expected an image, found no file")
     try:

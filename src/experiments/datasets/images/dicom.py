@@ -50,10 +50,17 @@ _PREAMBLE, _MAGIC = 128, b"DICM"
 
 @dataclass(frozen=True)
 class DicomFrames:
-    """The frames of one file: ``images`` (n, height, width) uint8, n from 1.
+    """The frames of one DICOM file.
 
-    ``spacing_mm`` is (vertical, horizontal), None where the file doesn't say. ``region_px`` is the box of the 2-D
-    tissue picture (top, left, bottom, right; the last two exclusive), None where the file has none.
+    Parameters
+    ----------
+    images : ndarray of uint8, shape (n, h, w)
+        Grey values, n from 1.
+    spacing_mm : (float, float) or None
+        Pixel size (vertical, horizontal); None where the file has none.
+    region_px : (int, int, int, int) or None
+        Box of the 2-D tissue picture (top, left, bottom, right; the last two exclusive); None where the file
+        has none.
     """
 
     images: UInt8[np.ndarray, "n h w"]
@@ -72,7 +79,18 @@ class DicomFrames:
 
 
 def is_dicom(path: Path) -> bool:
-    """Whether a file is DICOM, by its suffix or by its content; the directory of a medium (DICOMDIR) is not."""
+    """Return whether a file is DICOM, by its suffix or by its content.
+
+    Parameters
+    ----------
+    path : Path
+        Any file.
+
+    Returns
+    -------
+    bool
+        False for the directory of a medium (DICOMDIR) too.
+    """
     if path.suffix.lower() == SUFFIX:
         return True
     if path.name.casefold() == "dicomdir":
@@ -85,13 +103,30 @@ def is_dicom(path: Path) -> bool:
 
 
 def read_dicom(path: Path) -> DicomFrames:
-    """Read a single- or multi-frame file.
+    """Read a DICOM file of one or several frames.
 
-    Colour (RGB, YBR, palette) becomes grey as colour frames do anywhere; grey values go through the file's window, else
-    by the bits stored (see ``GreyDisplay``); MONOCHROME1 is inverted. The pixel size is that of the largest 2-D tissue
-    region in cm, else PixelSpacing, also where the functional groups of an enhanced file have it, else unknown.
-    Raises InputError for a missing, damaged or truncated file, one without pixels, signed pixels without a window,
-    frames of different pixel sizes, and a compression that no installed package reads.
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    DicomFrames
+        Grey values, pixel size and region of the picture.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, damaged or truncated, has no pixels, signed pixels without a window or frames
+        of different pixel sizes, or no installed package reads its compression.
+
+    Notes
+    -----
+    Colour (RGB, YBR, palette) becomes grey as colour frames do anywhere; grey values go through the file's
+    window, else by the bits stored (see ``GreyDisplay``); MONOCHROME1 is inverted. The pixel size is that of
+    the largest 2-D tissue region in cm, else PixelSpacing, also where the functional groups of an enhanced
+    file have it, else unknown.
     """
     try:
         import pydicom  # noqa: F401
@@ -157,7 +192,7 @@ def _require_pixels(path: Path, content: Dataset) -> None:
 
 
 def _images(path: Path, content: Dataset) -> np.ndarray:
-    """Grey frames (n, height, width), decoded one by one: a film in colour would fill the memory."""
+    """Grey frames (n, height, width), decoded one by one: a long colour sequence would fill the memory."""
     count = int(content.get("NumberOfFrames") or 1)
     images = np.empty((count, int(content.Rows), int(content.Columns)), dtype=np.uint8)
     if images.size == 0:

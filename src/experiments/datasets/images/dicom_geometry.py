@@ -21,10 +21,26 @@ MM_PER_CM = 10.0
 
 
 def spacing_mm_of(content: Dataset) -> tuple[float, float] | None:
-    """Pixel size (vertical, horizontal) in mm of the largest 2-D tissue region, else PixelSpacing, else None.
+    """Return the pixel size of the largest 2-D tissue region, else PixelSpacing.
 
-    An enhanced file has PixelSpacing in its functional groups (C.7.6.16.2.1, Pixel Measures). Raises InputError where
-    frames have different sizes there.
+    Parameters
+    ----------
+    content : pydicom.Dataset
+        The file.
+
+    Returns
+    -------
+    (float, float) or None
+        Vertical and horizontal size in mm; None where the file has neither.
+
+    Raises
+    ------
+    InputError
+        If frames have different pixel sizes.
+
+    Notes
+    -----
+    An enhanced file has PixelSpacing in its functional groups (PS3.3, C.7.6.16.2.1, Pixel Measures).
     """
     region = _tissue_region(content)
     if region is not None:
@@ -53,7 +69,20 @@ def _pair(spacing: Sequence[float] | None) -> tuple[float, float] | None:
 
 
 def region_of(content: Dataset, height: int, width: int) -> tuple[int, int, int, int] | None:
-    """The largest 2-D tissue region in a frame of that size: top, left, bottom, right, the last two exclusive."""
+    """Return the largest 2-D tissue region.
+
+    Parameters
+    ----------
+    content : pydicom.Dataset
+        The file.
+    height, width : int
+        Size of its frames in px.
+
+    Returns
+    -------
+    (int, int, int, int) or None
+        Top, left, bottom, right in px, the last two exclusive; None where there is none within the frame.
+    """
     region = _tissue_region(content)
     if region is None:
         return None
@@ -63,7 +92,7 @@ def region_of(content: Dataset, height: int, width: int) -> tuple[int, int, int,
 
 
 def _tissue_region(content: Dataset) -> Dataset | None:
-    """The largest 2-D region of tissue with a pixel size in cm."""
+    """Return the largest 2-D region of tissue with a pixel size in cm."""
     regions = [region for region in content.get("SequenceOfUltrasoundRegions") or () if _is_measured(region)]
     return max(regions, key=_area_px, default=None)
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pydicom import Dataset
 
 # Without a window, values must fill a quarter of what the stored bits allow: else nobody knows how many bits count.
-_LEAST_FILLED = 0.25
+_MIN_FILLED = 0.25
 
 
 class GreyDisplay:
@@ -35,7 +35,20 @@ class GreyDisplay:
         self._scaled_by_bits = False
 
     def __call__(self, frame: Shaped[np.ndarray, "h w"], number: int) -> UInt8[np.ndarray, "h w"]:
-        """One frame, by its number from 0."""
+        """Convert one frame to 8 bits.
+
+        Parameters
+        ----------
+        frame : ndarray, shape (h, w)
+            Stored values.
+        number : int
+            Number of the frame, from 0.
+
+        Returns
+        -------
+        ndarray of uint8, shape (h, w)
+            Grey values as a viewer shows them.
+        """
         rescale = _with(self._content, number, "RescaleSlope", "ModalityLUTSequence")
         voi = _with(self._content, number, "WindowCenter", "VOILUTSequence")
         lut = next(iter(rescale.get("ModalityLUTSequence") or ()), None)
@@ -58,9 +71,20 @@ class GreyDisplay:
         return _bytes(1 - shares if slope < 0 else shares)
 
     def require_plausible(self, path: Path) -> None:
-        """Raise InputError if values were scaled by the bits stored but use only the lowest of them."""
+        """Check that values scaled by the bits stored do not use the lowest of them alone.
+
+        Parameters
+        ----------
+        path : Path
+            The file, for the message.
+
+        Raises
+        ------
+        InputError
+            If all frames converted so far use less than a quarter of the range and the file has no window.
+        """
         bits = int(self._content.BitsStored)
-        if self._scaled_by_bits and bits > 8 and 0 < self._largest < _LEAST_FILLED * 2**bits:
+        if self._scaled_by_bits and bits > 8 and 0 < self._largest < _MIN_FILLED * 2**bits:
             raise InputError(
                 f"{path}: expected a window (WindowCenter, WindowWidth) or values that use the {bits} bits stored, "
                 f"received none and values up to {self._largest}; write the window, or the BitsStored that count, "
@@ -69,20 +93,46 @@ class GreyDisplay:
 
 
 def has_window(content: Dataset) -> bool:
-    """Whether the first frame, and so a file as its programs write it, has a window or a VOI LUT."""
+    """Return whether the first frame, and so a file as its programs write it, has a window or a VOI LUT.
+
+    Parameters
+    ----------
+    content : pydicom.Dataset
+        The file.
+
+    Returns
+    -------
+    bool
+        Whether it has one.
+    """
     voi = _with(content, 0, "WindowCenter", "VOILUTSequence")
     return _is_window(voi) or bool(voi.get("VOILUTSequence"))
 
 
 def functional_groups(content: Dataset, number: int, kind: str) -> Iterator[Dataset]:
-    """The items of one kind (such as PixelMeasuresSequence) that hold for a frame: its own, then those of all."""
+    """Iterate over the functional groups of one kind that hold for a frame.
+
+    Parameters
+    ----------
+    content : pydicom.Dataset
+        The file.
+    number : int
+        Number of the frame, from 0.
+    kind : str
+        Keyword of the sequence, such as ``PixelMeasuresSequence``.
+
+    Yields
+    ------
+    pydicom.Dataset
+        The items of the frame, then those shared by all frames.
+    """
     per_frame = content.get("PerFrameFunctionalGroupsSequence") or ()
     for groups in (*per_frame[number : number + 1], *(content.get("SharedFunctionalGroupsSequence") or ())):
         yield from groups.get(kind) or ()
 
 
 def _with(content: Dataset, number: int, *names: str) -> Dataset:
-    """What has one of these attributes for a frame: a functional group, else the file itself."""
+    """Return what has one of these attributes for a frame: a functional group, else the file itself."""
     kinds = ("FrameVOILUTSequence", "PixelValueTransformationSequence")
     groups = [item for kind in kinds for item in functional_groups(content, number, kind)]
     return next((item for item in groups if any(item.get(name) is not None for name in names)), content)

@@ -23,7 +23,29 @@ _SYSTEM_FILES = ("thumbs.db", "desktop.ini", "dicomdir")
 
 
 def require_root(dataset: str, root: str | Path, source: str, layout: str) -> Path:
-    """The folder of a data set; InputError says where to get it and how to point to it if it is not there."""
+    """Check that the folder of a data set is there.
+
+    Parameters
+    ----------
+    dataset : str
+        Name of the data set.
+    root : str or Path
+        The folder that ``dataset.root`` names.
+    source : str
+        Where the data can be obtained, for the message.
+    layout : str
+        What the folder must hold, for the message.
+
+    Returns
+    -------
+    Path
+        The folder.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
     folder = Path(root).expanduser()
     if not folder.is_dir():
         raise InputError(
@@ -34,9 +56,23 @@ def require_root(dataset: str, root: str | Path, source: str, layout: str) -> Pa
 
 
 def image_files(folder: Path) -> dict[str, Path]:
-    """The images of a folder by their name without suffix, in order of name.
+    """List the images of a folder by name.
 
-    DICOM files are found by their content too, as scanners write them without suffix: their name is then the whole one.
+    Parameters
+    ----------
+    folder : Path
+        A folder of images.
+
+    Returns
+    -------
+    dict of str to Path
+        Files by their name without suffix, in order of name. DICOM files are recognised by their content too,
+        as scanners write them without a suffix: their name is then the whole one.
+
+    Raises
+    ------
+    InputError
+        If the folder is missing, has no image, or two of one name.
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: expected a folder of images, found none")
@@ -54,7 +90,18 @@ def image_files(folder: Path) -> dict[str, Path]:
 
 
 def other_files(folder: Path) -> tuple[Path, ...]:
-    """The files of a folder that are no images, without those that systems leave there."""
+    """List the files of a folder that are no images.
+
+    Parameters
+    ----------
+    folder : Path
+        A folder of images.
+
+    Returns
+    -------
+    tuple of Path
+        Files in order of name, without those that operating systems leave there.
+    """
     return tuple(
         path
         for path in sorted(folder.iterdir())
@@ -66,17 +113,34 @@ def other_files(folder: Path) -> tuple[Path, ...]:
 
 
 def read_grey(path: Path) -> UInt8[np.ndarray, "h w"]:
-    """The grey values of one frame's echoes: an image of 8 bits a channel, or a DICOM file of one frame.
+    """Read the grey values of the echoes of one frame.
 
+    Parameters
+    ----------
+    path : Path
+        An image of 8 bits a channel, or a DICOM file of one frame.
+
+    Returns
+    -------
+    ndarray of uint8, shape (h, w)
+        Grey values.
+
+    Raises
+    ------
+    InputError
+        If the image has transparent pixels, more than 8 bits whose scale is not known, or several frames.
+
+    Notes
+    -----
     Colour becomes grey by ``models.preprocessing.grey.echo_grey``, as it does in the predictor; 1, 2 and 4
-    bits are scaled to 8. Of
-    16 bits, values that are 8 bits in a wider form (v * 257 or v * 256) are taken; others are refused (but in DICOM,
-    which says how many of them count): what they are to be divided by, a picture doesn't tell.
+    bits are scaled to 8. Of 16 bits, values that are 8 bits in a wider form (v * 257 or v * 256) are taken.
+    Others are refused, except in DICOM, which says how many bits count: an image does not tell what to divide
+    by.
     """
     if is_dicom(path):
         frames = read_dicom(path).images
         if len(frames) != 1:
-            raise InputError(f"{path}: expected one frame, received a film of {len(frames)}")
+            raise InputError(f"{path}: expected one frame, received {len(frames)}")
         return np.asarray(frames[0])
     decoded = decode(path)
     if decoded.palette is not None:
@@ -96,10 +160,29 @@ def read_grey(path: Path) -> UInt8[np.ndarray, "h w"]:
 def read_mask(
     path: Path, vessel: Collection[int], others: Collection[int], size: tuple[int, ...] | None = None
 ) -> Bool[np.ndarray, "h w"]:
-    """Where a label image has one of the ``vessel`` labels; ``others`` are the further ones it may hold.
+    """Read where a label image has one of the vessel's labels.
 
-    What its colours, bits and transparency mean as labels is said in ``label_values``. InputError for another ``size``
-    than given, for labels in neither list, and for a mask that holds 1 and 255 where either stands for the vessel.
+    Parameters
+    ----------
+    path : Path
+        A label image; what its colours, bits and transparency mean is defined in ``label_values``.
+    vessel : collection of int
+        Labels of the vessel.
+    others : collection of int
+        Further labels that the image may hold.
+    size : tuple of int or None
+        Height and width in px that the mask must have; None: any.
+
+    Returns
+    -------
+    ndarray of bool, shape (h, w)
+        The mask.
+
+    Raises
+    ------
+    InputError
+        If the size differs, a label is in neither list, or 1 and 255 both occur where either stands for the
+        vessel.
     """
     labels = read_labels(path, vessel, others)
     if size is not None and labels.shape != tuple(size):
@@ -125,15 +208,44 @@ def read_mask(
 def read_labels(
     path: Path, vessel: Collection[int] = (1, 255), others: Collection[int] = (0,)
 ) -> Shaped[np.ndarray, "h w"]:
-    """The labels of a mask file as its colours, bits and transparency mean them (see ``label_values``)."""
+    """Read the labels of a mask file as its colours, bits and transparency mean them (see ``label_values``).
+
+    Parameters
+    ----------
+    path : Path
+        A label image.
+    vessel : collection of int
+        Labels of the vessel.
+    others : collection of int
+        Further labels that the image may hold.
+
+    Returns
+    -------
+    ndarray, shape (h, w)
+        Labels, which may include some that are in neither list.
+    """
     return label_values(path, decode(path), vessel, others)
 
 
 def read_mask_values(path: Path) -> Shaped[np.ndarray, "h w"]:
-    """A mask or probability map: bool where the file is black and white by its form, else its grey values.
+    """Read a mask or probability map as it is stored.
 
-    Grey values are uint8, those of more bits uint16 of which 65535 is white; the caller says what they mean, for that
-    takes the masks of all frames. Colours that are not grey must be a mask by the rules of ``label_values``.
+    Parameters
+    ----------
+    path : Path
+        An image in grey values, or a mask in colours by the rules of ``label_values``.
+
+    Returns
+    -------
+    ndarray, shape (h, w)
+        bool where the file is black and white by its format, else grey values: uint8, or uint16 of which
+        65535 is white for more bits. What they mean is for the caller to decide, from the masks of all
+        frames.
+
+    Raises
+    ------
+    InputError
+        If the file is no such image.
     """
     decoded = decode(path)
     values = decoded.values
@@ -164,20 +276,33 @@ def _grey_of_any_depth(path: Path, decoded: Decoded) -> np.ndarray:
 
 
 def require_vessel(folder: Path, masks: Collection[np.ndarray]) -> None:
-    """Raise InputError if no mask of a data set shows any vessel."""
+    """Check that some mask of a data set shows a vessel.
+
+    Parameters
+    ----------
+    folder : Path
+        The masks' folder, for the message.
+    masks : collection of ndarray
+        All masks.
+
+    Raises
+    ------
+    InputError
+        If all are empty.
+    """
     if not any(mask.any() for mask in masks):
         raise InputError(f"{folder}: expected masks with a vessel, received {len(masks)} empty ones")
 
 
 def _is_image(path: Path) -> bool:
-    # What begins with a dot is a system's own, such as the ._name.png that macOS leaves beside name.png.
+    # What begins with a dot is a system's own, such as the ._name.png that macOS leaves next to name.png.
     if path.name.startswith(".") or not path.is_file():
         return False
     return path.suffix.lower() in IMAGE_SUFFIXES or is_dicom(path)
 
 
 def _eight_bits(path: Path, decoded: Decoded) -> np.ndarray:
-    """The values of a picture scaled so that 255 is white."""
+    """Return the values of a picture scaled so that 255 is white."""
     values = decoded.values
     if decoded.bits < 8:
         return (values * (255 // decoded.largest)).astype(np.uint8)

@@ -24,10 +24,19 @@ DEVIATION_OF_MAD = 1.4826
 class Quality:
     """How one image looks.
 
-    ``brightness``: logarithm of 1 + mean grey. ``contrast``: logarithm of 1 + standard deviation of grey.
-    ``sharpness``: logarithm of the share of the deviation that lies in differences of neighbours. ``speckle_px``:
-    logarithm of the size of grain, the lag at which the autocorrelation of the image without its local mean falls to
-    one half, geometric mean of both axes. ``saturation``: share of pixels with 250 or more.
+    Parameters
+    ----------
+    brightness : float
+        Logarithm of 1 + mean grey value.
+    contrast : float
+        Logarithm of 1 + standard deviation of the grey values.
+    sharpness : float
+        Logarithm of the share of the deviation that lies in differences of neighbours.
+    speckle_px : float
+        Logarithm of the speckle size: the lag at which the autocorrelation of the image without its local
+        mean falls to one half, geometric mean of both axes.
+    saturation : float
+        Share of pixels with 250 or more.
     """
 
     brightness: float
@@ -45,7 +54,19 @@ MIN_DEVIATION = Quality(0.05, 0.05, 0.05, 0.05, 0.005)
 
 @dataclass(frozen=True)
 class Finding:
-    """One reason to leave an image out: its ``index``, the ``measure``, its ``value`` and its ``score``."""
+    """One reason to leave an image out.
+
+    Parameters
+    ----------
+    index : int
+        Place of the image among those measured.
+    measure : str
+        Name of the measure.
+    value : float
+        Value of the measure.
+    score : float
+        Its modified z-score.
+    """
 
     index: int
     measure: str
@@ -55,7 +76,18 @@ class Finding:
 
 @dataclass(frozen=True)
 class QualityOutliers:
-    """The images of which any measure has a modified z-score beyond ``limit``, against all images given."""
+    """Finds the images of which any measure is an outlier against all images given.
+
+    Parameters
+    ----------
+    limit : float
+        Modified z-score beyond which a value is an outlier, above 0.
+
+    Raises
+    ------
+    InputError
+        If ``limit`` is not above 0.
+    """
 
     limit: float = 3.5
 
@@ -64,7 +96,18 @@ class QualityOutliers:
             raise InputError(f"quality_limit: expected a number above 0, received {self.limit!r}")
 
     def __call__(self, images: Sequence[UInt8[np.ndarray, "h w"]]) -> tuple[Finding, ...]:
-        """Every measure beyond the limit, in order of image and measure."""
+        """Find every measure beyond the limit.
+
+        Parameters
+        ----------
+        images : sequence of ndarray of uint8, shape (h, w)
+            All images.
+
+        Returns
+        -------
+        tuple of Finding
+            Outliers in order of image and measure.
+        """
         if not images:
             return ()
         values = np.array([astuple(measure(image)) for image in images])
@@ -76,14 +119,40 @@ class QualityOutliers:
 
 
 def robust_scores(values: Float64[np.ndarray, "n m"]) -> Float64[np.ndarray, "n m"]:
-    """The modified z-score of each value of its column; deviations below the least are raised to it."""
+    """Compute the modified z-score of each value within its column.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n, m)
+        Values of the m measures.
+
+    Returns
+    -------
+    ndarray, shape (n, m)
+        Scores; deviations below ``MIN_DEVIATION`` are raised to it.
+
+    References
+    ----------
+    B. Iglewicz and D. C. Hoaglin, How to Detect and Handle Outliers, ASQC Quality Press, 1993.
+    """
     apart = values - np.median(values, axis=0)
     deviation = DEVIATION_OF_MAD * np.median(np.abs(apart), axis=0)
     return np.asarray(apart / np.maximum(deviation, astuple(MIN_DEVIATION)))
 
 
 def measure(image: UInt8[np.ndarray, "h w"]) -> Quality:
-    """The five measures of one image."""
+    """Measure one image.
+
+    Parameters
+    ----------
+    image : ndarray of uint8, shape (h, w)
+        Grey values.
+
+    Returns
+    -------
+    Quality
+        The five measures.
+    """
     from scipy.ndimage import uniform_filter
 
     grey = image.astype(np.float32)
@@ -102,7 +171,7 @@ def measure(image: UInt8[np.ndarray, "h w"]) -> Quality:
 
 
 def _half_width_px(local: np.ndarray) -> float:
-    """The lag down the rows at which the autocorrelation falls to one half, between two lags by a line."""
+    """Return the lag down the rows at which the autocorrelation falls to one half, interpolated linearly."""
     power = float((local * local).mean())
     if power <= 0:
         return 1.0

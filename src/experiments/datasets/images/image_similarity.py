@@ -20,13 +20,27 @@ SMALLEST_NORM = 1e-6
 
 
 def similarity_blocks(images: Images, block: int = BLOCK) -> Iterator[tuple[int, Float[np.ndarray, "b n"]]]:
-    """Number of the first row and ``block`` rows of the similarity matrix: memory grows with n, not its square.
+    """Compute the similarity matrix a block of rows at a time: memory grows with n, not with its square.
 
-    Similarity is the greater of two correlations: of the frames stretched to one size (see ``correlations``), and, for
-    frames of unlike size, of what they share when laid on each other at their top left corners without stretching.
-    The second finds a picture that was saved twice with another margin at the right or below: in a set of 204 images
-    it is 0.95 to 0.98 for 21 such pairs, of which the first leaves seven under 0.9, and 0.86 at most for all other
-    pairs of unlike size.
+    Parameters
+    ----------
+    images : sequence of ndarray of uint8, shape (h, w)
+        n images, of any sizes.
+    block : int
+        Rows of a block.
+
+    Yields
+    ------
+    (int, ndarray of shape (block, n))
+        Index of the first row, and the rows.
+
+    Notes
+    -----
+    Similarity is the greater of two correlations: of the frames stretched to one size (see ``correlations``),
+    and, for frames of different sizes, of what they share when aligned at their top left corners without
+    stretching. The second finds a picture that was saved twice with another margin at the right or below: in
+    a set of 204 images it is 0.95 to 0.98 for 21 such pairs, of which the first leaves seven under 0.9, and
+    0.86 at most for all other pairs of different sizes.
     """
     stretched = _stretched(images)
     overlaid = _Overlaid.of(images) if len({image.shape for image in images}) > 1 else None
@@ -37,7 +51,18 @@ def similarity_blocks(images: Images, block: int = BLOCK) -> Iterator[tuple[int,
 
 
 def correlations(images: Images) -> Float[np.ndarray, "n n"]:
-    """Pearson's correlation of each pair of frames stretched to 48x48 pixels; 0 for a uniform one."""
+    """Compute Pearson's correlation of each pair of frames stretched to 48x48 pixels.
+
+    Parameters
+    ----------
+    images : sequence of ndarray of uint8, shape (h, w)
+        n images, of any sizes.
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+        Correlations; 0 for a uniform frame.
+    """
     values = _stretched(images)
     return values @ values.T
 
@@ -100,6 +125,6 @@ class _Overlaid:
 
 
 def _reduced(image: np.ndarray, height: int, width: int, scale: float) -> np.ndarray:
-    """The top left of an image, reduced by ``scale`` to (height, width)."""
+    """Return the top left of an image, reduced by ``scale`` to (height, width)."""
     box = (0, 0, min(width / scale, image.shape[1]), min(height / scale, image.shape[0]))
     return np.asarray(Image.fromarray(image).resize((width, height), Image.Resampling.BILINEAR, box=box))

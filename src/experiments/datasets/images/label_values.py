@@ -22,7 +22,7 @@ from experiments.datasets.images.decoding import OPAQUE, Decoded
 from experiments.errors import InputError
 
 BINARY = frozenset({0, 1, 255})
-# Of a mask in a JPEG file: at most so much of it may lie between dark and bright, where it can't be told what it is.
+# Of a mask in a JPEG file: at most so much of it may lie between dark and bright, where its meaning is unknown.
 _UNCLEAR_SHARE = 0.05
 _DARK, _BRIGHT = 64, 192
 
@@ -30,10 +30,29 @@ _DARK, _BRIGHT = 64, 192
 def label_values(
     path: Path, decoded: Decoded, vessel: Collection[int], others: Collection[int]
 ) -> Shaped[np.ndarray, "h w"]:
-    """The label of each pixel, by the rules above; those in neither list are for the caller to refuse.
+    """Return the label of each pixel, by the rules of this module.
 
-    Raises InputError where the file has no meaning as labels: colours that no rule covers, half-transparent pixels,
-    or a JPEG file that is not black and white.
+    Parameters
+    ----------
+    path : Path
+        The file, for the message.
+    decoded : Decoded
+        Its pixels.
+    vessel : collection of int
+        Labels of the vessel.
+    others : collection of int
+        Further labels that the image may hold.
+
+    Returns
+    -------
+    ndarray, shape (h, w)
+        Labels; those in neither list are for the caller to refuse.
+
+    Raises
+    ------
+    InputError
+        If the file has no meaning as labels: colours that no rule covers, half-transparent pixels, or a JPEG
+        file that is not black and white.
     """
     known, white = {*vessel, *others}, _white(vessel, others)
     if decoded.lossy:
@@ -48,7 +67,7 @@ def label_values(
 
 
 def _white(vessel: Collection[int], others: Collection[int]) -> int | None:
-    """The label that white of a black-and-white image stands for; None where several could be meant."""
+    """Return the label that white of a black-and-white image means; None where several are possible."""
     foreground = {*vessel, *others} - {0}
     if foreground <= BINARY:
         return next((label for label in (255, 1) if label in vessel), None)
@@ -123,7 +142,7 @@ def _luma(decoded: Decoded) -> np.ndarray:
 
 
 def _without_alpha(path: Path, decoded: Decoded) -> Decoded:
-    """The mask that the transparency is, where nothing else varies; else transparent pixels as background."""
+    """Return the opacity as mask where nothing else varies; else transparent pixels as background."""
     alpha: UInt8[np.ndarray, "h w"] | None = decoded.alpha
     assert alpha is not None
     _require_clear_or_opaque(path, alpha)

@@ -11,7 +11,19 @@ from scipy import ndimage
 
 @dataclass(frozen=True)
 class MaskShape:
-    """Area in pixels, components (pixels that meet at a corner belong together), holes, and contact with the edge."""
+    """Measures of one mask.
+
+    Parameters
+    ----------
+    area_px : int
+        Number of pixels.
+    components : int
+        Connected components; pixels that meet at a corner belong together.
+    holes : int
+        Regions of background that the mask encloses.
+    touches_edge : bool
+        Whether the mask has a pixel at the image's edge.
+    """
 
     area_px: int
     components: int
@@ -20,7 +32,18 @@ class MaskShape:
 
 
 def mask_shape(mask: Bool[np.ndarray, "h w"]) -> MaskShape:
-    """Measure a mask; an empty one has no component, no hole and no contact."""
+    """Measure a mask.
+
+    Parameters
+    ----------
+    mask : ndarray of bool, shape (h, w)
+        Any mask.
+
+    Returns
+    -------
+    MaskShape
+        Its measures; an empty mask has no component, no hole and no contact with the edge.
+    """
     edge = np.concatenate([mask[0], mask[-1], mask[:, 0], mask[:, -1]])
     components = ndimage.label(mask, structure=np.ones((3, 3)))[1]
     # The background around the mask is one region of pixels that meet at sides, once a frame of it is added.

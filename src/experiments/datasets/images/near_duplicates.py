@@ -15,11 +15,16 @@ from experiments.datasets.images.image_similarity import Images, similarity_bloc
 
 @dataclass(frozen=True)
 class CrossGroupDuplicates:
-    """How alike frames of different groups are.
+    """How similar frames of different groups are.
 
-    ``pairs`` are the near-duplicates (first < second), whose similarity is above the limit. ``closest`` is, for each
-    frame, the one of another group that is most like it, -1 where all are of one group, and ``similarity`` how much
-    (then NaN).
+    Parameters
+    ----------
+    pairs : ndarray of int, shape (m, 2)
+        Indices of near-duplicates of different groups (first < second), whose similarity is above the limit.
+    closest : ndarray of int, shape (n,)
+        For each frame, the most similar one of another group; -1 where all are of one group.
+    similarity : ndarray, shape (n,)
+        Similarity to the closest frame; NaN where there is none.
     """
 
     pairs: Int[np.ndarray, "m 2"]
@@ -28,9 +33,20 @@ class CrossGroupDuplicates:
 
 
 def near_duplicate_groups(images: Images, limit: float) -> list[int]:
-    """A group number for each image: two with a similarity above ``limit`` share one, and so on.
+    """Group near-duplicates.
 
-    Near-duplicates of near-duplicates fall in one group (connected components).
+    Parameters
+    ----------
+    images : sequence of ndarray of uint8, shape (h, w)
+        n images, of any sizes.
+    limit : float
+        Similarity above which two images are near-duplicates (see ``similarity_blocks``).
+
+    Returns
+    -------
+    list of int
+        A group number for each image; near-duplicates of near-duplicates are in one group (connected
+        components).
     """
     pairs = [_above(block, limit, start) for start, block in similarity_blocks(images)]
     first, second = np.concatenate(pairs).T
@@ -41,7 +57,22 @@ def near_duplicate_groups(images: Images, limit: float) -> list[int]:
 def near_duplicates_across_groups(
     images: Images, groups: Sequence[str], limit: float
 ) -> CrossGroupDuplicates:
-    """Near-duplicates, and the closest frame of each, among frames of different groups."""
+    """Find near-duplicates, and the closest frame of each, among frames of different groups.
+
+    Parameters
+    ----------
+    images : sequence of ndarray of uint8, shape (h, w)
+        n images, of any sizes.
+    groups : sequence of str
+        Group of each image.
+    limit : float
+        Similarity above which two images are near-duplicates (see ``similarity_blocks``).
+
+    Returns
+    -------
+    CrossGroupDuplicates
+        The pairs, and the closest frame of each.
+    """
     member = np.unique(np.array(groups), return_inverse=True)[1]
     closest, highest = np.full(len(images), -1), np.full(len(images), np.nan)
     pairs: list[np.ndarray] = [np.zeros((0, 2), dtype=np.int64)]

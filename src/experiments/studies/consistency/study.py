@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments.analysis.variants import told_apart
-from experiments.errors import InputError
+from experiments.errors import InputError, require_count
 from experiments.outcome import JobResult, Outcome, Progress
 from experiments.paths import PathSetting
 from experiments.studies.consistency.repeats import common, pair, tried
@@ -47,8 +47,7 @@ def check(
 ) -> None:
     """Raise InputError for settings that allow no comparison."""
     _settings(phantom, phantoms)
-    if isinstance(sweeps, bool) or not isinstance(sweeps, int) or sweeps < 2:
-        raise InputError(f"sweeps: expected a whole number of at least 2, received {sweeps!r}")
+    require_count("sweeps", sweeps, 2)
     if masks not in MASKS:
         raise InputError(f"masks: expected {' or '.join(MASKS)}, received {masks!r}")
     if (masks == "model") != (model_path is not None):

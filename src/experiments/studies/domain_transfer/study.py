@@ -24,8 +24,10 @@ from experiments.datasets.protocol import (
     name_of,
     notes_of,
     outside_groups,
+    read_notes,
     reported_name,
     require_root,
+    write_notes,
 )
 from experiments.errors import InputError
 from experiments.outcome import JobResult, Outcome, Progress
@@ -117,6 +119,7 @@ def run(
         for domain, dataset in sets.items()
     }
     folds[train_on].write(workspace / "split.json")
+    write_notes(workspace, *sets.values())
     one = FoldRun(model, preprocessing, trainer, augmentation, loss, seed, fold)
     trained = one.train(frames[train_on], folds[train_on], workspace, progress)
     source = {
@@ -162,5 +165,9 @@ def summarise(results: list[JobResult]) -> Outcome:
         cases=cases,
         tables={"transfer": transfer},
         figures={"transfer": transfer_map(transfer)} if len(transfer) else {},
-        findings=(*describe_transfer(cases), *smoke_note(cases)),
+        findings=(
+            *describe_transfer(cases),
+            *smoke_note(cases),
+            *read_notes(result.workspace for result in results),
+        ),
     )

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from experiments.datasets.exclusion_report import write_report
 from experiments.datasets.images.mask_shape import mask_shape
 from experiments.datasets.images.near_duplicates import CrossGroupDuplicates, near_duplicates_across_groups
 from experiments.datasets.protocol import (
@@ -18,8 +17,9 @@ from experiments.datasets.protocol import (
     notes_of,
     outside_groups,
     require_root,
+    write_report,
 )
-from experiments.errors import InputError
+from experiments.errors import InputError, require_count
 from experiments.outcome import Outcome, Progress
 from experiments.splits.group_splits import GroupSplits
 from experiments.splits.split_set import SplitSet
@@ -45,8 +45,7 @@ def check(*, dataset: DataSet, duplicate_correlation: float, worst_pairs: int, s
     if not 0 < duplicate_correlation <= 1:
         raise InputError(f"duplicate_correlation: expected above 0 to 1, received {duplicate_correlation}")
     for name, count in (("worst_pairs", worst_pairs), ("sheet_images", sheet_images)):
-        if isinstance(count, bool) or not isinstance(count, int) or count < 1:
-            raise InputError(f"{name}: expected a whole number of at least 1, received {count!r}")
+        require_count(name, count)
 
 
 def run(

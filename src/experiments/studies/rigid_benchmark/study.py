@@ -16,7 +16,7 @@ from experiments.analysis.registration.benchmark.figures import benchmark_figure
 from experiments.analysis.registration.benchmark.findings import describe_benchmark
 from experiments.analysis.registration.benchmark.tables import benchmark_metrics, benchmark_tables
 from experiments.analysis.variants import told_apart
-from experiments.errors import InputError
+from experiments.errors import InputError, require_count
 from experiments.inputs.surfaces import one_method
 from experiments.outcome import InputData, JobResult, Outcome, Progress
 from experiments.paths import project_root
@@ -45,7 +45,7 @@ def check(
     """Raise InputError for a subset that there is not, more than one method, or counts that are none."""
     one_method(rigid)
     _wanted(subset, cases)
-    _require_count("workers", workers)
+    require_count("workers", workers)
     if root is not None and Path(root).expanduser().is_file():
         raise InputError(f"root: expected a folder for the cases, received the file {root!r}")
 
@@ -119,17 +119,12 @@ def _wanted(subset: str, cases: int | None) -> tuple[CaseSpec, ...]:
     wanted = subset_specs(subset)
     if cases is None:
         return wanted
-    _require_count("cases", cases)
+    require_count("cases", cases)
     return wanted[:cases]
 
 
 def _root(root: str | None) -> Path:
     return project_root() / DEFAULT_FOLDER if root is None else Path(root).expanduser().absolute()
-
-
-def _require_count(name: str, value: object) -> None:
-    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-        raise InputError(f"{name}: expected a whole number of at least 1, received {value!r}")
 
 
 def _solved(task: BenchmarkTrial, names: list[str], workers: int) -> Iterator[dict[str, Any]]:

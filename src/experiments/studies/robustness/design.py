@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from experiments.errors import InputError
+from experiments.errors import InputError, require_count
 from registration import errors as registration_errors
 from registration.perturbation.perturbation import Perturbation, Piece
 
@@ -95,12 +95,6 @@ def one_piece(overlaps: Sequence[float], places: Sequence[str]) -> Piece:
         return Piece(overlaps[0], places[0])
     except registration_errors.InputError as refusal:
         raise InputError(f"overlaps and places: {refusal}") from refusal
-
-
-def require_count(name: str, value: int) -> None:
-    """Raise InputError unless ``value`` is a whole number of at least 1."""
-    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-        raise InputError(f"{name}: expected a whole number of at least 1, received {value!r}")
 
 
 def _pieces(overlaps: Sequence[float], places: Sequence[str]) -> Iterator[tuple[float, str]]:

@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments.errors import InputError
+from experiments.errors import InputError, require_count
 from experiments.inputs.surfaces import one_method
 from experiments.outcome import JobResult, Outcome, Progress
 from experiments.paths import PathSetting
 from experiments.provenance import COMMIT_TAG, environment_tags
 from experiments.statistics import summary
-from experiments.studies.robustness.design import conditions, job_changes, one_piece, require_count
+from experiments.studies.robustness.design import conditions, job_changes, one_piece
 from experiments.studies.robustness.findings import describe
 from experiments.studies.robustness.metrics import rate_metrics
 from experiments.studies.robustness.pooling import pooled

@@ -9,7 +9,10 @@ from models.errors import InputError
 from models.training.augmentation.intensity import Brightness, Contrast, DepthGain, Gamma, Speckle
 from models.training.augmentation.pipeline import Augmentation
 from models.training.augmentation.spatial import Affine, Elastic, Flip
+from models.value_types import require_settings
 
+# Of a ``_target_``, which configurations of the experiments have in place of a name.
+PREFIX = "models.training.augmentation."
 TRANSFORMS: dict[str, type[Any]] = {
     each.__name__: each for each in (Affine, Flip, Elastic, Speckle, DepthGain, Gamma, Contrast, Brightness)
 }
@@ -69,9 +72,7 @@ def _transform(index: int, settings: object) -> Any:
         raise InputError(
             f"augmentation[{index}]: expected a mapping with a transform's name, received {settings!r}"
         )
-    name = settings.get(
-        "name", str(settings.get("_target_", "")).removeprefix("models.training.augmentation.")
-    )
+    name = str(settings.get("name", settings.get("_target_", ""))).removeprefix(PREFIX)
     if name not in TRANSFORMS:
         raise InputError(
             f"augmentation[{index}]: expected a transform ({', '.join(TRANSFORMS)}), received {name!r}"
@@ -100,9 +101,5 @@ def _from_flat(settings: Mapping[str, Any]) -> Augmentation:
 
 
 def _built(kind: type[Any], fields: Mapping[str, Any], where: str) -> Any:
-    try:
-        return kind(**fields)
-    except TypeError as refusal:
-        raise InputError(
-            f"{where}: expected settings of {kind.__name__}, received others ({refusal})"
-        ) from refusal
+    require_settings(kind, fields, where)
+    return kind(**fields)

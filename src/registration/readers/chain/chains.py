@@ -1,7 +1,8 @@
-"""All chains of transforms from one frame to another, which of them counts, and how far the others lie from it.
+"""All chains of transforms between two coordinate frames, which of them counts, and how far the others differ.
 
-A recording and a device set may say of the same two frames different things. PLUS refuses transforms that close a
-circle; files of years of use have them. Here the source of a transform decides, and what contradicts is measured.
+A recording and a device set may state different transforms between the same two coordinate frames. PLUS refuses
+transforms that close a circle; files of years of use have them. Here the source of a transform decides, and what
+contradicts is measured.
 """
 
 from __future__ import annotations

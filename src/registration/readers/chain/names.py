@@ -1,4 +1,4 @@
-"""Which frames the name of a transform links: ``TestToolToTracker`` is from TestTool to Tracker.
+"""Which coordinate frames the name of a transform links: ``TestToolToTracker`` is from TestTool to Tracker.
 
 PLUS writes the names of both frames and "To" between them. Names of frames may hold "To" themselves.
 """

@@ -18,7 +18,7 @@ from registration.readers.plus.sequence import PlusSequence
 
 # PLUS records where a cropped image lies in the one that was taken as ImageToCroppedImage.
 CROPPED = "Cropped"
-# Chains that put the same point closer together than this say the same thing, but for digits in a file.
+# Chains that put the same point closer together than this agree, but for digits in a file.
 _SAME_MM, _SAME_DEG = 0.1, 0.5
 
 
@@ -188,7 +188,7 @@ def image_placement(
 
 
 def _unused(links: tuple[Link, ...], best: Chain, path: Path) -> tuple[str, ...]:
-    """Whether a device set was named that says nothing of the calibration."""
+    """Whether a device set was named that holds nothing of the calibration."""
     given = [link.name for link in links if link.given]
     if best.given or not given:
         return ()

@@ -1,4 +1,4 @@
-"""Sequence files of PLUS of either kind, and what the fields of their frames say: times, transforms, status."""
+"""Sequence files of PLUS of either kind, and what the fields of their frames hold: times, transforms, status."""
 
 from __future__ import annotations
 

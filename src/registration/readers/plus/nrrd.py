@@ -1,6 +1,6 @@
 """PLUS sequences in NRRD files (``.igs.nrrd``, ``.igs.nhdr``): frames, and text keys for each.
 
-Which axis holds the frames and which the colours is what ``kinds`` says: PLUS writes the frames last, 3D Slicer first.
+Which axis holds the frames and which the colours is in ``kinds``: PLUS writes the frames last, 3D Slicer first.
 """
 
 from __future__ import annotations
@@ -173,7 +173,7 @@ def _roles(file: NrrdFile, path: Path) -> list[str]:
 
 
 def _spatial(directions: list[str], axis: int, count: int) -> bool:
-    """Whether an axis without a kind lies in space: where directions say so, or in a header of two axes alone."""
+    """Whether an axis without a kind lies in space: where it has a direction, or in a header of two axes alone."""
     if len(directions) == count:
         return directions[axis].lower() != "none"
     return count == 2

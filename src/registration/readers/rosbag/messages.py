@@ -1,4 +1,4 @@
-"""What ROS messages say in this project's terms: seconds, millimetres, pixels by their meaning."""
+"""Contents of ROS messages in this project's terms: seconds, millimetres, pixels by their meaning."""
 
 from __future__ import annotations
 

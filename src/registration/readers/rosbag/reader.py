@@ -46,7 +46,7 @@ class RosbagReader:
     pose_topic
         Carries PoseStamped or TransformStamped. None: the chain from ``world`` to ``ee`` of ``tf_topics``.
     world, ee
-        Names of frames: the ends of the tf2 chain, or what the poses' headers must say.
+        Names of coordinate frames: the ends of the tf2 chain, or those that the poses' headers must name.
     tf_topics
         Topics of the chain's links; one that ends in ``_static`` holds at all times.
     calibration
@@ -162,7 +162,7 @@ class RosbagReader:
         return MM_PER_UNIT[self.units or "m"]
 
     def _check_frames(self, message: Any, name: str) -> None:
-        """A pose of another body, or in another frame, than the settings say is refused."""
+        """Refuse a pose of another body, or in another coordinate frame, than the settings name."""
         recorded = {"world": message.header.frame_id, "ee": getattr(message, "child_frame_id", "")}
         for key, wanted in (("world", self.world), ("ee", self.ee)):
             if wanted and recorded[key] and recorded[key].lstrip("/") != wanted.lstrip("/"):

@@ -1,4 +1,4 @@
-"""The pose of one frame in another from tf2's tree of transforms, each link with times of its own."""
+"""The pose of one coordinate frame in another from tf2's tree of transforms, each link with times of its own."""
 
 from __future__ import annotations
 

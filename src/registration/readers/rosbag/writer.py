@@ -1,4 +1,4 @@
-"""Tracked sweeps to ROS 2 bags: mono8 images, stamped poses in metres, the calibration beside them."""
+"""Tracked sweeps to ROS 2 bags: mono8 images, stamped poses in metres, the calibration next to them."""
 
 from __future__ import annotations
 

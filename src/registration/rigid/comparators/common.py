@@ -30,10 +30,39 @@ def single_result(
     search_cone: SearchCone | None,
     begin_s: float,
 ) -> RigidResult:
-    """The result of a method that went from ``start`` to ``fixed_T_moving``, measured on all moving points.
+    """Assemble the result of a method that follows one pose, measured on all moving points.
 
-    It has failed if it ended outside the bound around ``initial``, which is that of ``search_cone`` or the default one;
-    its pose is then the one on the bound. ``begin_s`` is when the method began, by ``time.perf_counter``.
+    It has failed if it ended outside the bound around a known pose; its pose is then the one on the bound.
+
+    Parameters
+    ----------
+    moving_mm : ndarray, shape (m, 3)
+        Moving points in mm.
+    target : TreeTarget
+        Fixed cloud.
+    fixed_T_moving : ndarray, shape (4, 4)
+        Pose that the method ended in.
+    start : ndarray, shape (4, 4)
+        Pose that it began from.
+    keep : float
+        Share of closest points in the trimmed residual.
+    inlier_spacings : float
+        An inlier lies within so many distances between neighbouring points.
+    iterations : int
+        Number of iterations.
+    converged : bool
+        Whether the method settled.
+    initial : ndarray, shape (4, 4), or None
+        Known pose; None where there is none.
+    search_cone : SearchCone or None
+        Bound around it; None stands for the default one.
+    begin_s : float
+        When the method began, by ``time.perf_counter``.
+
+    Returns
+    -------
+    RigidResult
+        Result with one candidate.
     """
     bound = bound_around(initial, search_cone, moving_mm)
     reason = _of_bound(bound, fixed_T_moving)
@@ -71,10 +100,37 @@ def refined(
     search_cone: SearchCone | None,
     begin_s: float,
 ) -> RigidResult:
-    """Refine the pose ``found`` by a search everywhere and a known one beside it; the lower residual wins.
+    """Refine the pose of a search everywhere and a known one; the lower residual wins.
 
-    One outside the bound around ``initial`` cannot win; where both are, the search has failed, in the pose on the
-    bound. Raises InputError if there is nothing to refine: the search found no pose and none was known.
+    A pose outside the bound around the known one cannot win; where both are, the search has failed, in the pose on the
+    bound.
+
+    Parameters
+    ----------
+    found : ndarray, shape (4, 4), or None
+        Pose (fixed_T_moving) that the search found; None if it found none.
+    refine : callable
+        Method that follows one pose.
+    moving_mm : ndarray, shape (m, 3)
+        Moving points in mm.
+    fixed_mm : ndarray, shape (n, 3)
+        Fixed points in mm.
+    initial : ndarray, shape (4, 4), or None
+        Known pose; None where there is none.
+    search_cone : SearchCone or None
+        Bound around it; None stands for the default one.
+    begin_s : float
+        When the method began, by ``time.perf_counter``.
+
+    Returns
+    -------
+    RigidResult
+        The better result, with both as candidates.
+
+    Raises
+    ------
+    InputError
+        If the search found no pose and none was known.
     """
     results = [] if found is None else [refine(moving_mm, fixed_mm, found, search_cone=UNBOUNDED)]
     if initial is not None:

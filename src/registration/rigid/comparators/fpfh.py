@@ -22,12 +22,33 @@ from registration.rigid.search_cone import SearchCone, known_pose
 
 @dataclass(frozen=True)
 class FpfhRansac:
-    """Random triples of points with matching features propose poses, and the one with most inliers wins, by Open3D.
+    """Poses proposed by random triples of points with matching features; the one with most inliers wins (Open3D).
 
-    Fischler and Bolles, Commun. ACM 24(6), 1981, with Rusu's features. A triple is passed over if an edge is
-    shorter than ``edge_similarity`` times its counterpart; an inlier lies within ``max_distance_mm``. It stops after
-    ``max_iterations`` triples or once a better one is less likely than 1 - ``confidence``. ``refine`` takes the pose
-    to its optimum. Deterministic in ``seed``.
+    Parameters
+    ----------
+    features : FpfhFeatures
+        Features of both clouds.
+    max_distance_mm : float
+        Largest distance of an inlier in mm.
+    edge_similarity : float, optional
+        A triple is passed over if an edge is shorter than this share of its counterpart.
+    max_iterations : int, optional
+        Largest number of triples.
+    confidence : float, optional
+        The search stops once a better triple is less likely than 1 minus this.
+    refine : SingleStartICP, optional
+        Method that takes the pose to its optimum.
+    seed : int, optional
+        Seed of the draws.
+
+    Raises
+    ------
+    InputError
+        If a setting is outside its range.
+
+    References
+    ----------
+    M. A. Fischler and R. C. Bolles, Commun. ACM 24(6), 1981.
     """
 
     features: FpfhFeatures
@@ -56,19 +77,51 @@ class FpfhRansac:
         fixed_centerline_mm: ArrayLike | None = None,
         moving_frame: ArrayLike | None = None,
     ) -> RigidResult:
-        """Register ``moving_mm`` to ``fixed_mm`` from anywhere; ``initial`` is refined too, and the better pose wins.
+        """Register a moving cloud to a fixed one from anywhere.
 
-        Clouds are arrays or lists of shape (m, 3) and (n, 3), poses (4, 4). A result outside the bound around
-        ``initial`` (``search_cone``, or 45 degrees and 20 mm) has failed: the pose is then the one on that bound.
-        Centerlines and frames are not used. Raises InputError for a cloud that is empty, of another shape, not finite,
-        degenerate or in metres, an ``initial`` that is not rigid, a cone without one, or if no features match and
-        there is no ``initial``.
+        Parameters
+        ----------
+        moving_mm : array_like, shape (m, 3)
+            Moving points in mm.
+        fixed_mm : array_like, shape (n, 3)
+            Fixed points in mm.
+        initial : array_like, shape (4, 4), or None, optional
+            Known pose (fixed_T_moving), which is refined too; the better pose wins. None searches only.
+        search_cone : SearchCone or None, optional
+            Bound around ``initial``; None stands for 45 degrees and 20 mm. A result outside it has failed: the
+            pose is then the one on that bound.
+        moving_centerline_mm, fixed_centerline_mm, moving_frame : None, optional
+            Not used.
+
+        Returns
+        -------
+        RigidResult
+            Pose and residuals; the method does not assess them.
+
+        Raises
+        ------
+        InputError
+            If a cloud is empty, of another shape, not finite, degenerate or in metres, ``initial`` is not rigid,
+            there is a cone without it, or no features match and there is no ``initial``.
         """
         del moving_centerline_mm, fixed_centerline_mm, moving_frame
         return _registered(self, moving_mm, fixed_mm, initial, search_cone)
 
     def search(self, moving: tuple[Any, Any], fixed: tuple[Any, Any]) -> Any:
-        """Open3D's result for two thinned clouds and their features."""
+        """Search by random triples.
+
+        Parameters
+        ----------
+        moving : tuple
+            Thinned moving cloud and its features, as Open3D has them.
+        fixed : tuple
+            Thinned fixed cloud and its features.
+
+        Returns
+        -------
+        open3d.pipelines.registration.RegistrationResult
+            Open3D's result.
+        """
         with quiet_open3d() as open3d:
             registration = open3d.pipelines.registration
             open3d.utility.random.seed(self.seed)
@@ -91,11 +144,33 @@ class FpfhRansac:
 
 @dataclass(frozen=True)
 class FpfhFastGlobal:
-    """All matches of features at once, wrong ones switched off by a robust kernel that tightens, by Open3D.
+    """All matches of features at once, wrong ones switched off by a robust kernel that tightens (Open3D).
 
-    Zhou, Park and Koltun, "Fast global registration", ECCV 2016. Pairs within ``max_distance_mm`` count in the end. A
-    triple of matches is left out if an edge is shorter than ``edge_similarity`` times its counterpart, and at most
-    ``max_triples`` are kept. ``refine`` takes the pose to its optimum. Deterministic in ``seed``.
+    Parameters
+    ----------
+    features : FpfhFeatures
+        Features of both clouds.
+    max_distance_mm : float
+        Largest distance in mm of pairs that count in the end.
+    edge_similarity : float, optional
+        A triple of matches is left out if an edge is shorter than this share of its counterpart.
+    max_triples : int, optional
+        Largest number of triples that are kept.
+    iterations : int, optional
+        Number of iterations.
+    refine : SingleStartICP, optional
+        Method that takes the pose to its optimum.
+    seed : int, optional
+        Seed of the draws.
+
+    Raises
+    ------
+    InputError
+        If a setting is outside its range.
+
+    References
+    ----------
+    Q.-Y. Zhou, J. Park and V. Koltun, "Fast global registration", ECCV 2016.
     """
 
     features: FpfhFeatures
@@ -124,19 +199,51 @@ class FpfhFastGlobal:
         fixed_centerline_mm: ArrayLike | None = None,
         moving_frame: ArrayLike | None = None,
     ) -> RigidResult:
-        """Register ``moving_mm`` to ``fixed_mm`` from anywhere; ``initial`` is refined too, and the better pose wins.
+        """Register a moving cloud to a fixed one from anywhere.
 
-        Clouds are arrays or lists of shape (m, 3) and (n, 3), poses (4, 4). A result outside the bound around
-        ``initial`` (``search_cone``, or 45 degrees and 20 mm) has failed: the pose is then the one on that bound.
-        Centerlines and frames are not used. Raises InputError for a cloud that is empty, of another shape, not finite,
-        degenerate or in metres, an ``initial`` that is not rigid, a cone without one, or if no features match and
-        there is no ``initial``.
+        Parameters
+        ----------
+        moving_mm : array_like, shape (m, 3)
+            Moving points in mm.
+        fixed_mm : array_like, shape (n, 3)
+            Fixed points in mm.
+        initial : array_like, shape (4, 4), or None, optional
+            Known pose (fixed_T_moving), which is refined too; the better pose wins. None searches only.
+        search_cone : SearchCone or None, optional
+            Bound around ``initial``; None stands for 45 degrees and 20 mm. A result outside it has failed: the
+            pose is then the one on that bound.
+        moving_centerline_mm, fixed_centerline_mm, moving_frame : None, optional
+            Not used.
+
+        Returns
+        -------
+        RigidResult
+            Pose and residuals; the method does not assess them.
+
+        Raises
+        ------
+        InputError
+            If a cloud is empty, of another shape, not finite, degenerate or in metres, ``initial`` is not rigid,
+            there is a cone without it, or no features match and there is no ``initial``.
         """
         del moving_centerline_mm, fixed_centerline_mm, moving_frame
         return _registered(self, moving_mm, fixed_mm, initial, search_cone)
 
     def search(self, moving: tuple[Any, Any], fixed: tuple[Any, Any]) -> Any:
-        """Open3D's result for two thinned clouds and their features."""
+        """Search by all matches at once.
+
+        Parameters
+        ----------
+        moving : tuple
+            Thinned moving cloud and its features, as Open3D has them.
+        fixed : tuple
+            Thinned fixed cloud and its features.
+
+        Returns
+        -------
+        open3d.pipelines.registration.RegistrationResult
+            Open3D's result.
+        """
         with quiet_open3d() as open3d:
             registration = open3d.pipelines.registration
             open3d.utility.random.seed(self.seed)

@@ -19,11 +19,30 @@ MIN_POINTS = 10
 
 @dataclass(frozen=True)
 class FpfhFeatures:
-    """Fast point feature histograms (Rusu, Blodow and Beetz, ICRA 2009) of a cloud thinned to one point a voxel.
+    """Fast point feature histograms of a cloud thinned to one point a voxel.
 
-    ``voxel_mm`` is the side of a voxel, ``radius_mm`` the reach of a feature, from at most ``neighbours`` points.
-    Normals come from ``normal_neighbours`` points and are turned out of the vessel: a histogram counts angles between
-    them, so those of both clouds must point to the same side.
+    Normals are turned out of the vessel: a histogram counts angles between them, so those of both clouds must point to
+    the same side.
+
+    Parameters
+    ----------
+    voxel_mm : float
+        Side of a voxel in mm.
+    radius_mm : float
+        Reach of a feature in mm.
+    neighbours : int, optional
+        Largest number of points in a feature.
+    normal_neighbours : int, optional
+        Number of points that a normal is estimated from.
+
+    Raises
+    ------
+    InputError
+        If a setting is outside its range, or the reach is not larger than a voxel.
+
+    References
+    ----------
+    R. B. Rusu, N. Blodow and M. Beetz, ICRA 2009.
     """
 
     voxel_mm: float
@@ -42,9 +61,26 @@ class FpfhFeatures:
             )
 
     def __call__(self, points_mm: Float64[np.ndarray, "n 3"], name: str) -> tuple[Any, Any]:
-        """The thinned cloud with normals, and its features, as Open3D has them.
+        """Compute the features of a cloud.
 
-        Raises InputError, by ``name``, for a cloud of which too little is left.
+        Parameters
+        ----------
+        points_mm : ndarray, shape (n, 3)
+            Points in mm.
+        name : str
+            Name of the cloud, for messages.
+
+        Returns
+        -------
+        thinned : open3d.geometry.PointCloud
+            Thinned cloud with normals.
+        features : open3d.pipelines.registration.Feature
+            A feature for each of its points.
+
+        Raises
+        ------
+        InputError
+            If too few points are left.
         """
         open3d = import_open3d()
         cloud = point_body(points_mm)

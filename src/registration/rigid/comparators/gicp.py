@@ -20,12 +20,36 @@ from registration.rigid.search_cone import SearchCone, known_pose
 
 @dataclass(frozen=True)
 class GeneralisedICP:
-    """Plane-to-plane ICP from one pose: Segal, Haehnel and Thrun, RSS 2009, by small_gicp (Koide, JOSS 9(100), 2024).
+    """Plane-to-plane ICP from one pose, by small_gicp.
 
-    Pairs farther apart than ``max_distance_mm`` do not count, which is what the method has in place of trimming: it
-    must be as large as the clouds are apart at the start. Covariances come from ``neighbours`` points. It stops once a
-    step turns by less than ``rotation_tolerance_deg`` and moves by less than ``translation_tolerance_mm``, or after
-    ``max_iterations``. ``keep`` is the share of closest points in the trimmed residual.
+    Parameters
+    ----------
+    max_distance_mm : float
+        Largest distance in mm of pairs that count, which is what the method has in place of trimming: it must be as
+        large as the clouds are apart at the start.
+    translation_tolerance_mm : float
+        It stops once a step moves by less (mm) and turns by less than the next.
+    rotation_tolerance_deg : float, optional
+        Smallest turn of a step in degrees.
+    neighbours : int, optional
+        Number of points that a covariance is estimated from, at least 5.
+    max_iterations : int, optional
+        Largest number of iterations.
+    keep : float, optional
+        Share of closest points in the trimmed residual.
+    inlier_spacings : float, optional
+        An inlier lies within so many distances between neighbouring points.
+
+    Raises
+    ------
+    InputError
+        If a setting is outside its range.
+
+    References
+    ----------
+    A. Segal, D. Haehnel and S. Thrun, RSS 2009.
+
+    K. Koide, JOSS 9(100), 2024.
     """
 
     max_distance_mm: float
@@ -60,12 +84,32 @@ class GeneralisedICP:
         fixed_centerline_mm: ArrayLike | None = None,
         moving_frame: ArrayLike | None = None,
     ) -> RigidResult:
-        """Register ``moving_mm`` to ``fixed_mm`` from ``initial`` (a fixed_T_moving), or from where they lie.
+        """Register a moving cloud to a fixed one from one pose.
 
-        Clouds are arrays or lists of shape (m, 3) and (n, 3), poses (4, 4). A result outside the bound around
-        ``initial`` (``search_cone``, or 45 degrees and 20 mm) has failed: the pose is then the one on that bound.
-        Centerlines and frames are not used. Raises InputError for a cloud that is empty, of another shape, not finite,
-        degenerate or in metres, an ``initial`` that is not rigid, or a cone without one.
+        Parameters
+        ----------
+        moving_mm : array_like, shape (m, 3)
+            Moving points in mm.
+        fixed_mm : array_like, shape (n, 3)
+            Fixed points in mm.
+        initial : array_like, shape (4, 4), or None, optional
+            Known pose (fixed_T_moving) to start from; None starts from where the clouds lie.
+        search_cone : SearchCone or None, optional
+            Bound around ``initial``; None stands for 45 degrees and 20 mm. A result outside it has failed: the
+            pose is then the one on that bound.
+        moving_centerline_mm, fixed_centerline_mm, moving_frame : None, optional
+            Not used.
+
+        Returns
+        -------
+        RigidResult
+            Pose and residuals; the method does not assess them.
+
+        Raises
+        ------
+        InputError
+            If a cloud is empty, of another shape, not finite, degenerate or in metres, ``initial`` is not rigid,
+            or there is a cone without it.
         """
         del moving_centerline_mm, fixed_centerline_mm, moving_frame
         begin_s = time.perf_counter()

@@ -21,11 +21,31 @@ from registration.rigid.search_cone import SearchCone, known_pose
 
 @dataclass(frozen=True)
 class KissMatcher:
-    """Lim et al., "KISS-Matcher: fast and robust point cloud registration revisited", ICRA 2025, by its own package.
+    """KISS-Matcher: fast features, matches pruned by graphs, and a robust solver, by its own package.
 
-    Clouds are thinned to one point in each cube of ``voxel_mm``; normals reach ``normal_voxels`` and features
-    ``feature_voxels`` times that. At most ``max_matches`` go to the solver. ``refine`` takes the pose to its optimum.
-    It needs the package kiss-matcher, which is imported at the call.
+    The package kiss-matcher is imported at the call.
+
+    Parameters
+    ----------
+    voxel_mm : float
+        Clouds are thinned to one point in each cube of this side in mm.
+    normal_voxels : float, optional
+        Reach of a normal in voxels.
+    feature_voxels : float, optional
+        Reach of a feature in voxels.
+    max_matches : int, optional
+        Largest number of matches that go to the solver.
+    refine : SingleStartICP, optional
+        Method that takes the pose to its optimum.
+
+    Raises
+    ------
+    InputError
+        If a setting is outside its range.
+
+    References
+    ----------
+    H. Lim et al., "KISS-Matcher: fast and robust point cloud registration revisited", ICRA 2025.
     """
 
     voxel_mm: float
@@ -56,13 +76,32 @@ class KissMatcher:
         fixed_centerline_mm: ArrayLike | None = None,
         moving_frame: ArrayLike | None = None,
     ) -> RigidResult:
-        """Register ``moving_mm`` to ``fixed_mm`` from anywhere; ``initial`` is refined too, and the better pose wins.
+        """Register a moving cloud to a fixed one from anywhere.
 
-        Clouds are arrays or lists of shape (m, 3) and (n, 3), poses (4, 4). A result outside the bound around
-        ``initial`` (``search_cone``, or 45 degrees and 20 mm) has failed: the pose is then the one on that bound.
-        Centerlines and frames are not used. Raises InputError for a cloud that is empty, of another shape, not finite,
-        degenerate or in metres, an ``initial`` that is not rigid, a cone without one, if nothing matches and there is
-        no ``initial``, or if the package is not installed.
+        Parameters
+        ----------
+        moving_mm : array_like, shape (m, 3)
+            Moving points in mm.
+        fixed_mm : array_like, shape (n, 3)
+            Fixed points in mm.
+        initial : array_like, shape (4, 4), or None, optional
+            Known pose (fixed_T_moving), which is refined too; the better pose wins. None searches only.
+        search_cone : SearchCone or None, optional
+            Bound around ``initial``; None stands for 45 degrees and 20 mm. A result outside it has failed: the
+            pose is then the one on that bound.
+        moving_centerline_mm, fixed_centerline_mm, moving_frame : None, optional
+            Not used.
+
+        Returns
+        -------
+        RigidResult
+            Pose and residuals; the method does not assess them.
+
+        Raises
+        ------
+        InputError
+            If a cloud is empty, of another shape, not finite, degenerate or in metres, ``initial`` is not rigid,
+            there is a cone without it, nothing matches and there is no ``initial``, or the package is not installed.
         """
         del moving_centerline_mm, fixed_centerline_mm, moving_frame
         begin_s = time.perf_counter()

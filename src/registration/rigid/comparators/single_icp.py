@@ -21,11 +21,35 @@ from registration.rigid.search_cone import SearchCone, known_pose
 
 @dataclass(frozen=True)
 class SingleStartICP:
-    """ICP from one pose: Besl and McKay, IEEE PAMI 14(2), 1992 (``refine_by`` point), or Chen and Medioni, Image Vision
-    Comput. 10(3), 1992 (``refine_by`` plane, with normals estimated from ``neighbours`` fixed points).
+    """ICP from one pose, as it is commonly run.
 
-    ``align_centroids`` first brings the centroids together. ``keep`` is the share of closest pairs that counts in
-    each step. It stops once the residual changes by less than ``tolerance`` of itself, or after ``max_iterations``.
+    Parameters
+    ----------
+    align_centroids : bool, optional
+        Whether the centroids are brought together first.
+    refine_by : str, optional
+        ``point`` (Besl and McKay) or ``plane`` (Chen and Medioni).
+    neighbours : int, optional
+        Number of fixed points that a normal is estimated from.
+    keep : float, optional
+        Share of closest pairs that counts in each step.
+    max_iterations : int, optional
+        Largest number of iterations.
+    tolerance : float, optional
+        Relative change of the residual below which it has settled.
+    inlier_spacings : float, optional
+        An inlier lies within so many distances between neighbouring points.
+
+    Raises
+    ------
+    InputError
+        If a setting is outside its range.
+
+    References
+    ----------
+    P. J. Besl and N. D. McKay, IEEE PAMI 14(2), 1992.
+
+    Y. Chen and G. Medioni, Image Vision Comput. 10(3), 1992.
     """
 
     align_centroids: bool = False
@@ -56,12 +80,32 @@ class SingleStartICP:
         fixed_centerline_mm: ArrayLike | None = None,
         moving_frame: ArrayLike | None = None,
     ) -> RigidResult:
-        """Register ``moving_mm`` to ``fixed_mm`` from ``initial`` (a fixed_T_moving), or from where they lie.
+        """Register a moving cloud to a fixed one from one pose.
 
-        Clouds are arrays or lists of shape (m, 3) and (n, 3), poses (4, 4). A result outside the bound around
-        ``initial`` (``search_cone``, or 45 degrees and 20 mm) has failed: the pose is then the one on that bound.
-        Centerlines and frames are not used. Raises InputError for a cloud that is empty, of another shape, not finite,
-        degenerate or in metres, an ``initial`` that is not rigid, or a cone without one.
+        Parameters
+        ----------
+        moving_mm : array_like, shape (m, 3)
+            Moving points in mm.
+        fixed_mm : array_like, shape (n, 3)
+            Fixed points in mm.
+        initial : array_like, shape (4, 4), or None, optional
+            Known pose (fixed_T_moving) to start from; None starts from where the clouds lie.
+        search_cone : SearchCone or None, optional
+            Bound around ``initial``; None stands for 45 degrees and 20 mm. A result outside it has failed: the
+            pose is then the one on that bound.
+        moving_centerline_mm, fixed_centerline_mm, moving_frame : None, optional
+            Not used.
+
+        Returns
+        -------
+        RigidResult
+            Pose and residuals; the method does not assess them.
+
+        Raises
+        ------
+        InputError
+            If a cloud is empty, of another shape, not finite, degenerate or in metres, ``initial`` is not rigid,
+            or there is a cone without it.
         """
         del moving_centerline_mm, fixed_centerline_mm, moving_frame
         begin_s = time.perf_counter()

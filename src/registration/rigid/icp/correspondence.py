@@ -23,7 +23,7 @@ class Target(Protocol):
     points_mm: np.ndarray
     normals: np.ndarray | None
 
-    def closest(self, points_mm: Float64[np.ndarray, "m 3"]) -> Int64[np.ndarray, "m"]:
+    def closest(self, points_mm: Float64[np.ndarray, "m 3"]) -> Int64[np.ndarray, " m"]:
         """Find the closest fixed point of each point.
 
         Parameters
@@ -162,7 +162,7 @@ class TreeTarget:
             return self._around[1][:, :count]
         return self._nearest(self.points_mm, count)[1]
 
-    def away_mm(self, neighbour: int) -> Float64[np.ndarray, "n"]:
+    def away_mm(self, neighbour: int) -> Float64[np.ndarray, " n"]:
         """Measure how far one of its neighbours is from each fixed point.
 
         Parameters
@@ -191,7 +191,7 @@ class TreeTarget:
             facing = np.einsum("nk,nk->n", self.normals, normals)
             self.normals = self.normals * np.where(facing < 0, -1.0, 1.0)[:, None]
 
-    def closest(self, points_mm: Float64[np.ndarray, "m 3"]) -> Int64[np.ndarray, "m"]:
+    def closest(self, points_mm: Float64[np.ndarray, "m 3"]) -> Int64[np.ndarray, " m"]:
         """Find the closest fixed point of each point.
 
         Parameters
@@ -206,7 +206,7 @@ class TreeTarget:
         """
         return np.asarray(self._tree.batch_nearest_neighbor_search(points_mm)[0], dtype=np.int64)
 
-    def distances_mm(self, points_mm: Float64[np.ndarray, "m 3"]) -> Float64[np.ndarray, "m"]:
+    def distances_mm(self, points_mm: Float64[np.ndarray, "m 3"]) -> Float64[np.ndarray, " m"]:
         """Measure the distance from each point to the closest fixed one.
 
         Parameters
@@ -294,7 +294,7 @@ class VoxelTarget:
         np.clip(cell, 0, self._shape - 1, out=cell)
         return (cell[:, 0] * self._shape[1] + cell[:, 1]) * self._shape[2] + cell[:, 2]
 
-    def closest(self, points_mm: Float64[np.ndarray, "m 3"]) -> Int64[np.ndarray, "m"]:
+    def closest(self, points_mm: Float64[np.ndarray, "m 3"]) -> Int64[np.ndarray, " m"]:
         """Find the averaged fixed point that is nearest to the voxel of each point.
 
         Parameters

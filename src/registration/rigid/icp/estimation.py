@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from registration import transforms
 from registration.checks import require_at_least
 from registration.errors import InputError
+from registration.geometry.rigid_fit import kabsch
 from registration.rigid.icp.pairs import Pairs
 
 # Directions of motion whose stiffness is below this share of the stiffest are left alone by a step along normals.
@@ -234,49 +235,6 @@ class Symmetric:
             If either cloud has no normals.
         """
         return _newton(pairs, _mean_normals(pairs), weights, self.damping, self.offset)
-
-
-def kabsch(
-    moving_mm: Float64[np.ndarray, "*s n 3"],
-    fixed_mm: Float64[np.ndarray, "*s n 3"],
-    weights: Float64[np.ndarray, "*s n"],
-) -> Float64[np.ndarray, "*s 4 4"]:
-    """Compute the rigid transforms, never mirrored, that fit paired points in weighted least squares.
-
-    Parameters
-    ----------
-    moving_mm : ndarray, shape (..., n, 3)
-        Moving points in mm.
-    fixed_mm : ndarray, shape (..., n, 3)
-        Their paired fixed points in mm.
-    weights : ndarray, shape (..., n)
-        Weight of each pair.
-
-    Returns
-    -------
-    ndarray, shape (..., 4, 4)
-        Rigid transforms ``fixed_T_moving``.
-
-    References
-    ----------
-    W. Kabsch, Acta Cryst. A32, 1976.
-
-    S. Umeyama, IEEE PAMI 13(4), 1991.
-    """
-    share = (weights / weights.sum(axis=-1, keepdims=True))[..., None]
-    moving_centre_mm = (share * moving_mm).sum(axis=-2)
-    fixed_centre_mm = (share * fixed_mm).sum(axis=-2)
-    covariance = np.swapaxes(share * (moving_mm - moving_centre_mm[..., None, :]), -1, -2) @ (
-        fixed_mm - fixed_centre_mm[..., None, :]
-    )
-    left, _, right = np.linalg.svd(covariance)
-    left[..., :, 2] *= np.sign(np.linalg.det(left) * np.linalg.det(right))[..., None]
-    rotation = np.swapaxes(left @ right, -1, -2)
-    fixed_T_moving = np.zeros((*rotation.shape[:-2], 4, 4))
-    fixed_T_moving[..., :3, :3] = rotation
-    fixed_T_moving[..., :3, 3] = fixed_centre_mm - (rotation @ moving_centre_mm[..., None])[..., 0]
-    fixed_T_moving[..., 3, 3] = 1.0
-    return fixed_T_moving
 
 
 def motion_jacobian(

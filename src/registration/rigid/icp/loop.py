@@ -41,9 +41,9 @@ class Alignments:
     """
 
     fixed_T_moving: Float64[np.ndarray, "s 4 4"]
-    rmse_mm: Float64[np.ndarray, "s"]
-    iterations: Int64[np.ndarray, "s"]
-    converged: Bool[np.ndarray, "s"]
+    rmse_mm: Float64[np.ndarray, " s"]
+    iterations: Int64[np.ndarray, " s"]
+    converged: Bool[np.ndarray, " s"]
 
 
 def align(
@@ -128,7 +128,7 @@ def align(
     return Alignments(poses, history_mm[0], iterations, converged)
 
 
-def _size_mm(motion: np.ndarray, centre_mm: np.ndarray, radius_mm: float) -> Float64[np.ndarray, "s"]:
+def _size_mm(motion: np.ndarray, centre_mm: np.ndarray, radius_mm: float) -> Float64[np.ndarray, " s"]:
     """How far a small motion takes a cloud of that centre and radius, at most: its shift and its turn together."""
     shift_mm = (motion[:, :3, :3] @ centre_mm[..., None])[..., 0] + motion[:, :3, 3] - centre_mm
     # The Frobenius distance of a rotation from the identity is the square root of two times its angle.

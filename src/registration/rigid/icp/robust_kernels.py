@@ -22,7 +22,7 @@ MEDIAN_TO_SIGMA = 1.4826
 class RobustKernel(Protocol):
     """Weight function that falls with the size of a residual."""
 
-    def __call__(self, standardised: Float64[np.ndarray, "*n"]) -> Float64[np.ndarray, "*n"]:
+    def __call__(self, standardised: Float64[np.ndarray, " *n"]) -> Float64[np.ndarray, " *n"]:
         """Compute the weights.
 
         Parameters
@@ -62,7 +62,7 @@ class Huber:
     def __post_init__(self) -> None:
         require_positive("tuning", self.tuning)
 
-    def __call__(self, standardised: Float64[np.ndarray, "*n"]) -> Float64[np.ndarray, "*n"]:
+    def __call__(self, standardised: Float64[np.ndarray, " *n"]) -> Float64[np.ndarray, " *n"]:
         """Compute weights that never reach 0.
 
         Parameters
@@ -102,7 +102,7 @@ class Tukey:
     def __post_init__(self) -> None:
         require_positive("tuning", self.tuning)
 
-    def __call__(self, standardised: Float64[np.ndarray, "*n"]) -> Float64[np.ndarray, "*n"]:
+    def __call__(self, standardised: Float64[np.ndarray, " *n"]) -> Float64[np.ndarray, " *n"]:
         """Compute weights that are 0 beyond the tuning constant.
 
         Parameters
@@ -142,7 +142,7 @@ class Welsch:
     def __post_init__(self) -> None:
         require_positive("tuning", self.tuning)
 
-    def __call__(self, standardised: Float64[np.ndarray, "*n"]) -> Float64[np.ndarray, "*n"]:
+    def __call__(self, standardised: Float64[np.ndarray, " *n"]) -> Float64[np.ndarray, " *n"]:
         """Compute weights that fall to almost 0.
 
         Parameters

@@ -124,7 +124,7 @@ def test_a_picture_in_other_colours_is_read_as_it_is_shown(tmp_path) -> None:
 def test_reads_a_dicom_file_of_one_frame_and_refuses_a_film(tmp_path) -> None:
     tissue = speckle((20, 30))
     np.testing.assert_array_equal(image_files.read_grey(write_dicom(tmp_path / "a.dcm", tissue)), tissue)
-    with pytest.raises(InputError, match=r"f\.dcm: expected one frame, received a film of 2"):
+    with pytest.raises(InputError, match=r"f\.dcm: expected one frame, received 2"):
         image_files.read_grey(write_dicom(tmp_path / "f.dcm", np.stack([tissue] * 2)))
 
 

@@ -21,7 +21,7 @@ from models.training.augmentation import (
     augmentation_of,
 )
 
-CONF = Path(__file__).resolve().parents[3] / "conf" / "augmentation"
+CONF = Path(__file__).resolve().parents[4] / "conf" / "augmentation"
 STRONG = {
     "affine": 0.7,
     "rotation_deg": 15.0,
