@@ -37,24 +37,24 @@ def require_count(name: str, value: object, minimum: int = 1) -> None:
 
 
 def did_you_mean(word: str, known: Iterable[str], prefix: str = "") -> str:
-    """The end of a message on an unknown name: the known one that is spelt most alike, or nothing if none is.
+    """Suggest a known name for an unknown one, as the end of a message.
 
-    A dotted name is compared as a whole and by its last part, so that ``batch_sise`` finds ``trainer.batch_size``.
-    ``prefix`` stands before the name that is suggested.
+    A dotted name is compared as a whole and by its last part, so that ``batch_sise`` finds
+    ``trainer.batch_size``.
 
     Parameters
     ----------
     word : str
         The unknown name.
-    known : Iterable[str]
+    known : iterable of str
         Names there are.
     prefix : str, optional
-        Text before the suggested name.
+        Put before the suggested name.
 
     Returns
     -------
     str
-        The end of the message; empty if no name is alike.
+        Text such as ``; did you mean trainer.batch_size?``; empty if no name is similar enough.
     """
     names = list(dict.fromkeys(known))
     close = difflib.get_close_matches(word, names, n=1, cutoff=0.6)

@@ -13,14 +13,14 @@ from registration.io.atomic import atomic_write
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write ``text`` to ``path`` as a whole or not at all.
+    """Write a text file as a whole or not at all.
 
     Parameters
     ----------
     path : Path
-        File to write.
+        File to write; one that exists is replaced.
     text : str
-        Content.
+        Content, written as UTF-8.
     """
     with atomic_write(path) as beside:
         beside.write_text(text, encoding="utf-8")
@@ -28,19 +28,19 @@ def write_text(path: Path, text: str) -> None:
 
 @contextmanager
 def staged(folder: Path) -> Iterator[Path]:
-    """Give an empty folder beside ``folder``; when all went well, move every file in it to its place in ``folder``.
+    """Give an empty folder whose files are moved to their final place when the block succeeds.
 
     Files that were in ``folder`` before and are not written again stay. After a failure nothing has changed.
 
     Parameters
     ----------
     folder : Path
-        Final folder.
+        Final folder; made if it is missing.
 
-    Returns
-    -------
-    Iterator[Path]
-        The empty folder.
+    Yields
+    ------
+    Path
+        Temporary folder next to ``folder``.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     stage = Path(tempfile.mkdtemp(prefix=f".{folder.name}.partial-", dir=folder.parent))
@@ -59,24 +59,24 @@ def staged(folder: Path) -> Iterator[Path]:
 
 
 def names_in(folder: Path) -> tuple[str, ...]:
-    """Every file under a folder, by its name from there on.
+    """List every file under a folder.
 
     Parameters
     ----------
     folder : Path
-        Folder to list.
+        The folder.
 
     Returns
     -------
-    tuple[str, ...]
-        Names, sorted.
+    tuple of str
+        Paths relative to the folder with ``/`` between their parts, sorted.
     """
     found = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
     return tuple(sorted(found))
 
 
 def digest(path: Path) -> str:
-    """SHA-256 of a file's bytes, in hexadecimal.
+    """Compute the SHA-256 of a file's bytes.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def digest(path: Path) -> str:
     Returns
     -------
     str
-        The digest.
+        Digest in hexadecimal.
     """
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

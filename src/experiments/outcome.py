@@ -16,7 +16,7 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True)
 class InputData:
-    """A data set as a run used it: its name, a digest of its contents, and where it came from.
+    """Data set as a run used it.
 
     Parameters
     ----------
@@ -35,29 +35,29 @@ class InputData:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The result of one job of a study, or of a whole sweep.
+    """Result of one job of a study, or of a whole sweep.
 
-    A metric that is NaN or infinite is turned into a ``_failed`` count by the tracker. Files that a study leaves in its
-    workspace are tracked as they are.
+    Files that a study leaves in its workspace are tracked as they are.
 
     Parameters
     ----------
     metrics : Mapping[str, float], optional
-        Scalars by metric name; NaN or infinite for a failure.
-    cases : pd.DataFrame or None, optional
-        One row a case or trial; None if the study has none.
-    history : tuple[Mapping[str, float], ...], optional
-        Metrics of each epoch or step, from 0.
+        Scalars by the name of the metric; NaN or infinity stands for a failure, which the tracker turns into
+        a ``_failed`` count.
+    cases : pandas.DataFrame or None, optional
+        Per-case table, one row a case or trial; None if there is none.
+    history : tuple of Mapping[str, float], optional
+        Metrics of each step (epoch), from 0.
     tables : Mapping[str, pd.DataFrame], optional
-        Small result tables by title, shown at the end of the terminal's output.
+        Small result tables by title, which end the terminal's output.
     figures : Mapping[str, Figure], optional
-        Figures by file stem.
-    findings : tuple[str, ...], optional
-        Results as plain sentences.
+        Matplotlib figures by file stem.
+    findings : tuple of str, optional
+        Plain sentences.
     tags : Mapping[str, str], optional
-        Tags of the tracked run.
-    inputs : tuple[InputData, ...], optional
-        Data sets that were used.
+        Text by the name of the tag.
+    inputs : tuple of InputData, optional
+        Data sets used.
     """
 
     metrics: Mapping[str, float] = field(default_factory=dict)
@@ -72,24 +72,22 @@ class Outcome:
 
 @dataclass(frozen=True)
 class JobResult:
-    """A finished job as the summary of a sweep sees it: its configuration, metrics and per-case table.
-
-    It holds the same whether the job ran just now or was resumed.
+    """Finished job as the summary of a sweep sees it; the same whether the job ran just now or was resumed.
 
     Parameters
     ----------
     config : Mapping[str, Any]
-        The resolved configuration of the job.
+        Configuration of the job as plain data.
     metrics : Mapping[str, float]
-        Its scalar metrics.
-    cases : pd.DataFrame or None
-        Its table of cases; None if it has none.
+        Scalars by the name of the metric.
+    cases : pandas.DataFrame or None
+        Per-case table; None if there is none.
     workspace : Path
-        Folder of its files.
+        Folder of the job's files.
     run_id : str or None, optional
-        Id of its tracked run; None if it is not tracked.
+        The tracker's id of the run; None if it is not tracked.
     choices : Mapping[str, str], optional
-        Settings by which its sweep point differs from others.
+        Settings by which its sweep point differs from others, as the command line has them.
     """
 
     config: Mapping[str, Any]
@@ -104,21 +102,21 @@ class Progress(Protocol):
     """How a study says how far it is."""
 
     def track(self, items: Iterable[Item], description: str, total: int | None = None) -> Iterator[Item]:
-        """Pass ``items`` through while a bar with the time left advances.
+        """Pass items through while a bar with the time left advances.
 
         Parameters
         ----------
-        items : Iterable[Item]
-            What is worked through.
+        items : iterable of Item
+            Items to pass through.
         description : str
             Text before the bar.
         total : int or None, optional
             Number of items; None if it is known from ``items`` or unknown.
 
-        Returns
-        -------
-        Iterator[Item]
-            The items.
+        Yields
+        ------
+        Item
+            Each item.
         """
         ...
 
@@ -128,7 +126,7 @@ class Progress(Protocol):
         Parameters
         ----------
         text : str
-            Line to print.
+            The line.
         """
         ...
 
@@ -137,21 +135,21 @@ class Silent:
     """Progress that shows nothing, for tests and for use as a library."""
 
     def track(self, items: Iterable[Item], description: str, total: int | None = None) -> Iterator[Item]:
-        """Pass ``items`` through.
+        """Pass items through and show nothing.
 
         Parameters
         ----------
-        items : Iterable[Item]
-            What is worked through.
+        items : iterable of Item
+            Items to pass through.
         description : str
-            Text before the bar.
+            Has no effect.
         total : int or None, optional
-            Number of items; None if it is known from ``items`` or unknown.
+            Has no effect.
 
-        Returns
-        -------
-        Iterator[Item]
-            The items.
+        Yields
+        ------
+        Item
+            Each item.
         """
         del description, total
         yield from items
@@ -162,6 +160,6 @@ class Silent:
         Parameters
         ----------
         text : str
-            Line to print.
+            The line.
         """
         del text

@@ -16,25 +16,24 @@ _CHECKOUT = _PACKAGE.parents[1]
 
 
 def conf_dir() -> Path:
-    """The folder of configurations: inside the package, in a checkout by a link to ``conf`` at its top.
+    """Find the folder of configurations: inside the package, in a checkout by a link to ``conf`` at its top.
 
     Returns
     -------
     Path
-        The folder.
+        Absolute path.
     """
     return _PACKAGE / "conf"
 
 
 def project_root() -> Path:
-    """The folder that ``mlruns``, ``outputs`` and ``results`` lie in.
-
-    ``CTUS_HOME`` where it is set, else the checkout the package is imported from, else the current folder.
+    """Find the folder that ``mlruns``, ``outputs`` and ``results`` lie in.
 
     Returns
     -------
     Path
-        The folder.
+        ``CTUS_HOME`` if it is set, else the checkout that the package is imported from, else the current
+        folder.
     """
     if home := os.environ.get("CTUS_HOME"):
         return Path(home).expanduser().resolve()

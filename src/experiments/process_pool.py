@@ -14,10 +14,7 @@ _KERNEL_SETTING = "OPENBLAS_CORETYPE"
 
 
 def process_pool(workers: int) -> ProcessPoolExecutor:
-    """A pool of ``workers`` processes, each a fresh interpreter with one thread for its linear algebra.
-
-    Forking after Open3D or torch has started its threads can hang. Threads of several processes that compete for the
-    same cores make each of them take several times as long.
+    """Make a pool of processes, each a fresh interpreter with one thread for its linear algebra.
 
     Parameters
     ----------
@@ -27,7 +24,12 @@ def process_pool(workers: int) -> ProcessPoolExecutor:
     Returns
     -------
     ProcessPoolExecutor
-        The pool.
+        The pool, to be closed by the caller.
+
+    Notes
+    -----
+    Forking after Open3D or torch has started its threads can hang. Threads of several processes that compete
+    for the same cores make each of them take several times as long.
     """
     return ProcessPoolExecutor(workers, get_context("spawn"), initializer=_take_one_thread)
 
@@ -69,7 +71,8 @@ def same_kernels() -> Iterator[None]:
 def one_open3d_thread() -> Iterator[None]:
     """Let Open3D use one thread, which neither the environment nor a limit on linear algebra can bring about.
 
-    Its RANSAC gives the same answer every time only then. Open3D before 0.20 has no such setting and is left as it is.
+    Its RANSAC gives the same result every time only then. Open3D before 0.20 has no such setting and is left
+    as it is.
     """
     import open3d
 

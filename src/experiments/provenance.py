@@ -35,12 +35,12 @@ _PACKAGES = (
 
 
 def environment_tags() -> dict[str, str]:
-    """What a run must say of the machine, the code and the packages it ran with.
+    """Describe the machine, the code and the packages that a run uses.
 
     Returns
     -------
-    dict[str, str]
-        Tags by name.
+    dict
+        Tags of the run, those of ``process_tags`` among them; the commit is absent for an installed package.
     """
     versions = {}
     for package in _PACKAGES:
@@ -58,12 +58,12 @@ def environment_tags() -> dict[str, str]:
 
 
 def process_tags() -> dict[str, str]:
-    """Which process writes a run, and that it lives: what ``is_gone`` judges by.
+    """Describe the process that writes a run, and the time of its last heartbeat.
 
     Returns
     -------
-    dict[str, str]
-        Tags by name.
+    dict
+        Tags of the run, by which ``is_gone`` decides.
     """
     return {
         "ctus.host": socket.gethostname(),
@@ -106,15 +106,15 @@ def _git_tags() -> dict[str, str]:
 
 
 def is_gone(tags: Mapping[str, str]) -> bool:
-    """Whether the process of a run that is marked as running has ended, judged by the run's tags.
+    """Tell whether the process of a run that is marked as running has ended.
 
-    Where the process's id can be looked up, the id and its start decide; on another machine, in another container or
-    before another boot, where it says nothing, the age of the last heartbeat.
+    Where the process's id can be looked up, the id and the start time decide; on another machine, in another
+    container or before another boot, where the id means nothing, the age of the last heartbeat.
 
     Parameters
     ----------
     tags : Mapping[str, str]
-        Tags of a run, with the machine and process that wrote it.
+        Tags of the run.
 
     Returns
     -------

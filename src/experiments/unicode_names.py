@@ -10,40 +10,46 @@ from experiments.errors import InputError
 
 
 def same_name(name: str) -> str:
-    """The one form (Unicode NFC) of a name that systems write in several.
-
-    macOS writes an accent as a character of its own (NFD), other systems as part of its letter: both look alike.
+    """Convert a name that systems write in several ways into one form (Unicode NFC).
 
     Parameters
     ----------
     name : str
-        Name as the project has it.
+        A name.
 
     Returns
     -------
     str
-        The name.
+        The name in NFC.
+
+    Notes
+    -----
+    macOS writes an accent as a character of its own (NFD), other systems as part of its letter: both look
+    alike.
     """
     return unicodedata.normalize("NFC", name)
 
 
 def text_names(setting: str, names: Iterable[object]) -> tuple[str, ...]:
-    """Names from a setting, as ``same_name`` has them.
-
-    A whole number is taken as it is written. Raises InputError for what may have been written in another way, such as
-    1.10 that became 1.1, and for a text where several names are expected.
+    """Check and convert the names that a setting lists.
 
     Parameters
     ----------
     setting : str
         Name of the setting, for messages.
-    names : Iterable[object]
-        Names as a configuration has them.
+    names : iterable of object
+        Texts or whole numbers; a number is taken as it is written.
 
     Returns
     -------
-    tuple[str, ...]
-        The names.
+    tuple of str
+        The names, as ``same_name`` converts them.
+
+    Raises
+    ------
+    InputError
+        If ``names`` is a single text, or a name is of a type that may have been written in another way, such
+        as 1.10 that became 1.1.
     """
     if isinstance(names, str):
         raise InputError(f"{setting}: expected a list of names, received {names!r}")
@@ -58,16 +64,16 @@ def text_names(setting: str, names: Iterable[object]) -> tuple[str, ...]:
 
 
 def natural_key(name: str) -> list[tuple[int, int | str]]:
-    """A key to sort by: frame_10 comes after frame_2, and numbers stand before letters.
+    """Make a sort key by which frame_10 comes after frame_2, and numbers come before letters.
 
     Parameters
     ----------
     name : str
-        Name as the project has it.
+        A name.
 
     Returns
     -------
-    list[tuple[int, int or str]]
-        Key for sorting.
+    list of tuple[int, int or str]
+        The key.
     """
     return [(0, int(part)) if part.isdecimal() else (1, part) for part in re.split(r"(\d+)", name)]

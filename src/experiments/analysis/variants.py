@@ -19,10 +19,24 @@ MOST_SETTINGS = 3
 def varying_choices(
     results: Sequence[JobResult], names: Sequence[Hashable], alike_but_for: Collection[str] = ()
 ) -> list[dict[str, str]]:
-    """For each job the choices that vary among the jobs of its name, as the command line has them.
+    """Find for each job the choices that vary among the jobs of its name, as the command line has them.
 
-    ``alike_but_for`` are settings that tell rows apart by columns of their own, such as folds. Jobs that come without
-    any choices are told apart by the settings in which they differ, or by a digest of these where they are many.
+    Jobs without any choices are told apart by the settings in which they differ, or by a digest of these if
+    there are more than ``MOST_SETTINGS``.
+
+    Parameters
+    ----------
+    results : sequence of JobResult
+        The jobs.
+    names : sequence of Hashable
+        Name of each job.
+    alike_but_for : Collection[str], optional
+        Settings that other columns tell apart, such as folds; they are left out.
+
+    Returns
+    -------
+    list of dict
+        For each job the value of every varying choice, by its name.
     """
     choices = [_choices(result, alike_but_for) for result in results]
     found = []
@@ -38,20 +52,59 @@ def varying_choices(
 
 
 def with_choices(name: str, choices: Mapping[str, str]) -> str:
-    """A name with the choices that tell it from others of the same name: ``unet augmentation=strong``."""
+    """Add choices to a name to tell it from others of the same name: ``unet augmentation=strong``.
+
+    Parameters
+    ----------
+    name : str
+        Name of a row.
+    choices : Mapping[str, str]
+        Value of each choice, by its name.
+
+    Returns
+    -------
+    str
+        The name, followed by the choices.
+    """
     return " ".join([name, *(f"{key}={value}" for key, value in choices.items())])
 
 
 def told_apart(
     results: Sequence[JobResult], names: Sequence[str], alike_but_for: Collection[str] = ()
 ) -> list[str]:
-    """The name of each job with the choices that vary among the jobs of that name."""
+    """Name each job with the choices that vary among the jobs of its name.
+
+    Parameters
+    ----------
+    results : sequence of JobResult
+        The jobs.
+    names : sequence of str
+        Name of each job.
+    alike_but_for : Collection[str], optional
+        Settings that other columns tell apart, such as folds; they are left out.
+
+    Returns
+    -------
+    list of str
+        Name with choices, one for each job.
+    """
     varying = varying_choices(results, names, alike_but_for)
     return [with_choices(name, choices) for name, choices in zip(names, varying, strict=True)]
 
 
 def names_of_files(paths: Sequence[str]) -> list[str]:
-    """A short name for each file: its name without suffix, with as much of its path as tells it from the others."""
+    """Shorten paths to names that are still unique.
+
+    Parameters
+    ----------
+    paths : sequence of str
+        Different files, as the user wrote their paths.
+
+    Returns
+    -------
+    list of str
+        For each file its stem, with as much of its suffix and path as tells it from the others.
+    """
     whole = {path: PurePath(Path(path).expanduser().absolute()) for path in paths}
     names = {path: file.stem for path, file in whole.items()}
     for depth in range(1, max((len(file.parts) for file in whole.values()), default=0) + 1):

@@ -22,12 +22,18 @@ SHARED: dict[str, Any] = {
 
 
 def require_shared(config: Mapping[str, Any]) -> None:
-    """Raise InputError unless the settings that every call has are of their types, and ``seed`` is none below 0.
+    """Refuse a call whose shared settings are of another type than they must be.
 
     Parameters
     ----------
     config : Mapping[str, Any]
-        A resolved configuration.
+        The composed configuration as plain data.
+
+    Raises
+    ------
+    InputError
+        If one of ``SHARED`` is of another type, the tracker is given an unknown setting, or ``seed`` is below
+        0.
     """
     tracking = config.get("tracking")
     if not isinstance(tracking, Mapping):
@@ -50,15 +56,22 @@ def require_shared(config: Mapping[str, Any]) -> None:
 
 
 def require_writable(folder: Path) -> None:
-    """Raise InputError unless results can be written to ``folder``, by trying; nothing that was made stays.
-
-    Results are first written beside their folder, so its parent must take files too. What the permissions say is not
-    asked: they don't bind root, and a file system can be mounted for reading alone.
+    """Refuse a folder that results can't be written to, by trying; nothing that was made stays.
 
     Parameters
     ----------
     folder : Path
-        Folder for the results.
+        Folder of the results; it need not exist.
+
+    Raises
+    ------
+    InputError
+        If ``folder`` is a file, or it or its parent can't be made or take files.
+
+    Notes
+    -----
+    Results are first written to a temporary folder next to their own, so its parent must take files too. The
+    permissions are not asked: they don't bind root, and a file system can be mounted read-only.
     """
     missing: list[Path] = []
     try:

@@ -37,19 +37,22 @@ Settings of every study
 
 
 def help_text(words: Sequence[str]) -> str:
-    """The page for the study that the words of a call choose, with their options; the overview if they choose none.
-
-    Raises InputError for a study or an option that there is not.
+    """Make the help page of the study that a call chooses, or the overview if it chooses none.
 
     Parameters
     ----------
-    words : Sequence[str]
-        Words of the command line.
+    words : sequence of str
+        Words of the command line; a bare name of a study counts as its choice.
 
     Returns
     -------
     str
-        The page.
+        The page; that of a study has the settings of the chosen options.
+
+    Raises
+    ------
+    InputError
+        If there is no such study or option.
     """
     folders = [*config_folders(), *_own_folders(words)]
     names = list(_options("study", folders))
@@ -67,17 +70,17 @@ def help_text(words: Sequence[str]) -> str:
 
 
 def description(path: Path) -> str:
-    """What a configuration file says of itself: its first comment that is not a Hydra directive.
+    """Read what a configuration file says of itself: its first comment that is not a Hydra directive.
 
     Parameters
     ----------
     path : Path
-        A configuration file.
+        Configuration file.
 
     Returns
     -------
     str
-        The sentence; empty if the file has none.
+        The comment's text; empty if the file does not begin with one.
     """
     for line in path.read_text(encoding="utf-8").splitlines():
         if line.startswith("#") and "@package" not in line:

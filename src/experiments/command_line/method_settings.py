@@ -15,19 +15,22 @@ GROUP = "rigid"
 
 
 def method_setting(path: str, *, _root_: Any) -> Any:
-    """The setting ``path`` (method.setting or method.group.setting) of the rigid methods as plain data.
-
-    Raises InputError for a setting that neither the configuration nor the method's file has.
+    """Look up a setting of the rigid methods, as the resolver ``method`` of interpolations.
 
     Parameters
     ----------
     path : str
-        Dotted name: method, then setting.
+        Dotted name: method.setting or method.group.setting.
 
     Returns
     -------
     Any
         The value as plain data.
+
+    Raises
+    ------
+    InputError
+        If neither the configuration nor the method's file has the setting, or there is no such method.
     """
     from omegaconf import OmegaConf
 

@@ -18,7 +18,7 @@ _KEY = re.compile(r"( *)([\w?]+):(?:\s|$)")
 
 @dataclass(frozen=True)
 class Choices:
-    """What a call chooses: the study, a preset, and of each group (folder, place in the configuration) an option.
+    """What a call chooses.
 
     Parameters
     ----------
@@ -26,8 +26,8 @@ class Choices:
         Name of the study; None if none is chosen.
     preset : str or None
         Name of the preset; None if none is chosen.
-    options : tuple[tuple[str, str, str], ...], optional
-        Group, place in the configuration and option of each choice.
+    options : tuple of tuple[str, str, str], optional
+        Group (folder), package (place in the configuration) and option of each choice.
     """
 
     study: str | None
@@ -36,21 +36,24 @@ class Choices:
 
 
 def chosen(words: Sequence[str], folders: Sequence[Path]) -> Choices:
-    """The choices of these words (``model=unet``, ``rigid=[a,b]``, ``+preset=figure``) beside those of the defaults.
-
-    ``folders`` hold the configurations, the user's own last. Raises InputError for an option that there is not.
+    """Find the choices of a call, beside those of the defaults.
 
     Parameters
     ----------
-    words : Sequence[str]
-        Words of the command line.
-    folders : Sequence[Path]
-        Folders of configurations, the project's own first.
+    words : sequence of str
+        Words such as ``model=unet``, ``rigid=[a,b]`` or ``+preset=figure``.
+    folders : sequence of Path
+        Folders of configurations, the project's own first; the first that has a file wins.
 
     Returns
     -------
     Choices
-        The choices.
+        The choices; without options if there is no such study.
+
+    Raises
+    ------
+    InputError
+        If there is no such preset.
     """
     asked = {name.lstrip("+"): value for name, _, value in (word.partition("=") for word in words)}
     preset = asked.get("preset")
@@ -68,25 +71,28 @@ def chosen(words: Sequence[str], folders: Sequence[Path]) -> Choices:
 
 
 def option_text(group: str, option: str, package: str, folders: Sequence[Path]) -> str:
-    """The settings of an option and of those it is built on, as lines of YAML at their place with their comments.
-
-    Raises InputError for an option that there is not.
+    """Read the settings of an option and of those it is built on, with their comments.
 
     Parameters
     ----------
     group : str
-        Name of a group of options.
+        Name of the group (folder).
     option : str
         Name of the option.
     package : str
-        Place in the configuration.
-    folders : Sequence[Path]
-        Folders of configurations, the project's own first.
+        Dotted place of the settings in the configuration; empty for its top.
+    folders : sequence of Path
+        Folders of configurations, the project's own first; the first that has a file wins.
 
     Returns
     -------
     str
-        Lines of YAML.
+        Lines of YAML at their place.
+
+    Raises
+    ------
+    InputError
+        If there is no such option.
     """
     lines = _lines(group, option, folders)
     whole = "@package _global_" in _read_text(group, option, folders)

@@ -81,35 +81,36 @@ _NULL = re.compile("null", re.IGNORECASE)
 
 
 def is_text(key: str) -> bool:
-    """Whether a setting, by its dotted name, is a name or a path.
+    """Tell whether a setting is a name or a path.
 
     Parameters
     ----------
     key : str
-        Dotted name of a setting.
+        Dotted name of the setting, as an override has it.
 
     Returns
     -------
     bool
-        Whether the setting is a name or a path.
+        True if the last part of the name is one of ``TEXT``.
     """
     return key.lstrip("+~").rpartition(".")[2] in TEXT
 
 
 def quoted_override(override: str) -> str:
-    """An override of Hydra's grammar with the names in it quoted where they would be read as something else.
+    """Quote the names in an override of Hydra's grammar that would be read as something else.
 
-    A lone ``null`` stays none; in a list it is a name. Interpolations and what is no name stay as they are.
+    A lone ``null`` stays None; in a list it is a name. Interpolations and settings that are no names stay as
+    they are.
 
     Parameters
     ----------
     override : str
-        An override of Hydra's grammar.
+        Override such as ``setting=value``.
 
     Returns
     -------
     str
-        The override.
+        The override with quotes.
 
     Examples
     --------
@@ -169,21 +170,22 @@ def _in_dictionaries(value: str) -> str:
 
 
 def loader_with_text(loader: type[Any], settings: Collection[str] = TEXT) -> type[Any]:
-    """A YAML loader that reads the values of ``settings`` as text, alone or in a list; null is none, but in a list.
+    """Make a YAML loader that reads the values of some settings as text, alone or in a list.
 
-    ``loader`` is the one it is made from. A value with a tag of its own, or quoted, is as it was.
+    A lone null stays None; in a list it is text. A value that is quoted or has a tag of its own is read as
+    before.
 
     Parameters
     ----------
     loader : type[Any]
-        YAML loader to derive from.
+        Loader class to derive from.
     settings : Collection[str], optional
-        Last parts of the names of settings that are text.
+        Last parts of the names of these settings.
 
     Returns
     -------
     type[Any]
-        The loader.
+        The derived class.
     """
 
     class Loader(loader):

@@ -16,18 +16,20 @@ from experiments.plugins import config_folders, option_file, options_of
 def read_presets(words: Sequence[str]) -> list[str]:
     """Read ``+sweep=<name>`` as the group of presets.
 
-    A group can't be called ``sweep`` itself: Hydra would take the setting ``sweep=<recording>`` of the studies that
-    read one for an option of that group.
-
     Parameters
     ----------
-    words : Sequence[str]
+    words : sequence of str
         Words of the command line.
 
     Returns
     -------
-    list[str]
-        The words.
+    list of str
+        The words with ``+preset=<name>`` in its place.
+
+    Notes
+    -----
+    A group can't be called ``sweep`` itself: Hydra would take the setting ``sweep=<recording>`` of the
+    studies that read one for an option of that group.
     """
     return [
         f"+preset={word.removeprefix('+sweep=')}" if word.startswith("+sweep=") else word for word in words
@@ -35,12 +37,17 @@ def read_presets(words: Sequence[str]) -> list[str]:
 
 
 def refuse_bare_word(word: str) -> None:
-    """Raise InputError for a word without ``=``, which Hydra's message on would not help with.
+    """Refuse a word without ``=``, for which Hydra's own message would be no help.
 
     Parameters
     ----------
     word : str
-        A word of the command line.
+        Word of the command line.
+
+    Raises
+    ------
+    InputError
+        If the word has no ``=`` and does not delete a setting (``~``).
     """
     if "=" in word or word.startswith("~"):
         return
@@ -49,14 +56,19 @@ def refuse_bare_word(word: str) -> None:
 
 
 def refuse_no_option(group: str, value: Any) -> None:
-    """Raise InputError where a choice is given what can't be the name of an option (a number, null).
+    """Refuse a choice that can't be the name of an option, such as a number or null.
 
     Parameters
     ----------
     group : str
-        Name of a group of options.
+        Name of a setting; nothing is checked if it is no group.
     value : Any
-        The value given for the group.
+        Its value as plain data.
+
+    Raises
+    ------
+    InputError
+        If the value is neither a text nor a list of texts.
     """
     if group not in group_names() or isinstance(value, str):
         return
@@ -68,30 +80,30 @@ def refuse_no_option(group: str, value: Any) -> None:
 
 
 def group_names() -> frozenset[str]:
-    """The names of the folders that hold options to choose from, the studies among them.
+    """List the folders that hold options to choose from, the studies among them.
 
     Returns
     -------
     frozenset[str]
-        Names of the groups.
+        Names of the folders.
     """
     return frozenset(_groups())
 
 
 def setting_names(config: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
-    """The dotted name of every setting of a composed configuration, those of mappings among them.
+    """List the dotted names of all settings of a composed configuration, those of mappings among them.
 
     Parameters
     ----------
     config : Mapping[str, Any]
-        A resolved configuration.
+        The configuration as plain data.
     prefix : str, optional
-        Dotted name of what holds these settings, with a dot at its end.
+        Put before every name; empty at the top, where Hydra's own settings are left out.
 
-    Returns
-    -------
-    Iterator[str]
-        Dotted names.
+    Yields
+    ------
+    str
+        Dotted name of each setting.
     """
     for key, value in config.items():
         if prefix or key != "hydra":
@@ -101,7 +113,7 @@ def setting_names(config: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
 
 
 def draws_nothing(study: str) -> bool:
-    """Whether a study says of itself that none of its results is random: its configuration sets ``seed: null``.
+    """Tell whether a study declares by ``seed: null`` in its configuration that nothing in it is random.
 
     Parameters
     ----------
@@ -111,7 +123,7 @@ def draws_nothing(study: str) -> bool:
     Returns
     -------
     bool
-        Whether a study says of itself that none of its results is random.
+        True if it does; False also if there is no such study.
     """
     path = option_file("study", study)
     content = yaml.safe_load(path.read_text(encoding="utf-8")) if path is not None else None
@@ -119,18 +131,16 @@ def draws_nothing(study: str) -> bool:
 
 
 def sentence(refusal: Exception, study: str | None, known: Sequence[str]) -> str:
-    """Hydra's message as one sentence that says what was expected and found.
-
-    ``known`` are the names of the settings there are, with which a misspelt one is compared.
+    """Turn Hydra's message into one sentence that says what was expected and found.
 
     Parameters
     ----------
     refusal : Exception
-        Hydra's or OmegaConf's exception.
+        Exception of Hydra.
     study : str or None
-        Name of the study; None if none was chosen.
-    known : Sequence[str]
-        Names of the settings there are.
+        Name of the study; None if none is chosen.
+    known : sequence of str
+        Names of the settings there are, with which a misspelt one is compared.
 
     Returns
     -------
@@ -162,12 +172,12 @@ def sentence(refusal: Exception, study: str | None, known: Sequence[str]) -> str
 
 
 def note_useless_seed(configs: Iterable[Mapping[str, Any]]) -> None:
-    """Say on standard error, once, that a seed was given to a study that draws nothing.
+    """Say on standard error, once, that a seed was given to a study that draws nothing at random.
 
     Parameters
     ----------
-    configs : Iterable[Mapping[str, Any]]
-        The resolved configurations of a call.
+    configs : iterable of Mapping[str, Any]
+        Configurations of the sweep points.
     """
     for config in configs:
         if config.get("seed") is not None and draws_nothing(config["study"]):
@@ -180,17 +190,17 @@ def note_useless_seed(configs: Iterable[Mapping[str, Any]]) -> None:
 
 
 def words_of_folder(folder: str | None) -> list[str]:
-    """The words that hand a folder of configurations on to Hydra.
+    """Make the words that pass a folder of configurations on to Hydra.
 
     Parameters
     ----------
     folder : str or None
-        The user's own folder of configurations, or None.
+        The folder; None if there is none.
 
     Returns
     -------
-    list[str]
-        The words.
+    list of str
+        The words; empty if there is no folder.
     """
     return ["--config-dir", folder] if folder else []
 

@@ -24,12 +24,24 @@ NOT_DEFINED = float("nan")
 
 @dataclass(frozen=True)
 class Answer:
-    """What a method says of one case: a pose, and what it thinks of it.
+    """Result of a method on one case: a pose, and how the method judges it.
 
-    ``fixed_T_moving`` is None where there is no answer; ``error`` then says why. The verdict of a method that does not
-    judge itself is ``not judged``. ``tre_low_mm`` and ``tre_high_mm`` are the 90 % interval that it predicts for its
-    error; NaN, as are ``ambiguity_gap`` and ``runtime_s``, where it says nothing. ``candidates`` are the other poses
-    that it looked at.
+    Parameters
+    ----------
+    fixed_T_moving : ndarray, shape (4, 4), or None
+        Rigid transform from the moving to the fixed coordinate frame, in mm; None if there is no result.
+    verdict : str, optional
+        The method's own judgement; ``not judged`` for a method without acceptance criteria.
+    ambiguity_gap : float, optional
+        Gap to the best other pose that the method states; NaN if it states none.
+    tre_low_mm, tre_high_mm : float, optional
+        Bounds in mm of the 90 % interval that the method predicts for its TRE; NaN if it predicts none.
+    runtime_s : float, optional
+        Run time in s; NaN if unknown.
+    candidates : tuple of ndarray, shape (4, 4), optional
+        Other poses that the method considered, as ``fixed_T_moving``.
+    error : str, optional
+        Why there is no result; empty if there is one.
     """
 
     fixed_T_moving: np.ndarray | None
@@ -48,9 +60,22 @@ class Answer:
 
 
 def read_answer(path: Path) -> Answer:
-    """Read an answer from JSON as ``study=register`` writes it, or a bare transform (JSON, .tfm, .h5).
+    """Read a result from JSON as ``study=register`` writes it, or a bare transform (JSON, .tfm, .h5).
 
-    Only ``fixed_T_moving`` must be there; null stands for no answer. Raises InputError that names the file.
+    Parameters
+    ----------
+    path : Path
+        File to read. Only ``fixed_T_moving`` is required in JSON; null stands for no result.
+
+    Returns
+    -------
+    Answer
+        The result; what the file does not hold has the defaults of the class.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, is not such a file, or holds an unknown verdict; the message names the file.
     """
     told = _object(path) if path.suffix.lower() == ".json" else {}
     verdict = told.get("verdict", NOT_JUDGED)
@@ -79,11 +104,26 @@ def read_answer(path: Path) -> Answer:
 
 
 def answer_row(answer: Answer, truth: CaseTruth, case: BenchmarkCase | None) -> dict[str, Any]:
-    """The row of one case: what it is, its errors, and what the method thought of its answer.
+    """Score one result: what its case is, its errors, and how the method judged it.
 
-    No answer has infinite errors. An answer that was not accepted, or was wrongly by a method that judges itself, is
-    compared with the best second pose there is (``second_pose_gap``, in standard errors, and its ``second_tre_mm``),
-    where the case is at hand. ``ambiguous_rightly`` is 1 or 0 for those that were not accepted.
+    A missing result has infinite errors. A result that was not accepted, or was wrong although its method
+    judges its results, is compared with the best second pose there is (``second_pose_gap``, in standard
+    errors, and its ``second_tre_mm``). ``ambiguous_rightly`` is 1 or 0 for those that were not accepted.
+
+    Parameters
+    ----------
+    answer : Answer
+        Result to score.
+    truth : CaseTruth
+        Truth of the case.
+    case : BenchmarkCase or None
+        The case itself; None if it is not at hand: then what needs its clouds, such as the second pose, is
+        NaN.
+
+    Returns
+    -------
+    dict
+        Values by column name; errors in mm and deg, NaN where not defined.
     """
     pose = answer.fixed_T_moving
     score = PoseScore() if pose is None else score_pose(pose, truth, case)
@@ -122,12 +162,34 @@ def answer_row(answer: Answer, truth: CaseTruth, case: BenchmarkCase | None) -> 
 
 
 def plain(value: float) -> float | None:
-    """A number for JSON, which has no NaN and no infinity: null stands for both."""
+    """Convert a number for JSON, which has no NaN and no infinity.
+
+    Parameters
+    ----------
+    value : float
+        Any number.
+
+    Returns
+    -------
+    float or None
+        The number; None if it is NaN or infinite.
+    """
     return float(value) if math.isfinite(value) else None
 
 
 def plain_metrics(metrics: Mapping[str, float]) -> dict[str, float | None]:
-    """Metrics for JSON."""
+    """Convert metrics for JSON, which has no NaN and no infinity.
+
+    Parameters
+    ----------
+    metrics : Mapping[str, float]
+        Scalars by name.
+
+    Returns
+    -------
+    dict
+        The same with None for NaN and infinity.
+    """
     return {name: plain(value) for name, value in metrics.items()}
 
 

@@ -22,7 +22,21 @@ IN_WORDS = {
 
 
 def mask_record(found: Gathered, frame: np.ndarray) -> dict[str, Any]:
-    """Which masks were rejected and why; ``frame`` (k,) is the number of each mask in the recording."""
+    """Record which masks were rejected and why.
+
+    Parameters
+    ----------
+    found : Gathered
+        Masks and contours of a sweep.
+    frame : ndarray of int, shape (k,)
+        Number of each mask's frame in the recording.
+
+    Returns
+    -------
+    dict
+        Content for JSON: rejected frames with reasons, counts by reason, frames with specks, empty frames,
+        undecided share.
+    """
     checked = found.checked
     return {
         "rejected": [
@@ -38,7 +52,20 @@ def mask_record(found: Gathered, frame: np.ndarray) -> dict[str, Any]:
 
 
 def surface_record(found: Reconstructed, frame: np.ndarray) -> dict[str, Any]:
-    """The pieces of the surface and what was left out of them, and the gaps between frames that stayed open."""
+    """Record the pieces of the surface, what was left out, and the gaps between frames that stayed open.
+
+    Parameters
+    ----------
+    found : Reconstructed
+        Reconstruction of a sweep.
+    frame : ndarray of int, shape (k,)
+        Number of each mask's frame in the recording.
+
+    Returns
+    -------
+    dict
+        Content for JSON; lengths in mm, shares from 0 to 1.
+    """
     shown, steps_mm = steps_along(found)
     wide = np.flatnonzero(steps_mm > found.gap_mm)
     swept_mm = float(steps_mm.sum())
@@ -60,7 +87,20 @@ def surface_record(found: Reconstructed, frame: np.ndarray) -> dict[str, Any]:
 
 
 def numbers(masks: dict[str, Any], surface: dict[str, Any] | None) -> dict[str, float]:
-    """Scalars for the tracker; those of a surface that there is none of are NaN."""
+    """Convert the records into scalars for the tracker.
+
+    Parameters
+    ----------
+    masks : dict
+        As ``mask_record`` gives it.
+    surface : dict or None
+        As ``surface_record`` gives it; None if there is no surface, whose numbers are then NaN.
+
+    Returns
+    -------
+    dict
+        Scalars by the name of the metric.
+    """
     found = {
         "frames_rejected": float(len(masks["rejected"])),
         **{f"rejected_{reason}": float(count) for reason, count in masks["rejected_by_reason"].items()},
@@ -73,7 +113,20 @@ def numbers(masks: dict[str, Any], surface: dict[str, Any] | None) -> dict[str, 
 
 
 def sentences(masks: dict[str, Any], surface: dict[str, Any] | None) -> tuple[str, ...]:
-    """What a user has to know of it; nothing where nothing was left out."""
+    """Describe what was left out, for the user.
+
+    Parameters
+    ----------
+    masks : dict
+        As ``mask_record`` gives it.
+    surface : dict or None
+        As ``surface_record`` gives it; None if there is no surface.
+
+    Returns
+    -------
+    tuple of str
+        Sentences; none if nothing was left out.
+    """
     return (*_of_masks(masks), *(() if surface is None else _of_surface(surface)))
 
 
@@ -125,9 +178,21 @@ def _of_surface(surface: dict[str, Any]) -> list[str]:
 
 
 def steps_along(found: Gathered) -> tuple[np.ndarray, np.ndarray]:
-    """Which masks have contours, (s,), and how far it is from each to the next, (s - 1,), in mm.
+    """Measure the steps from each contour to the next along the image's normal.
 
-    It is measured along the picture's normal: the vessel's own way in the picture is no gap.
+    The in-plane path of the vessel counts as no gap.
+
+    Parameters
+    ----------
+    found : Gathered
+        Masks and contours of a sweep.
+
+    Returns
+    -------
+    shown : ndarray of int, shape (s,)
+        Indices of the masks that have contours, ascending.
+    steps_mm : ndarray, shape (s - 1,)
+        Distance in mm from each of them to the next.
     """
     contours = found.contours
     shown = np.unique(contours.frame_index)

@@ -11,10 +11,19 @@ from experiments.errors import InputError
 
 @dataclass(frozen=True)
 class RiskCoverage:
-    """The share of wrong answers, ``risk`` (n,), among the surest k of n, whose share is ``coverage`` (n,).
+    """Share of wrong results among the k of n that a method is surest of, for every k.
 
-    ``area`` is the mean of the risk over all k: 0 where every answer is right, the error rate where the order says
-    nothing. ``least_area`` is that of the best order there could be.
+    Parameters
+    ----------
+    coverage : ndarray, shape (n,)
+        Share k / n of results that are accepted.
+    risk : ndarray, shape (n,)
+        Share of wrong ones among these.
+    area : float
+        Mean of the risk over all k: 0 if every result is right, the error rate if the order carries no
+        information.
+    least_area : float
+        The same for the best possible order.
     """
 
     coverage: np.ndarray
@@ -24,11 +33,33 @@ class RiskCoverage:
 
 
 def risk_coverage(wrong: np.ndarray, doubt: np.ndarray) -> RiskCoverage:
-    """Accept answers in order of their ``doubt``, least first (El-Yaniv and Wiener, J. Mach. Learn. Res. 11, 2010).
+    """Accept results in order of their doubt, least first, and compute the risk at each coverage.
 
-    Answers of equal doubt are in no order: each counts as the mean of theirs. A NaN is the greatest doubt. Raises
-    InputError for no answers, or as many doubts as not answers.
+    Results of equal doubt have no order: each counts as the mean of theirs.
 
+    Parameters
+    ----------
+    wrong : ndarray of bool, shape (n,)
+        Whether each result is wrong.
+    doubt : ndarray, shape (n,)
+        Doubt in each result, in any unit; NaN counts as the greatest.
+
+    Returns
+    -------
+    RiskCoverage
+        The curve and the area under it.
+
+    Raises
+    ------
+    InputError
+        If there is no result, or not one doubt for each.
+
+    References
+    ----------
+    R. El-Yaniv and Y. Wiener, J. Mach. Learn. Res. 11, 2010.
+
+    Examples
+    --------
     >>> risk_coverage(np.array([True, False]), np.array([2.0, 1.0])).risk.tolist()
     [0.0, 0.5]
     """

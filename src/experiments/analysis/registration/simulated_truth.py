@@ -20,15 +20,36 @@ FIXED_FRAME = "ct"
 
 
 def targets_of(truth: SimulatedSweep) -> np.ndarray:
-    """Where the error is measured, (t, 3) in mm in the ct frame: the centerline, or the surface where there is none.
+    """Give the points at which the error is measured: the centerline, or the surface if there is none.
 
-    They are the same whatever the seed of a run, so that two answers are measured at the same places.
+    They do not depend on the seed of a run, so that two results are measured at the same points.
+
+    Parameters
+    ----------
+    truth : SimulatedSweep
+        Simulated sweep with its truth.
+
+    Returns
+    -------
+    ndarray, shape (t, 3)
+        Points in the ct frame in mm.
     """
     return target_points(truth.anatomy, truth.centerline)
 
 
 def truth_record(truth: SimulatedSweep) -> dict[str, Any]:
-    """The content of truth.json, under the names that a registration's answer has."""
+    """Make the content of ``truth.json``, under the names that a registration's result has.
+
+    Parameters
+    ----------
+    truth : SimulatedSweep
+        Simulated sweep with its truth.
+
+    Returns
+    -------
+    dict
+        Content for JSON: pose, names of the coordinate frames, targets in mm.
+    """
     return {
         "fixed_T_moving": truth.ct_T_world.tolist(),
         "moving_frame": "world",
@@ -41,9 +62,23 @@ def truth_record(truth: SimulatedSweep) -> dict[str, Any]:
 
 
 def read_targets(path: Path) -> tuple[np.ndarray, str] | None:
-    """The targets (t, 3) in mm in such a file and the name of their frame; None for a file of another kind.
+    """Read the targets of a simulated sweep's truth.
 
-    Raises InputError for targets that are no points, or that lie in a frame other than that of the fixed model.
+    Parameters
+    ----------
+    path : Path
+        File to read.
+
+    Returns
+    -------
+    tuple[ndarray, str] or None
+        Points of shape (t, 3) in mm and the name of their coordinate frame; None for a file of another kind.
+
+    Raises
+    ------
+    InputError
+        If a .json file holds no JSON, or the targets are no points or lie in another coordinate frame than
+        the fixed model.
     """
     try:
         told = json.loads(path.read_text(encoding="utf-8")) if path.suffix.lower() == ".json" else None

@@ -23,12 +23,29 @@ SMOKE = "smoke-trained "
 
 
 def pool(results: Sequence[JobResult], factors: Sequence[str] = ()) -> pd.DataFrame:
-    """The cases of all jobs, with models and data sets named apart by what was chosen for them.
+    """Pool the cases of all jobs, with models and data sets named apart by what was chosen for them.
 
-    Two widths of one network, or one network with two augmentations, become two models (``unet model.width=8``, ``unet
-    augmentation=strong``), and two folders or subsets of one kind of data set become two data sets (``folder
-    dataset.root=/data/a``), so that their cases are never mixed. Folds and seeds are repetitions of one model;
-    ``factors`` are settings that the cases have a column of their own for.
+    Two widths of one network, or one network with two augmentations, become two models (``unet
+    model.width=8``, ``unet augmentation=strong``), and two folders or subsets of one kind of data set become
+    two data sets (``folder dataset.root=/data/a``), so that their cases are never mixed. Folds and seeds are
+    repetitions of one model.
+
+    Parameters
+    ----------
+    results : sequence of JobResult
+        The jobs; those without cases are left out.
+    factors : sequence of str, optional
+        Settings for which the cases have a column of their own.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row for each case of each job.
+
+    Raises
+    ------
+    InputError
+        If no job has cases.
     """
     import pandas as pd
 
@@ -63,44 +80,136 @@ def _named(cases: pd.DataFrame, choices: Mapping[str, str]) -> pd.DataFrame:
 
 
 def groups(cases: pd.DataFrame) -> Iterator[tuple[str, str, pd.DataFrame]]:
-    """Model, data set (marked where simulated) and cases of each pair of the two."""
+    """Split the cases by model and data set.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Per-case table, as ``pool`` gives it.
+
+    Yields
+    ------
+    tuple[str, str, pandas.DataFrame]
+        Model, label of the data set (marked if simulated) and cases of each pair of the two.
+    """
     for key, group in cases.groupby(["model", "dataset", "simulated"], sort=False):
         model, dataset, simulated = key
         yield str(model), dataset_label(str(dataset), bool(simulated)), group
 
 
 def dataset_label(dataset: str, simulated: bool) -> str:
-    """The name of a data set as everything that is shown has it."""
+    """Give the name of a data set as tables, figures and findings show it.
+
+    Parameters
+    ----------
+    dataset : str
+        Name of the data set.
+    simulated : bool
+        Whether it is simulated, which the label says.
+
+    Returns
+    -------
+    str
+        The label.
+    """
     return f"{dataset}{SIMULATED}" if simulated else dataset
 
 
 def place_of(label: str) -> str:
-    """The name of a data set as metrics have it: without the mark of a simulated one."""
+    """Give the name of a data set as metrics have it: without the mark of a simulated one.
+
+    Parameters
+    ----------
+    label : str
+        As ``dataset_label`` gives it.
+
+    Returns
+    -------
+    str
+        The name.
+    """
     return label.removesuffix(SIMULATED)
 
 
 def distances(cases: pd.DataFrame) -> list[str]:
-    """The penalised HD95 in mm, in px or in both, as the cases have it."""
+    """List the columns of the penalised HD95 that the cases have: in mm, in px or in both.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Per-case table.
+
+    Returns
+    -------
+    list of str
+        Names of the columns that hold a number, mm first.
+    """
     return [name for name in DISTANCES if name in cases and cases[name].notna().any()]
 
 
 def distance(cases: pd.DataFrame) -> str:
-    """The penalised HD95 in mm where the cases have one, else in px."""
+    """Give the column of the penalised HD95 in mm if the cases have one, else of that in px.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Per-case table.
+
+    Returns
+    -------
+    str
+        Name of the column.
+    """
     return next(iter(distances(cases)), DISTANCES[-1])
 
 
 def scores(cases: pd.DataFrame) -> list[str]:
-    """The columns that hold scores."""
+    """List the columns that hold scores.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Per-case table.
+
+    Returns
+    -------
+    list of str
+        Names of the columns.
+    """
     return [name for name in CaseScore.__dataclass_fields__ if name in cases]
 
 
 def is_smoke(cases: pd.DataFrame) -> pd.Series:
-    """Which rows are of networks whose training shows that all works and not how well."""
+    """Mark the rows of networks that ``trainer=smoke`` trained.
+
+    Such a training shows that everything works and not how well a network segments.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Per-case table.
+
+    Returns
+    -------
+    pd.Series
+        Truth values by row of ``cases``.
+    """
     return cases["model"].astype(str).str.startswith(SMOKE)
 
 
 def smoke_note(cases: pd.DataFrame) -> tuple[str, ...]:
-    """What such networks are good for, in a sentence; nothing where there are none."""
+    """Explain what smoke-trained networks are good for.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Per-case table.
+
+    Returns
+    -------
+    tuple of str
+        One sentence; none if there are no such networks.
+    """
     if not is_smoke(cases).any():
         return ()
     return (
@@ -110,15 +219,41 @@ def smoke_note(cases: pd.DataFrame) -> tuple[str, ...]:
 
 
 def seeds(cases: pd.DataFrame) -> list[object]:
-    """The seeds that the cases were scored with; none where they have no such column."""
+    """List the seeds that the cases were scored with.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Per-case table.
+
+    Returns
+    -------
+    list of object
+        Different seeds, ascending; empty if the cases have no such column.
+    """
     return sorted(cases["seed"].unique()) if "seed" in cases else []
 
 
 def once_each(cases: pd.DataFrame) -> pd.DataFrame:
-    """One row for each case and model: scores of several seeds, or of the networks of several folds, are averaged.
+    """Reduce the cases to one row for each case and model: scores of several seeds or folds are averaged.
 
-    A score that is undefined in some repetitions is averaged over the others. ``missed`` and ``false_alarm`` become
-    the share of repetitions. Raises InputError when one network scored a case twice: two settings under one name.
+    A score that is undefined in some repetitions is averaged over the others. ``missed`` and ``false_alarm``
+    become the share of repetitions.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Per-case table.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The averaged scores; ``cases`` itself if nothing is repeated.
+
+    Raises
+    ------
+    InputError
+        If a network scored a case twice for one seed and fold: two settings under one name.
     """
     keys = [name for name in CASE if name in cases]
     again = cases.duplicated([*keys, *(name for name in REPETITION if name in cases)])

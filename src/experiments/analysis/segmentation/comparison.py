@@ -38,18 +38,36 @@ class _SharedCases:
 
 
 def compare_models(cases: pd.DataFrame) -> pd.DataFrame:
-    """Every pair of models on every data set, by DSC and HD95 (both penalised), one row each; none without a pair.
+    """Compare every pair of models on every data set, by DSC and by HD95 (both penalised).
 
-    HD95 is in mm where a data set has it, else in px. Only cases that all models of the data set scored, with the
-    same seeds, are compared; ``left_out`` counts the others. A case is averaged over its seeds first, then a group
-    over its cases: ``units`` counts groups, and means are over groups. Differences are the first model less the
-    second, with bootstrap 95 % intervals. ``p`` is that of the exact signed-rank test, ``p_holm`` adjusted for all
-    pairs of models on that data set and metric, ``least_p`` the smallest that so many groups can give. ``equivalent``
-    says that the DSC differs by less than 0.01: ``equivalence_p_holm`` is of the two one-sided tests, adjusted alike,
-    and the 90 % interval of the mean difference must lie within as well (see ``PairedComparison``). HD95 has no agreed
-    margin. A model is ``better`` where the adjusted test and the interval of the mean agree on it, ``better in rank
-    only`` where that interval holds 0. Where no case was scored by all, a row has 0 units and no numbers. Networks
-    that trainer=smoke trained are compared with nothing.
+    HD95 is in mm if a data set has it, else in px. Only cases that all models of the data set scored, with
+    the same seeds, are compared. A case is averaged over its seeds first, then a group over its cases: means
+    are over groups. Networks that ``trainer=smoke`` trained are compared with nothing.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Per-case table, as ``pool`` gives it.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row for each pair, data set and metric; no row without a pair. ``units`` counts groups,
+        ``left_out`` the cases that not all models scored. Where no case was scored by all, a row has 0 units
+        and no numbers.
+
+    Notes
+    -----
+    Differences are the first model minus the second, with bootstrap 95 % intervals. ``p`` is that of the
+    exact signed-rank test, ``p_holm`` adjusted for all pairs of models on that data set and metric,
+    ``least_p`` the smallest that so many groups can give.
+
+    ``equivalent`` says that the DSC differs by less than 0.01: ``equivalence_p_holm`` is of the two one-sided
+    tests, adjusted alike, and the 90 % interval of the mean difference must lie within as well (see
+    ``PairedComparison``). HD95 has no agreed margin.
+
+    A model is ``better`` if the adjusted test and the interval of the mean agree on it, ``better in rank
+    only`` if that interval holds 0.
     """
     import pandas as pd
 

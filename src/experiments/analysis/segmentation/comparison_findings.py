@@ -23,7 +23,18 @@ TRACKED = (
 
 
 def comparison_table(compared: pd.DataFrame) -> pd.DataFrame:
-    """What ``compare_models`` found as a narrow table of text: differences with intervals, p-values, verdicts."""
+    """Make a narrow table of text of the comparison: differences with intervals, p-values, verdicts.
+
+    Parameters
+    ----------
+    compared : pandas.DataFrame
+        As ``compare_models`` gives it.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row for each pair, data set and metric.
+    """
     import pandas as pd
 
     rows = []
@@ -43,7 +54,18 @@ def comparison_table(compared: pd.DataFrame) -> pd.DataFrame:
 
 
 def comparison_metrics(compared: pd.DataFrame) -> dict[str, float]:
-    """What ``compare_models`` found as metrics of a run: ``<first> - <second>/<dataset>/<metric>_<number>``."""
+    """Make metrics of a run from the comparison.
+
+    Parameters
+    ----------
+    compared : pandas.DataFrame
+        As ``compare_models`` gives it.
+
+    Returns
+    -------
+    dict
+        Scalars under ``<first> - <second>/<dataset>/<metric>_<number>``; numbers that are NaN are absent.
+    """
     metrics: dict[str, float] = {}
     for row in compared.to_dict("records"):
         trained = f"{row['trained_on']}/" if "trained_on" in row else ""
@@ -53,7 +75,18 @@ def comparison_metrics(compared: pd.DataFrame) -> dict[str, float]:
 
 
 def describe_comparison(compared: pd.DataFrame) -> tuple[str, ...]:
-    """One sentence for each pair, data set and metric, which claims what its test shows and nothing else."""
+    """Describe the comparison in sentences that claim what its tests show and nothing else.
+
+    Parameters
+    ----------
+    compared : pandas.DataFrame
+        As ``compare_models`` gives it.
+
+    Returns
+    -------
+    tuple of str
+        One sentence for each pair, data set and metric.
+    """
     if not len(compared):
         return ()
     families = compared.groupby([name for name in FAMILY if name in compared])["least_p"]

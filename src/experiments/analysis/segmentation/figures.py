@@ -20,7 +20,22 @@ LEGEND = "dot: mean of a group; grey: a case beyond the whiskers; a missed vesse
 
 
 def training_curves(history: Sequence[Mapping[str, float]], best_epoch: int, title: str) -> Figure:
-    """Losses and validation DSC by epoch, with the epoch whose weights were kept."""
+    """Draw losses and validation DSC by epoch, and the epoch whose weights were kept.
+
+    Parameters
+    ----------
+    history : sequence of Mapping[str, float]
+        Metrics of each epoch, from 0.
+    best_epoch : int
+        Epoch whose weights were kept.
+    title : str
+        Title of the figure.
+
+    Returns
+    -------
+    Figure
+        Two axes beside each other.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.0, 3.4), layout="constrained")
@@ -40,7 +55,22 @@ def training_curves(history: Sequence[Mapping[str, float]], best_epoch: int, tit
 def overlays(
     frames: LabelledFrames, predictions: Mapping[str, np.ndarray], cases: pd.DataFrame
 ) -> dict[str, Figure]:
-    """Outlines of prediction and reference on the cases with the best, the median and the worst DSC."""
+    """Draw the outlines of prediction and reference on the cases with the best, the median and the worst DSC.
+
+    Parameters
+    ----------
+    frames : LabelledFrames
+        Images with their reference masks.
+    predictions : Mapping[str, ndarray]
+        Predicted mask of each case at native resolution, by case.
+    cases : pandas.DataFrame
+        Per-case table of these predictions.
+
+    Returns
+    -------
+    dict
+        One figure by its file stem; empty if no case has a DSC.
+    """
     from matplotlib.figure import Figure
 
     ranked = cases[cases["dsc"].notna()].sort_values("dsc", ascending=False, ignore_index=True)
@@ -63,11 +93,21 @@ def overlays(
 
 
 def spread(cases: pd.DataFrame) -> Figure:
-    """Box plots of DSC and HD95 over cases by model and fold, a row of axes for each data set.
+    """Draw box plots of DSC and HD95 over cases by model and fold, a row of axes for each data set.
 
-    Boxes are quartiles with the median, whiskers reach to 1.5 times their range. Cases beyond are grey; a dot is the
-    mean of a group, the unit of every interval and test. HD95 is in mm where the data set has it, else in px, on an
-    axis that is linear up to 1 and logarithmic beyond.
+    Boxes are quartiles with the median, whiskers reach to 1.5 times their range. Cases beyond are grey; a dot
+    is the mean of a group, the unit of every interval and test. HD95 is in mm if the data set has it, else in
+    px, on an axis that is linear up to 1 and logarithmic beyond.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Per-case table, as ``pool`` gives it.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     from matplotlib.figure import Figure
 

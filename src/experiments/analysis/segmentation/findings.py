@@ -17,7 +17,19 @@ FEW = f" From fewer than {FEW_GROUPS} groups, such intervals are too narrow."
 
 
 def describe(cases: pd.DataFrame) -> tuple[str, ...]:
-    """One sentence for each model and data set."""
+    """Describe each model on each data set in a sentence.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Per-case table, as ``pool`` gives it.
+
+    Returns
+    -------
+    tuple of str
+        One sentence for each model and data set: mean DSC and HD95 with 95 % intervals, missed vessels and
+        false alarms.
+    """
     sentences = []
     for model, label, group in groups(cases):
         folds = ", ".join(str(fold) for fold in sorted(group["fold"].unique()))

@@ -50,7 +50,27 @@ def require_fitting_size(model: NetworkRecipe, preprocessing: Preprocessing) -> 
 
 
 def fold_jobs(split: GroupSplits, outer_fold: object, fold: object) -> list[dict[str, int]]:
-    """A job for each fold of ``split``, or for those that ``outer_fold`` and ``fold`` name (null: all)."""
+    """List the jobs of a study that trains in folds.
+
+    Parameters
+    ----------
+    split : GroupSplits
+        The split with its folds.
+    outer_fold : object
+        Number of an outer fold; None for all of them.
+    fold : object
+        Number of a fold; None for all of them.
+
+    Returns
+    -------
+    list of dict
+        Settings ``fold``, and ``outer_fold`` if the split is nested, of each job.
+
+    Raises
+    ------
+    InputError
+        If there is no such fold, or an outer fold is named and the split has none.
+    """
     pairs = split.pairs()
     nested = any(outer is not None for outer, _ in pairs)
     if not nested and outer_fold is not None:
@@ -67,7 +87,27 @@ def fold_jobs(split: GroupSplits, outer_fold: object, fold: object) -> list[dict
 
 @dataclass(frozen=True)
 class FoldRun:
-    """The settings that train and use a network in one fold, and where it stands among the folds."""
+    """Settings that train and use a network in one fold, and its place among the folds.
+
+    Parameters
+    ----------
+    model : NetworkRecipe
+        Network to train.
+    preprocessing : Preprocessing
+        Preprocessing of the images.
+    trainer : TrainerSettings
+        Settings of the training.
+    augmentation : Augmentation
+        Augmentation of the training images.
+    loss : Loss
+        Loss to minimise.
+    seed : int
+        Seed of every random choice of the training.
+    fold : int
+        Number of the fold.
+    outer_fold : int or None, optional
+        Number of the outer fold; None for a split that is not nested.
+    """
 
     model: NetworkRecipe
     preprocessing: Preprocessing
@@ -80,15 +120,31 @@ class FoldRun:
 
     @property
     def model_name(self) -> str:
-        """What tables call the network; one that was trained for a look alone is called so on every line."""
+        """Name of the network in tables; that of a smoke-trained network begins with ``smoke-trained``."""
         name = str(getattr(self.model, "label", self.model.name))
         return f"{SMOKE}{name}" if self.trainer.smoke else name
 
     def train(self, frames: LabelledFrames, split: Split, workspace: Path, progress: Progress) -> TrainedFold:
-        """Train on the fold's ``train`` and ``validation`` cases; leaves ``model.pt`` in ``workspace``.
+        """Train on the fold's ``train`` and ``validation`` cases.
 
-        What an interrupted training is gone on with from lies in the project's cache: the workspace goes when the job
-        fails.
+        The state from which an interrupted training is resumed lies in the project's cache, because the
+        workspace is deleted when the job fails.
+
+        Parameters
+        ----------
+        frames : LabelledFrames
+            Labelled frames of the data set.
+        split : Split
+            Split into parts for this fold.
+        workspace : Path
+            Folder of the job; ``model.pt`` is left in it.
+        progress : Progress
+            Shows the epochs.
+
+        Returns
+        -------
+        TrainedFold
+            Training result with the path of the checkpoint.
         """
         from models.training.fold import train_fold
         from models.training.spec import FoldTraining
@@ -119,7 +175,28 @@ class FoldRun:
     def score(
         self, trained: TrainedFold, dataset: DataSet, frames: LabelledFrames, progress: Progress, **about: Any
     ) -> tuple[pd.DataFrame, dict[str, np.ndarray]]:
-        """A row for each of ``frames`` with its scores at native resolution, and the masks by case."""
+        """Predict frames with the trained network and score the predictions at native resolution.
+
+        Parameters
+        ----------
+        trained : TrainedFold
+            Training result of this fold.
+        dataset : DataSet
+            Data set of ``frames``, for its name.
+        frames : LabelledFrames
+            Frames to predict, with their reference masks.
+        progress : Progress
+            Shows the cases.
+        **about : Any
+            Values of further columns, the same for all rows.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Scores, one row for each frame.
+        dict of ndarray
+            Predicted masks by case.
+        """
         import pandas as pd
 
         from models.evaluation import predict, score_cases
@@ -137,7 +214,19 @@ class FoldRun:
 
 
 def training_metrics(trained: TrainedFold) -> dict[str, float]:
-    """How a training went, as scalars: the median epoch's images a second, the most memory of any."""
+    """Summarise how a training went, as scalars.
+
+    Parameters
+    ----------
+    trained : TrainedFold
+        Training result.
+
+    Returns
+    -------
+    dict
+        Best validation DSC and its epoch, number of epochs, time in s, images per s of the median epoch, and
+        the largest peak memory of any epoch in MB.
+    """
     return {
         "validation_dsc_best": trained.best_validation_dsc,
         "best_epoch": float(trained.best_epoch),

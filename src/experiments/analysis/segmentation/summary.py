@@ -15,11 +15,22 @@ RATES = ("missed", "false_alarm")
 
 
 def pooled_metrics(cases: pd.DataFrame) -> dict[str, float]:
-    """The summary of every score over all cases; of several models or data sets, each under its own name.
+    """Summarise every score over all cases; with several models or data sets, each under its own name.
 
-    A case counts once, by its mean over seeds. ``<score>_ci_low`` and ``_ci_high`` are the bootstrap 95 % interval of
-    the mean over groups, ``<rate>_rate_low`` and ``_high`` Wilson's; ``dsc_seed_std`` is the spread of the mean over
-    seeds. Each stands only where it is defined: an interval from two groups on.
+    A case counts once, by its mean over seeds. ``<score>_ci_low`` and ``_ci_high`` are the bootstrap 95 %
+    interval of the mean over groups, ``<rate>_rate_low`` and ``_high`` Wilson's; ``dsc_seed_std`` is the
+    standard deviation over seeds of the mean. Each is present only if it is defined: an interval needs two
+    groups.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Per-case table, as ``pool`` gives it.
+
+    Returns
+    -------
+    dict
+        Scalars by the name of the metric, after ``<model>/<dataset>/`` if there are several.
     """
     parts = list(groups(cases))
     metrics: dict[str, float] = {}
@@ -30,13 +41,35 @@ def pooled_metrics(cases: pd.DataFrame) -> dict[str, float]:
 
 
 def plain_summary(cases: pd.DataFrame) -> dict[str, float]:
-    """The summary of every score of one model on one data set, each case once."""
+    """Summarise every score of one model on one data set, each case once, without intervals.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Per-case table of one model and data set.
+
+    Returns
+    -------
+    dict
+        Scalars by the name of the metric.
+    """
     each = once_each(cases)
     return summarise({name: each[name] for name in scores(cases)})
 
 
 def bounded_summary(cases: pd.DataFrame) -> dict[str, float]:
-    """The summary of one model on one data set, and the bounds of what it states."""
+    """Summarise every score of one model on one data set, with intervals.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Per-case table of one model and data set.
+
+    Returns
+    -------
+    dict
+        Scalars by the name of the metric; bounds that are not defined are absent.
+    """
     each, numbers = once_each(cases), plain_summary(cases)
     for score in ("dsc", *distances(cases)):
         defined = each[each[score].notna()]
@@ -55,7 +88,18 @@ def bounded_summary(cases: pd.DataFrame) -> dict[str, float]:
 
 
 def unpenalised(cases: pd.DataFrame) -> list[str]:
-    """The HD95 without penalty, in the unit of each penalised one that the cases have."""
+    """List the columns of the HD95 without penalty, in the unit of each penalised one that the cases have.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Per-case table.
+
+    Returns
+    -------
+    list of str
+        Names of the columns that hold a number, mm first.
+    """
     return [
         name
         for name in ("hd95_unpenalised_mm", "hd95_unpenalised_px")

@@ -23,9 +23,19 @@ if TYPE_CHECKING:
 
 
 def table(cases: pd.DataFrame) -> pd.DataFrame:
-    """DSC and HD95 by model, data set, seed (where there are several) and fold, and over all of them.
+    """Tabulate DSC and HD95 by model, data set, seed (if there are several) and fold, and over all of them.
 
-    The HD95 of the cases in which both masks show a vessel stands beside the penalised one, with their number.
+    The HD95 of the cases in which both masks show a vessel follows the penalised one, with their number.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Per-case table, as ``pool`` gives it.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Numbers, one row for each fold of each model and data set, then one over all folds.
     """
     import pandas as pd
 
@@ -47,12 +57,24 @@ def table(cases: pd.DataFrame) -> pd.DataFrame:
 
 
 def intervals(cases: pd.DataFrame) -> pd.DataFrame:
-    """Every model on every data set with 95 % intervals: DSC, HD95, missed vessels, false alarms.
+    """Tabulate every model on every data set with 95 % intervals: DSC, HD95, missed vessels, false alarms.
 
-    Means are over cases, each once; their intervals resample whole groups (see ``Bootstrap``). Wilson's intervals of
-    the rates count cases as independent, which cases of one group are not: they are the narrower for it. The HD95
-    without penalty is shown with its number of cases and has no interval, for it leaves out other cases in each
-    model.
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Per-case table, as ``pool`` gives it.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Numbers, one row for each model and data set.
+
+    Notes
+    -----
+    Means are over cases, each once; their intervals resample whole groups (see ``Bootstrap``). Wilson's
+    intervals of the rates count cases as independent, which cases of one group are not: they are too narrow
+    for that reason. The HD95 without penalty is shown with its number of cases and has no interval, because
+    it leaves out different cases for each model.
     """
     import pandas as pd
 
@@ -72,7 +94,21 @@ def intervals(cases: pd.DataFrame) -> pd.DataFrame:
 
 
 def tables(cases: pd.DataFrame, compared: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """What is printed of a study: all models with intervals, what their comparison says, and each data set by fold."""
+    """Make the tables that a study prints.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Per-case table, as ``pool`` gives it.
+    compared : pandas.DataFrame
+        As ``compare_models`` gives it; may be empty.
+
+    Returns
+    -------
+    dict
+        Tables by title: all models with intervals, their comparison if there is one, and each data set by
+        fold.
+    """
     shown = {"segmentation": _in_words(intervals(cases))}
     if len(compared):
         shown["comparison"] = comparison_table(compared)

@@ -22,12 +22,34 @@ DEFAULT_FOLDER = Path(".cache") / "rigid_benchmark"
 
 
 def frozen_file() -> Path:
-    """Where the digests of all cases stand, by subset and case."""
+    """Give the file that holds the digests of all cases, by subset and case.
+
+    Returns
+    -------
+    Path
+        Path of the committed JSON file; it need not exist.
+    """
     return conf_dir() / "benchmark" / "rigid.json"
 
 
 def subset_specs(subset: str) -> tuple[CaseSpec, ...]:
-    """The cases of a subset, or InputError that names the subsets there are."""
+    """List the cases of a subset.
+
+    Parameters
+    ----------
+    subset : str
+        Name of the subset.
+
+    Returns
+    -------
+    tuple of CaseSpec
+        The cases, in a fixed order.
+
+    Raises
+    ------
+    InputError
+        If the subset is unknown; the message names those there are.
+    """
     try:
         return specs(subset)
     except registration_errors.InputError as refusal:
@@ -37,11 +59,28 @@ def subset_specs(subset: str) -> tuple[CaseSpec, ...]:
 def make_cases(
     folder: Path, wanted: Sequence[CaseSpec], workers: int, progress: Progress, subset: str
 ) -> tuple[str, ...]:
-    """Make the cases that ``folder`` (of a subset) does not hold yet, and say in sentences which are not as frozen.
+    """Make the cases that a folder does not hold yet, and say which are not the frozen ones.
 
-    Cases are independent of each other and of the number of ``workers``. A case that is there as a whole is left as
-    it is, so that a run that was stopped goes on. Several runs may ask for the same cases: one makes them, the others
-    wait.
+    Cases are independent of each other and of the number of processes. A complete case is left as it is, so
+    that a stopped run is resumed. Several runs may ask for the same cases: one makes them, the others wait.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the subset's cases; made if it is missing.
+    wanted : sequence of CaseSpec
+        Cases that must be there afterwards.
+    workers : int
+        Number of processes at most.
+    progress : Progress
+        Shows how many cases are made.
+    subset : str
+        Name of the subset, for messages and to find the frozen digests.
+
+    Returns
+    -------
+    tuple of str
+        One sentence if cases differ from the frozen ones, else none.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with FileLock(folder / ".lock"):
@@ -54,7 +93,22 @@ def make_cases(
 
 
 def differences(folder: Path, names: Sequence[str], subset: str) -> tuple[str, ...]:
-    """A sentence that says how many cases are not the frozen ones; none where all are."""
+    """Say how many cases are not the frozen ones.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the subset's cases.
+    names : sequence of str
+        Names of the cases to compare.
+    subset : str
+        Name of the subset.
+
+    Returns
+    -------
+    tuple of str
+        One sentence with the number and the first of them; none if all are as frozen.
+    """
     frozen = frozen_digests().get(subset, {})
     changed = [name for name in names if frozen.get(name) != written_digest(folder, name)]
     if not changed:
@@ -67,7 +121,13 @@ def differences(folder: Path, names: Sequence[str], subset: str) -> tuple[str, .
 
 
 def frozen_digests() -> dict[str, dict[str, str]]:
-    """The digest of every case of every subset, as committed; empty where there is no such file."""
+    """Read the committed digest of every case.
+
+    Returns
+    -------
+    dict
+        Digests by subset and name of the case; empty if there is no such file.
+    """
     path = frozen_file()
     if not path.is_file():
         return {}
@@ -76,7 +136,23 @@ def frozen_digests() -> dict[str, dict[str, str]]:
 
 
 def freeze(folders: dict[str, Path]) -> int:
-    """Commit to the cases as they are in ``folders`` (by subset): write their digests, and return how many."""
+    """Write the digests of the cases as they are on disk to the file of frozen digests.
+
+    Parameters
+    ----------
+    folders : dict
+        Folder of the cases of each subset to freeze; other subsets keep their digests.
+
+    Returns
+    -------
+    int
+        Number of digests in the file.
+
+    Raises
+    ------
+    InputError
+        If a folder lacks a case of its subset, or a subset is unknown.
+    """
     found = frozen_digests()
     for subset, folder in folders.items():
         found[subset] = {spec.name: written_digest(folder, spec.name) or "" for spec in subset_specs(subset)}

@@ -23,7 +23,19 @@ COLORS = dict(zip(VERDICTS, ("tab:blue", "tab:orange", "tab:red", "tab:gray"), s
 
 
 def benchmark_figures(cases: pd.DataFrame) -> dict[str, Figure]:
-    """One figure with three parts; the middle one is empty where no method predicts its error."""
+    """Draw risk against coverage, predicted against true error, and success by kind of case.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of all methods, as ``answer_row`` gives them, with a column ``method``.
+
+    Returns
+    -------
+    dict
+        One figure with three parts, by its file stem; the middle part is empty if no method predicts its
+        error.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(16, 4.6), layout="constrained")

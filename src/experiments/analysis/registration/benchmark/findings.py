@@ -25,7 +25,18 @@ NAMED_AT_MOST = 8
 
 
 def describe_benchmark(cases: pd.DataFrame) -> tuple[str, ...]:
-    """What was found, in sentences: some for each method, one for each pair with the most successful one."""
+    """Describe the scores of a benchmark in sentences.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of all methods, as ``answer_row`` gives them, with a column ``method``.
+
+    Returns
+    -------
+    tuple of str
+        Some sentences for each method, then one for each pair with the most successful method.
+    """
     methods = list(each_method(cases))
     said = [sentence for name, own in methods for sentence in _describe(name, own)]
     beside = beside_each_other(cases)

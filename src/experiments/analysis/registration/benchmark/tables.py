@@ -32,11 +32,22 @@ QUOTED = (
 
 
 def benchmark_metrics(cases: pd.DataFrame) -> dict[str, float]:
-    """The rates of one method with their Wilson 95 % bounds, summaries of its errors, and its areas of risk.
+    """Compute one method's rates with Wilson 95 % bounds, summaries of its errors, and its areas of risk.
 
-    ``success_tre`` is over all cases, ``success_accepted`` over those that it accepted, ``acceptance`` the share of
-    these; a method that does not judge has neither. ``interval_coverage`` is the share of predicted 90 % intervals that
-    hold the error, up to symmetry.
+    ``success_tre`` is over all cases, ``success_accepted`` over those that the method accepted,
+    ``acceptance`` their share; a method that does not judge its results has neither of the last two.
+    ``interval_coverage`` is the share of predicted 90 % intervals that hold the error, up to symmetry.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of one method, as ``answer_row`` gives them.
+
+    Returns
+    -------
+    dict
+        Scalars by the name of the metric; errors in mm and deg, run time in s. Metrics that are not defined
+        are absent.
     """
     judging = judges(cases)
     accepted = cases[cases["verdict"] == ACCEPTED] if judging else cases.iloc[:0]
@@ -68,28 +79,84 @@ def benchmark_metrics(cases: pd.DataFrame) -> dict[str, float]:
 
 
 def judges(cases: pd.DataFrame) -> bool:
-    """Whether the method says of its own answers which are right; one that gave no answer at all does not."""
+    """Tell whether a method has acceptance criteria, that is, says itself which of its results are right.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of one method.
+
+    Returns
+    -------
+    bool
+        True if every result has a verdict; False also if there is no result at all.
+    """
     own = cases.loc[cases["error"] == "", "verdict"]
     return bool(len(own) and (own != NOT_JUDGED).all())
 
 
 def over_cautious(cases: pd.DataFrame) -> pd.DataFrame:
-    """Answers that were right and doubted, although no second pose explains their case."""
+    """Select results that were right and not accepted, although no second pose explains their case.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of one or several methods.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The rows among ``cases``.
+    """
     return cases[doubted(cases) & cases[RIGHT] & (cases["ambiguous_rightly"] == 0)]
 
 
 def doubted(cases: pd.DataFrame) -> pd.Series:
-    """Which answers their own method did not accept."""
+    """Mark the results that their own method did not accept.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of one or several methods.
+
+    Returns
+    -------
+    pd.Series
+        Truth values by row of ``cases``; False where the method does not judge its results.
+    """
     return ~cases["verdict"].isin([ACCEPTED, NOT_JUDGED])
 
 
 def success_interval(cases: pd.DataFrame) -> Interval:
-    """The share of right answers, with its interval by the bootstrap over anatomies."""
+    """Compute the share of right results with its interval by the bootstrap over anatomies.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of one method.
+
+    Returns
+    -------
+    Interval
+        The share (0 to 1) and its 95 % interval; the bounds are NaN for a single anatomy.
+    """
     return Bootstrap("mean_of_cases")(cases[RIGHT].astype(float), cases["anatomy"].tolist())
 
 
 def benchmark_tables(cases: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """All methods, each by kind of case, what was not accepted or accepted wrongly, and methods beside each other."""
+    """Make the tables of a benchmark.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of all methods, as ``answer_row`` gives them, with a column ``method``.
+
+    Returns
+    -------
+    dict
+        Tables by title: all methods, each method by kind of case, results accepted wrongly, results not
+        accepted, and the paired comparison of methods. Tables that would be empty are absent.
+    """
     import pandas as pd
 
     tables = {"methods": pd.DataFrame([_method_row(name, own) for name, own in each_method(cases)])}
@@ -112,7 +179,18 @@ def benchmark_tables(cases: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
 
 def each_method(cases: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
-    """The name and the cases of each method, in the order they come."""
+    """Split the cases by method.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of all methods, with a column ``method``.
+
+    Yields
+    ------
+    tuple[str, pandas.DataFrame]
+        Name and rows of each method, in the order they first occur.
+    """
     for name in cases["method"].drop_duplicates():
         yield str(name), cases[cases["method"] == name]
 
@@ -154,7 +232,21 @@ def _right(cases: pd.DataFrame) -> str:
 
 
 def beside_each_other(cases: pd.DataFrame) -> pd.DataFrame | None:
-    """McNemar's test of each pair of methods on the cases that both have, the anatomy as unit; None for one method."""
+    """Compare each pair of methods by McNemar's test on the cases that both have.
+
+    The anatomy is the independent unit of the test.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of all methods, with a column ``method``.
+
+    Returns
+    -------
+    pandas.DataFrame or None
+        One row for each pair, with p-values before and after Holm's adjustment; None if no pair shares a
+        case.
+    """
     import pandas as pd
 
     own = {name: part.set_index("case") for name, part in each_method(cases)}
