@@ -53,6 +53,7 @@ def open3d_icp(plane: bool) -> Callable[[Trial], np.ndarray]:
 
 
 def main() -> None:
+    """Time both methods in turns and print medians and their ratio."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
         "surface", nargs="?", type=Path, help="a vessel's surface; none: the simulator's artery"

@@ -1,1 +1,1 @@
-
+"""Scenes, figures and pages of results."""

@@ -30,8 +30,9 @@ CHANGED = "inputs changed while it ran"
 
 @dataclass(frozen=True)
 class Report:
-    """How a job ended: ``finished``, ``resumed`` (a finished run of it was there), ``refused`` (the user's input is
-    at fault) or ``failed``; with the run's id and what went wrong.
+    """How a job ended, with the run's id and what went wrong.
+
+    ``resumed``: a finished run of it was there. ``refused``: the user's input is at fault.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-
+"""Studies: one function each, from settings to an outcome."""

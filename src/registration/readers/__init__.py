@@ -1,1 +1,1 @@
-
+"""Readers of recorded and live sweeps."""

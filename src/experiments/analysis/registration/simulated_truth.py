@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.errors import InputError
+from registration.metrics.targets import target_points
 
 if TYPE_CHECKING:
-    from registration.metrics.targets import target_points
-from registration.phantom.scan import SimulatedSweep
+    from registration.phantom.scan import SimulatedSweep
 
 TARGETS, FRAME = "targets_mm", "targets_frame"
 # The model from CT stays, the sweep in its world moves.
