@@ -61,5 +61,5 @@ if [ "$(version .venv/bin/python)" != "$(version "$python")" ]; then
   "$python" -m venv --clear .venv
 fi
 # The pins name torch without a build: an index of CPU builds given in PIP_EXTRA_INDEX_URL wins over the default one.
-.venv/bin/python -m pip install --quiet --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev,joblib]'
+.venv/bin/python -m pip install --quiet --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
 echo "$stamp" >.venv/.setup-stamp
