@@ -68,6 +68,7 @@ MEANT = {
     ("phantom", "random"): {"subset"},
     ("phantom", "vein"): {"subset"},
     ("preprocessing", "clean"): {"normalisation", "sector", "overlays"},
+    **{("surface", option): {"largest"} for option in ("ball_pivoting", "poisson", "signed_distance")},
     ("rigid", "fpfh_fgr"): {"fpfh_fgr.refine.refine_by", "fpfh_fgr.refine.keep"},
     ("rigid", "fpfh_ransac"): {"fpfh_ransac.refine.refine_by", "fpfh_ransac.refine.keep"},
     ("rigid", "kiss_matcher"): {"kiss_matcher.refine.refine_by", "kiss_matcher.refine.keep"},

@@ -19,6 +19,7 @@ from experiments.outcome import Outcome, Silent
 from experiments.running import jobs
 from experiments.studies.reconstruct import study as reconstruct
 from models.predictor import Predictor
+from registration.errors import InputError as RegistrationInputError
 from registration.geometry.shapes import Mesh
 from registration.io.centerlines import read_centerline_table
 from registration.io.surfaces import read_centerline, read_surface
@@ -248,7 +249,9 @@ def test_a_vessel_only_in_frames_without_a_pose_is_refused(tmp_path: Path) -> No
         tube.sweep, world_T_ee=tube.sweep.world_T_ee[:5], pose_times_s=tube.sweep.pose_times_s[:5]
     )
     sweep, masks = recorded(tmp_path, replace(tube, sweep=early))
-    with pytest.raises(InputError, match="masks: expected a vessel in some of them, received 5 without any"):
+    with pytest.raises(
+        RegistrationInputError, match="masks: expected a vessel in some of them, received 5 without any"
+    ):
         run(tmp_path / "out", sweep, masks)
 
 
