@@ -110,6 +110,7 @@ def answer(
         weak_directions=directions,
         pose_samples=spread.samples,
         wall_offset_mm=evidence.wall_offset_mm(pose),
+        search_cone=None if bound is None else bound.kept_to,
     )
 
 

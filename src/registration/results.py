@@ -14,6 +14,7 @@ from registration.correspondence import TreeTarget
 from registration.errors import InputError
 from registration.geometry import require_points
 from registration.rejection import trimming_weights
+from registration.search_cone import SearchCone
 
 ACCEPTED, AMBIGUOUS, FAILED = "accepted", "ambiguous", "failed"
 # Of a method that cannot doubt itself: nothing is known of its answer.
@@ -64,6 +65,7 @@ class RigidResult:
     ``weak_directions`` names the motions that the clouds leave open (``slide``, ``roll``, ...). ``pose_samples``
     (b, 4, 4) are fixed_T_fixed, where the answer might as well lie; they carry the prediction of its error.
     ``wall_offset_mm`` is by how much the moved wall lies outside the fixed one everywhere, NaN if nobody looked.
+    ``search_cone`` is the bound around a known pose that the method kept to, None without one.
     """
 
     fixed_T_moving: Float64[np.ndarray, "4 4"]
@@ -82,6 +84,7 @@ class RigidResult:
     weak_directions: tuple[str, ...] = ()
     pose_samples: Float64[np.ndarray, "b 4 4"] | None = None
     wall_offset_mm: float = float("nan")
+    search_cone: SearchCone | None = None
 
     def __post_init__(self) -> None:
         if self.verdict not in VERDICTS:

@@ -309,5 +309,5 @@ class MultiStartICP:
             basin_share=self.basin_share,
             estimation=estimation_by(self.refine_by, self.wall_offset),
             kernel=self._weighing,
-            rejections=self.rejections,
+            rejections=tuple(self.rejections),
         )

@@ -14,6 +14,7 @@ from registration.metrics import SurfaceResiduals, rms
 
 if TYPE_CHECKING:
     from registration.results import Candidate, RigidResult
+from registration.search_cone import SearchCone
 
 LENGTHS = ("rmse_mm", "rmse_trimmed_mm", "rmse_bidirectional_mm", "msd_mm", "hd95_mm")
 SHARES = ("inlier_share", "coverage")
@@ -80,7 +81,7 @@ def record(found: Registered) -> dict[str, Any]:
             "level": 0.9,
             "includes_deformation": False,
         },
-        "initial": _initial(pair),
+        "initial": _initial(pair, result.search_cone),
         "centerlines": {
             side: None if path is None else str(path)
             for side, path in (
@@ -94,10 +95,9 @@ def record(found: Registered) -> dict[str, Any]:
     }
 
 
-def _initial(pair: Pair) -> dict[str, Any] | None:
+def _initial(pair: Pair, cone: SearchCone | None) -> dict[str, Any] | None:
     if pair.initial is None:
         return None
-    cone = pair.initial.search_cone
     return {
         "source": pair.initial.source,
         "fixed_T_moving": pair.initial.fixed_T_moving.tolist(),

@@ -70,7 +70,7 @@ def benchmark_metrics(cases: pd.DataFrame) -> dict[str, float]:
 def judges(cases: pd.DataFrame) -> bool:
     """Whether the method says of its own answers which are right; one that gave no answer at all does not."""
     own = cases.loc[cases["error"] == "", "verdict"]
-    return bool(len(own) and (own != NOT_JUDGED).all())
+    return bool((own != NOT_JUDGED).any())
 
 
 def over_cautious(cases: pd.DataFrame) -> pd.DataFrame:

@@ -55,7 +55,7 @@ def rate_metrics(cases: pd.DataFrame) -> dict[str, float]:
 def judges(cases: pd.DataFrame) -> bool:
     """Whether the method says of its own answers which are right; one that gave no answer at all does not."""
     own = cases.loc[cases["error"] == "", "verdict"]
-    return bool(len(own) and (own != NOT_JUDGED).all())
+    return bool((own != NOT_JUDGED).any())
 
 
 def share(values: Any) -> Proportion | None:
