@@ -6,7 +6,10 @@ the command line; where that method is not among the chosen ones, it is the valu
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
+
+import yaml
 
 from experiments.errors import InputError
 from experiments.paths import conf_dir
@@ -14,27 +17,28 @@ from experiments.paths import conf_dir
 GROUP = "rigid"
 
 
-def method_setting(path: str, *, _root_: Any) -> Any:
-    """The setting ``path`` (method.setting) of the rigid methods as plain data.
+def method_setting(path: str, *, _root_: Mapping[str, Any]) -> Any:
+    """The setting ``path`` (method.setting) of the rigid methods as plain data; ``_root_`` is the whole configuration.
 
     Raises InputError for a setting that neither the configuration nor the method's file has.
     """
-    from omegaconf import OmegaConf
-
-    method = path.split(".")[0]
-    chosen = OmegaConf.select(_root_, GROUP)
-    source = chosen if chosen is not None and method in chosen else _by_file(method)
-    if not OmegaConf.is_config(source) or path not in _paths(source, method):
+    method, _, setting = path.partition(".")
+    chosen = _root_.get(GROUP) or {}
+    settings = chosen[method] if method in chosen else _by_file(method)
+    if setting not in settings:
         raise InputError(f"{GROUP}: expected a setting {path}, which others follow, found none")
-    value = OmegaConf.select(source, path)
-    return OmegaConf.to_container(value, resolve=True) if OmegaConf.is_config(value) else value
+    return _plain(settings[setting])
 
 
-def _by_file(method: str) -> Any:
-    from omegaconf import OmegaConf
+def _by_file(method: str) -> Mapping[str, Any]:
+    text = (conf_dir() / GROUP / f"{method}.yaml").read_text(encoding="utf-8")
+    settings: Mapping[str, Any] = yaml.safe_load(text)[method]
+    return settings
 
-    return OmegaConf.load(conf_dir() / GROUP / f"{method}.yaml")
 
-
-def _paths(source: Any, method: str) -> set[str]:
-    return {f"{method}.{setting}" for setting in source[method]}
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(inner) for key, inner in value.items()}
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [_plain(inner) for inner in value]
+    return value
