@@ -215,6 +215,7 @@ def assess(settings: Assessment, problem: Problem, found: Found) -> RigidResult:
         weak_directions=directions,
         pose_samples=spread.samples,
         wall_offset_mm=evidence.wall_offset_mm(pose),
+        search_cone=None if bound is None else bound.kept_to,
     )
 
 

@@ -14,6 +14,7 @@ from registration.errors import InputError
 from registration.geometry.shapes import require_points
 from registration.rigid.icp.correspondence import TreeTarget
 from registration.rigid.icp.rejection import trimming_weights
+from registration.rigid.search_cone import SearchCone
 
 ACCEPTED, AMBIGUOUS, FAILED = "accepted", "ambiguous", "failed"
 # Of a method that cannot doubt itself: nothing is known of its result.
@@ -107,6 +108,8 @@ class RigidResult:
         Motions (fixed_T_fixed) to where the result might as well lie; they carry the prediction of its error.
     wall_offset_mm : float, optional
         By how much the moved wall lies outside the fixed one everywhere, in mm; NaN if nobody looked.
+    search_cone : SearchCone or None, optional
+        Bound around a known pose that the method kept to; None without one.
 
     Raises
     ------
@@ -130,6 +133,7 @@ class RigidResult:
     weak_directions: tuple[str, ...] = ()
     pose_samples: Float64[np.ndarray, "b 4 4"] | None = None
     wall_offset_mm: float = float("nan")
+    search_cone: SearchCone | None = None
 
     def __post_init__(self) -> None:
         if self.verdict not in VERDICTS:

@@ -111,6 +111,11 @@ class Bound:
         """The largest shift of the centroid that is allowed."""
         return self.default.radius_mm if self.cone.radius_mm is None else self.cone.radius_mm
 
+    @property
+    def kept_to(self) -> SearchCone:
+        """Both bounds as they are in force."""
+        return SearchCone(self.angle_deg, self.radius_mm)
+
     def away(self, fixed_T_moving: Float64[np.ndarray, "4 4"]) -> tuple[float, float]:
         """Compute how far a pose is from the known one.
 

@@ -15,6 +15,7 @@ from registration.metrics.targets import MAX_TARGETS, target_points
 
 if TYPE_CHECKING:
     from registration.rigid.result import Candidate, RigidResult
+    from registration.rigid.search_cone import SearchCone
 
 LENGTHS = ("rmse_mm", "rmse_trimmed_mm", "rmse_bidirectional_mm", "msd_mm", "hd95_mm")
 SHARES = ("inlier_share", "coverage")
@@ -98,7 +99,7 @@ def record(found: Registered) -> dict[str, Any]:
             "level": 0.9,
             "includes_deformation": False,
         },
-        "initial": _initial(pair),
+        "initial": _initial(pair, result.search_cone),
         "centerlines": {
             side: None if path is None else str(path)
             for side, path in (
@@ -112,10 +113,9 @@ def record(found: Registered) -> dict[str, Any]:
     }
 
 
-def _initial(pair: Pair) -> dict[str, Any] | None:
+def _initial(pair: Pair, cone: SearchCone | None) -> dict[str, Any] | None:
     if pair.initial is None:
         return None
-    cone = pair.initial.search_cone
     return {
         "source": pair.initial.source,
         "fixed_T_moving": pair.initial.fixed_T_moving.tolist(),

@@ -74,7 +74,7 @@ def judges(cases: pd.DataFrame) -> bool:
         True for a method that judges.
     """
     own = cases.loc[cases["error"] == "", "verdict"]
-    return bool(len(own) and (own != NOT_JUDGED).all())
+    return bool((own != NOT_JUDGED).any())
 
 
 def share(values: Any) -> Proportion | None:

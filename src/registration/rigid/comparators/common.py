@@ -88,6 +88,7 @@ def single_result(
         candidates=(_only_candidate(result, start),),
         verdict=FAILED if outside else NOT_JUDGED,
         reason=reason or result.reason,
+        search_cone=None if bound is None else bound.kept_to,
     )
 
 
@@ -157,6 +158,7 @@ def refined(
         reason=best.reason
         if best.verdict == FAILED
         else _of_bound(bound, best.fixed_T_moving) or best.reason,
+        search_cone=None if bound is None else bound.kept_to,
         runtime_s=time.perf_counter() - begin_s,
     )
 

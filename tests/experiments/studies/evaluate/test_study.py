@@ -49,7 +49,7 @@ def transforms(tmp_path: Path) -> Path:
     made = written_cases(tmp_path / "subset", NAMES)
     (tmp_path / "mine").mkdir()
     for name, shift_mm, told in (
-        ("tube_a", (1.0, 0.0, 0.0), {"predicted_tre_mm": {"low": 0.2, "high": 1.5}}),
+        ("tube_a", (1.0, 0.0, 0.0), {"verdict": "accepted", "predicted_tre_mm": {"low": 0.2, "high": 1.5}}),
         ("tube_b", (0.0, 30.0, 0.0), {"verdict": "ambiguous", "ambiguity_gap": 0.4}),
     ):
         pose = off_by(made[name][1], shift_mm).tolist()

@@ -281,7 +281,7 @@ def test_the_search_keeps_to_the_cone(folder: Path) -> None:
     single = {"single_icp": SingleStartICP()}
     outcome, record = run(folder, rigid=single, initial=str(folder / "wrong.tfm"), search_radius_mm=5.0)
     assert record["verdict"] == "failed"
-    assert any("Verdict: failed, the answer lies" in sentence for sentence in outcome.findings)
+    assert any("Verdict: failed, the method ended" in sentence for sentence in outcome.findings)
     assert outcome.tags["verdict"] == "failed"
 
 

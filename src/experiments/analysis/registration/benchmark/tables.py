@@ -92,7 +92,7 @@ def judges(cases: pd.DataFrame) -> bool:
         True if every result has a verdict; False also if there is no result at all.
     """
     own = cases.loc[cases["error"] == "", "verdict"]
-    return bool(len(own) and (own != NOT_JUDGED).all())
+    return bool((own != NOT_JUDGED).any())
 
 
 def over_cautious(cases: pd.DataFrame) -> pd.DataFrame:
