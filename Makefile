@@ -19,9 +19,16 @@ lint: setup
 	$(PY) -m ruff format --check .
 	$(PY) -m mypy
 
-# Speed beside the peers, in the same minute: quote the ratios, not the seconds.
+# Every benchmark on a small budget, one after the other, to see that they run. For figures to quote start one of them
+# without --quick; of speeds next to the peers', taken in the same minute, quote the ratios, not the seconds.
+BENCHMARKS := bench_metrics bench_networks bench_training bench_phantom bench_centerline bench_reconstruction \
+	bench_sweep_faults bench_rigid
 bench: setup
-	$(PY) scripts/bench_metrics.py
+	@failed=; for name in $(BENCHMARKS); do \
+		printf '\n== %s\n' $$name; \
+		$(PY) scripts/$$name.py --quick || failed="$$failed $$name"; \
+	done; \
+	if [ -n "$$failed" ]; then echo "failed:$$failed"; exit 1; fi
 
 # The frozen benchmark of rigid registration, and the page in results/ that it makes.
 METHODS := multistart,single_icp,single_icp_plane,gicp,fpfh_ransac,fpfh_fgr

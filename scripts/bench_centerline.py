@@ -1,16 +1,23 @@
-"""The centerline's part of bench_reconstruction.py: rows beside VMTK's lines on its aorta."""
+"""How near centerlines come to VMTK's lines on its aorta, with clean, noisy and holed surfaces.
+
+    python scripts/bench_centerline.py [FOLDER] [--rows 6] [--quick]
+
+FOLDER is as bench_reconstruction.py has it, which measures these rows too.
+"""
 
 from __future__ import annotations
 
+import argparse
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from quick_budget import data_folder, parsed
 from scipy.spatial import cKDTree
 
-from registration.centerline.end_extension import backwards, to_closed_end
+from registration.centerline.end_extension import extend_to_closed_end, reversed_line
 from registration.centerline.extractor import CenterlineExtractor
 from registration.centerline.vessel_walls import Walls
 from registration.geometry.mesh_topology import keep_triangles
@@ -38,7 +45,9 @@ class Reference:
         """Read the lines and carry them on by the rule that ours end by."""
         lines, walls = read_centerline(folder / "aorta-centerline.vtp"), Walls(closed, closed)
         carried = [
-            backwards(to_closed_end(backwards(to_closed_end(line, walls, 0.2)), walls, 0.2))
+            reversed_line(
+                extend_to_closed_end(reversed_line(extend_to_closed_end(line, walls, 0.2)), walls, 0.2)
+            )
             for line in lines.lines
         ]
         return cls(lines, Centerline(tuple(carried)))
@@ -55,6 +64,17 @@ class Reference:
         return Reference(*(_moved(lines, move) for lines in (self.lines, self.tip_to_tip)))
 
 
+def main() -> None:
+    """Print a row for each surface."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("folder", nargs="?", type=Path)
+    parser.add_argument("--rows", type=int, default=6, help="the first so many of the six")
+    given = parsed(parser, {"rows": 2})
+    folder = data_folder(given.folder, "vmtk")
+    if folder is not None:
+        centerlines_beside_vmtk(folder, given.rows)
+
+
 def meshes(folder: Path) -> tuple[Mesh, Mesh]:
     """The aorta with closed ends and with open ones."""
     return mesh_of(folder / "aorta-surface.stl"), mesh_of(folder / "aorta-surface-open-ends.stl")
@@ -68,17 +88,21 @@ def mesh_of(path: Path) -> Mesh:
     return surface
 
 
-def centerlines_beside_vmtk(folder: Path) -> None:
+def centerlines_beside_vmtk(folder: Path, rows: int = 6) -> None:
     """The aorta's centerline: ends given and found, noise on the vertices, and a hole in the wall."""
     closed, opened = meshes(folder)
     reference = Reference.of(folder, closed)
     heading()
-    row("closed, ends given", closed, reference, reference.ends_mm)
-    row("open ends, found", opened, reference)
-    row("closed, ends found", closed, reference)
-    row(f"open, {NOISE_MM} mm noise", noisy(opened), reference)
-    row(f"closed, {NOISE_MM} mm noise", noisy(closed), reference)
-    row("open, hole of a fifth", holed(opened, reference), reference)
+    surfaces = (
+        ("closed, ends given", closed, reference.ends_mm),
+        ("open ends, found", opened, None),
+        ("closed, ends found", closed, None),
+        (f"open, {NOISE_MM} mm noise", noisy(opened), None),
+        (f"closed, {NOISE_MM} mm noise", noisy(closed), None),
+        ("open, hole of a fifth", holed(opened, reference), None),
+    )
+    for name, surface, ends_mm in surfaces[:rows]:
+        row(name, surface, reference, ends_mm)
 
 
 def heading() -> None:
@@ -155,3 +179,7 @@ def _stretch_mm(line: Polyline, other: Polyline) -> float:
 
 def _moved(lines: Centerline, move: Callable[[np.ndarray], np.ndarray]) -> Centerline:
     return Centerline(tuple(Polyline(move(line.points_mm), line.radius_mm) for line in lines.lines))
+
+
+if __name__ == "__main__":
+    main()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import time
 import warnings
 from collections.abc import Callable
@@ -10,11 +11,11 @@ import numpy as np
 import surface_distance
 import torch
 from monai.metrics import compute_hausdorff_distance
+from quick_budget import parsed
 
 from models.metrics.masks import hd95_mm, hd95_surfel_mm
 
 SPACING_MM = (0.11, 0.09)
-REPEATS = 20
 
 
 def vessel(centre: tuple[float, float], radii: tuple[float, float], lobes: float) -> np.ndarray:
@@ -39,11 +40,11 @@ def surfel_hd95(prediction: np.ndarray, reference: np.ndarray) -> float:
     return float(surface_distance.compute_robust_hausdorff(distances, 95))
 
 
-def median_ms(call: Callable[[], float]) -> float:
+def median_ms(call: Callable[[], float], repeats: int) -> float:
     """Median wall time over the repeats, after one call to warm up."""
     call()
     times_s = []
-    for _ in range(REPEATS):
+    for _ in range(repeats):
         start = time.perf_counter()
         call()
         times_s.append(time.perf_counter() - start)
@@ -52,6 +53,9 @@ def median_ms(call: Callable[[], float]) -> float:
 
 def main() -> None:
     """Print one line for each metric and mask."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--repeats", type=int, default=20)
+    repeats = parsed(parser, {"repeats": 2}).repeats
     warnings.filterwarnings("ignore")
     torch.set_num_threads(1)  # small masks gain nothing from more, and busy neighbours cost the peers dearly
     pairs = {
@@ -66,8 +70,8 @@ def main() -> None:
             ("hd95_surfel_mm", hd95_surfel_mm, surfel_hd95),
         ):
             difference = abs(ours(prediction, reference, SPACING_MM) - peer(prediction, reference))
-            own_ms = median_ms(lambda f=ours, p=prediction, r=reference: f(p, r, SPACING_MM))
-            peer_ms = median_ms(lambda f=peer, p=prediction, r=reference: f(p, r))
+            own_ms = median_ms(lambda f=ours, p=prediction, r=reference: f(p, r, SPACING_MM), repeats)
+            peer_ms = median_ms(lambda f=peer, p=prediction, r=reference: f(p, r), repeats)
             print(
                 f"{name:14s}{metric:16s}{own_ms:9.2f}{peer_ms:9.2f}{peer_ms / own_ms:7.1f}{difference:15.1e}"
             )

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 
 import torch
+from quick_budget import parsed
 from torch import Tensor, nn
 
 from models.networks.attention_unet import AttentionUNet
@@ -64,7 +65,7 @@ def main() -> None:
     parser.add_argument("--precision", default="32", choices=("32", "bf16"))
     for name, default in (("size", 128), ("width", 16), ("batch", 8), ("rounds", 5)):
         parser.add_argument(f"--{name}", type=int, default=default)
-    given = parser.parse_args()
+    given = parsed(parser, {"size": 64, "width": 8, "batch": 2, "rounds": 1})
     ours = (UNet(given.width), AttentionUNet(given.width), UNet3Plus(given.width))
     recipes: dict[str, NetworkRecipe] = {recipe.name: recipe for recipe in ours}
     recipes |= {name: MonaiNetwork(name, given.width) for name in PEERS.values()}

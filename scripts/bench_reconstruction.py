@@ -1,9 +1,10 @@
 """How near reconstructions and centerlines come to what is known, and how long each stage takes.
 
-    python scripts/bench_reconstruction.py FOLDER [--frames 200] [--size-px 512] [--model MODEL.PT]
+    python scripts/bench_reconstruction.py [FOLDER] [--frames 200] [--size-px 512] [--model MODEL.PT] [--quick]
 
-FOLDER holds aorta-surface.stl, aorta-surface-open-ends.stl and aorta-centerline.vtp of VMTK's test data. With a network
-(model.pt), pictures of the sweep are made and the masks that the network finds in them are reconstructed too.
+FOLDER holds aorta-surface.stl, aorta-surface-open-ends.stl and aorta-centerline.vtp of VMTK's test data (by default
+../shared/data/vmtk, or vmtk in CTUS_TEST_DATA). With a network (model.pt), pictures of the sweep are made and the masks
+that the network finds in them are reconstructed too.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from bench_centerline import (
     meshes,
     row,
 )
+from quick_budget import data_folder, parsed
 
 from registration import transforms
 from registration.centerline.extractor import CenterlineExtractor
@@ -68,19 +70,23 @@ class Sweep:
 def main() -> None:
     """Run all parts and print them."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("folder", type=Path)
+    parser.add_argument("folder", nargs="?", type=Path)
     parser.add_argument("--frames", type=int, default=200)
     parser.add_argument("--size-px", type=int, default=512)
     parser.add_argument("--model", type=Path)
-    given = parser.parse_args()
-    centerlines_beside_vmtk(given.folder)
-    open_ends(given.folder)
-    sweep = simulated(given.folder, aorta(given.folder, given.frames, given.size_px))
+    given = parsed(parser, {"frames": 120, "size_px": 128})
+    folder = data_folder(given.folder, "vmtk")
+    if folder is None:
+        return
+    if not given.quick:
+        centerlines_beside_vmtk(folder)
+    open_ends(folder)
+    sweep = simulated(folder, aorta(folder, given.frames, given.size_px))
     accuracy(sweep)
     swept_centerlines(sweep)
     stages(sweep)
     if given.model is not None:
-        network_masks(given.folder, given.model)
+        network_masks(folder, given.model)
 
 
 def open_ends(folder: Path) -> None:

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import open3d as o3d
+from quick_budget import parsed
 
 from registration.geometry.shapes import Mesh
 from registration.io.surfaces import read_surface
@@ -60,7 +61,7 @@ def main() -> None:
     )
     parser.add_argument("--trials", type=int, default=10, help="problems a piece")
     parser.add_argument("--noise", type=float, default=0.5, help="mm, on both clouds")
-    given = parser.parse_args()
+    given = parsed(parser, {"trials": 1})
     surface = read_surface(given.surface) if given.surface else surround(DESIGNS["artery"]())
     if not isinstance(surface, Mesh):
         raise SystemExit(f"surface: expected triangles in {given.surface}, received points alone")

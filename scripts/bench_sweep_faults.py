@@ -1,6 +1,6 @@
 """What gaps and wrong masks in a sweep do to the reconstructed surface, with and without what is done against them.
 
-    python scripts/bench_sweep_faults.py [--judge] [--frames 80] [--step-mm 0.75]
+    python scripts/bench_sweep_faults.py [--judge] [--sweeps 6] [--frames 80] [--step-mm 0.75] [--quick]
 
 Six simulated sweeps (anatomies for development, with --judge others) are reconstructed clean, with one gap of 4, 8 and
 16 frames, with a tenth of their masks wrong (a blob elsewhere, shifted, empty, the full frame, twice as large) and with
@@ -13,6 +13,7 @@ import argparse
 from dataclasses import dataclass, replace
 
 import numpy as np
+from quick_budget import parsed
 
 from registration import transforms
 from registration.centerline.extractor import CenterlineExtractor
@@ -80,16 +81,17 @@ def main() -> None:
     """Print a row for each sweep and fault, before and after."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--judge", action="store_true")
+    parser.add_argument("--sweeps", type=int, default=6, help="the first so many of the six")
     parser.add_argument("--frames", type=int, default=80)
     parser.add_argument("--step-mm", type=float, default=0.75)
-    given = parser.parse_args()
+    given = parsed(parser, {"sweeps": 1, "frames": 40, "step_mm": 1.5})
     print(
         "recovered share of the swept surface; largest and 95th percentile distance to the truth in mm; lines"
     )
     print(
         f"{'sweep':15s} {'gap':>3s} {'wrong':>5s}  {'before':^29s}  {'after':^29s}  rejected (right, false) missed"
     )
-    for subset, seed in JUDGED if given.judge else DEVELOPMENT:
+    for subset, seed in (JUDGED if given.judge else DEVELOPMENT)[: given.sweeps]:
         sweep = simulated(subset, seed, given.frames, given.step_mm)
         for gap in GAPS:
             for share in (0.0, FAULTY_SHARE):

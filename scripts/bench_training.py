@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from quick_budget import parsed
 from torch import Generator, Tensor, nn
 
 from models.checkpoint import Checkpoint
@@ -155,7 +156,7 @@ def asked() -> argparse.Namespace:
     parser.add_argument("--epochs", type=int, default=2, help="of each training")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--gpu", action="store_true", help="on a GPU in bf16, else on the CPU")
-    return parser.parse_args()
+    return parsed(parser, {"width": 8, "size": 64, "images": 16, "epochs": 1, "rounds": 1})
 
 
 def problem_of(given: argparse.Namespace) -> Problem:

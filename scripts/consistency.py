@@ -5,53 +5,28 @@ Usage: python scripts/consistency.py FOLDER [RESULTS], where FOLDER is what `ctu
 
 from __future__ import annotations
 
+import argparse
 import sys
 from pathlib import Path
 
-import pandas as pd
-
-from experiments import files
-from experiments.reporting.figure_files import save_figure
-from experiments.running.terminal import markdown
-from experiments.studies.consistency.report import TRUTH, describe, figures, tables
-
-HEAD = """# Repeated reconstructions of one phantom
-
-Made by `ctus study=consistency out=FOLDER` and `python scripts/consistency.py FOLDER`: {sweeps} sweeps of each phantom
-by the built-in simulator, {frames} frames each, pose noise as the simulator has it by default, {masks} masks.
-
-Between sweeps: all pairs of sweeps of one phantom, as tracked, without any registration. `msd_mm` is the mean distance
-from point to triangle, both ways, `hd95_mm` the larger of both directions' 95th percentiles (interval: bootstrap over
-sweeps). `hd95_covered_mm` leaves out places past the ends of the other surface, `hd95_tissue_mm` takes out the
-deformation by the probe's pressure, which differs from sweep to sweep and is known exactly.
-
-To the truth: each sweep against the undeformed anatomy, the known deformation taken out. `bias_mm` is positive where
-the surface lies too far out. `common_mm` is the mean absolute error that all sweeps share at a place of the vessel:
-repeats agree on it, so no comparison between them can show it. `covered` is the share of the anatomy that was swept.
-
-![Between sweeps and to the truth](consistency.png)
-
-"""
+from experiments.analysis.pages import consistency as page
+from experiments.errors import InputError
+from experiments.studies.consistency import study
+from experiments.studies.consistency.report import TRUTH
 
 
 def main() -> int:
-    """Write the page and its figure; 2 if the folder does not hold the study's results."""
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path()
-    out = Path(sys.argv[2]) if len(sys.argv) > 2 else Path("results")
-    if len(sys.argv) < 2 or not (folder / "cases.parquet").is_file():
-        print(f"{folder}: expected the folder that study=consistency wrote, found none", file=sys.stderr)
+    """Write the page; 2 if there is nothing to write it from."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("folder", type=Path, help="what the study wrote")
+    parser.add_argument("results", nargs="?", type=Path, default=Path("results"), help="folder of the page")
+    given = parser.parse_args()
+    try:
+        sweeps = page.write_page(given.folder, given.results, study.shown, TRUTH)
+    except InputError as refusal:
+        print(refusal, file=sys.stderr)
         return 2
-    cases = pd.read_parquet(folder / "cases.parquet")
-    truths = cases[cases["kind"] == TRUTH]
-    head = HEAD.format(
-        sweeps=truths.groupby("phantom").size().max(),
-        frames=int(truths["frames"].max()),
-        masks=" and ".join(sorted(set(truths["masks"]))),
-    )
-    said = "\n".join(f"- {sentence}" for sentence in describe(cases))
-    files.write_text(out / "consistency.md", head + markdown(tables(cases)) + "\n" + said + "\n")
-    save_figure(figures(cases)["consistency"], out / "consistency", ("png",), dpi=110)
-    print(f"{len(truths)} sweeps: {out / 'consistency.md'}")
+    print(f"{sweeps} sweeps: {given.results / 'consistency.md'}")
     return 0
 
 

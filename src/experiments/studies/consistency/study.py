@@ -24,6 +24,8 @@ from registration.reconstruction.taubin import TaubinSmoothing
 from registration.reconstruction.vessel_pieces import VesselPieces
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from models.predictor import Predictor
 
 MASKS = ("exact", "model")
@@ -186,14 +188,7 @@ def run(
         numbers = {"kind": PAIR, "first": first, "second": second}
         rows.append(numbers | pair(repeats[first], repeats[second], (samples, seed)))
     cases = pd.DataFrame(rows).assign(phantom=settings.subset, masks=masks, simulated=True)
-    return Outcome(
-        metrics=metrics(cases),
-        cases=cases,
-        tables=tables(cases),
-        figures=figures(cases),
-        findings=describe(cases),
-        tags={"phantom": settings.subset, "masks": masks, "simulated": "true"},
-    )
+    return replace(shown(cases), tags={"phantom": settings.subset, "masks": masks, "simulated": "true"})
 
 
 def summarise(results: list[JobResult]) -> Outcome:
@@ -221,6 +216,22 @@ def summarise(results: list[JobResult]) -> Outcome:
         [rows.assign(phantom=phantom) for rows, phantom in zip(tables_of, phantoms, strict=True)],
         ignore_index=True,
     )
+    return shown(cases)
+
+
+def shown(cases: pd.DataFrame) -> Outcome:
+    """Make the metrics, tables, figure and findings of any sweeps of this study.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of pairs, of sweeps against the truth and of common errors.
+
+    Returns
+    -------
+    Outcome
+        Metrics, cases, tables, the figure and findings.
+    """
     return Outcome(
         metrics=metrics(cases),
         cases=cases,

@@ -1,0 +1,78 @@
+"""What every page of results is made of: the cases that a study wrote, its findings as a list, its figures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
+
+from experiments.errors import InputError
+from experiments.outcome import Outcome
+from experiments.reporting.figure_files import save_figure
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+# What a study makes of its cases: tables, figures and findings.
+Shown: TypeAlias = "Callable[[pd.DataFrame], Outcome]"
+DPI = 110
+
+
+def read_cases(folder: Path, writer: str, subset: str = "") -> pd.DataFrame:
+    """Read the per-case table of a study.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder that the study wrote, or that holds one folder for each subset.
+    writer : str
+        What writes the folder and its verb, such as ``study=robustness wrote``, for the message.
+    subset : str, optional
+        Name of the subset's folder within ``folder``.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row a case.
+
+    Raises
+    ------
+    InputError
+        If there is no such table.
+    """
+    import pandas as pd
+
+    path = folder / subset / "cases.parquet"
+    if not path.is_file():
+        raise InputError(f"{folder}: expected the folder that {writer}, found none")
+    return pd.read_parquet(path)
+
+
+def listed(findings: Iterable[str]) -> str:
+    """Write sentences as a Markdown list.
+
+    Parameters
+    ----------
+    findings : iterable of str
+        Sentences.
+
+    Returns
+    -------
+    str
+        One line a sentence, without a line end after the last.
+    """
+    return "\n".join(f"- {sentence}" for sentence in findings)
+
+
+def save_page_figure(figure: Figure, stem: Path) -> None:
+    """Write a figure as PNG in the resolution of all pages.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        Figure to write.
+    stem : Path
+        Path without suffix.
+    """
+    save_figure(figure, stem, ("png",), dpi=DPI)
