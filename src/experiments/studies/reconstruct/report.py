@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 # Places on the surface that are asked for a measured point nearby, always the same ones.
 SAMPLES = 20_000
 # A surface that fewer points are near has left a part of what was seen out.
-MOST_POINTS_NEAR = 0.95
+MAX_POINTS_NEAR = 0.95
 
 
 def record(found: Reconstructed, posed: PosedFrames, sweep: TrackedSweep, near_mm: float) -> dict[str, Any]:
@@ -258,7 +258,7 @@ def remarks(found: Reconstructed, told: Mapping[str, Any]) -> tuple[str, ...]:
         f"{quality['triangles']} triangles and a measured point within {coverage['near_mm']:g} mm on "
         f"{coverage['surface_near_points']:.1%} of its area."
     ]
-    if coverage["points_near_surface"] < MOST_POINTS_NEAR:
+    if coverage["points_near_surface"] < MAX_POINTS_NEAR:
         said.append(
             f"{1 - coverage['points_near_surface']:.1%} of the points lie farther than {coverage['near_mm']:g} mm from "
             f"the surface: they belong to pieces that were left out, or to none."
