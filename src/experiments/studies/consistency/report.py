@@ -1,4 +1,4 @@
-"""What the consistency study shows: pairs of sweeps beside each sweep's distance to the truth, by phantom."""
+"""What the consistency study shows: pairs of sweeps next to each sweep's distance to the truth, by phantom."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ def metrics(cases: pd.DataFrame) -> dict[str, float]:
     for name in ("msd_covered_mm", "hd95_covered_mm"):
         found |= summary(f"truth_{name}", truths[name].tolist())
     # Without a surface there is no bias and no coverage to speak of, good or bad.
-    answered = truths["error"] == ""
+    succeeded = truths["error"] == ""
     for name in ("bias_mm", "covered_second"):
-        found |= summary(f"truth_{name}", truths.loc[answered, name].tolist())
+        found |= summary(f"truth_{name}", truths.loc[succeeded, name].tolist())
     for name in ("frames_rejected", "pieces_left_out"):
-        found[name] = float(truths.loc[answered, name].sum())
-    found["gap_share_max"] = float(truths.loc[answered, "gap_share"].max())
-    found |= {"common_mm": float(common["msd_covered_mm"].mean()), "sweeps_failed": float((~answered).sum())}
-    return found | summary("runtime_s", truths.loc[answered, "runtime_s"].tolist())
+        found[name] = float(truths.loc[succeeded, name].sum())
+    found["gap_share_max"] = float(truths.loc[succeeded, "gap_share"].max())
+    found |= {"common_mm": float(common["msd_covered_mm"].mean()), "sweeps_failed": float((~succeeded).sum())}
+    return found | summary("runtime_s", truths.loc[succeeded, "runtime_s"].tolist())
 
 
 def tables(cases: pd.DataFrame) -> dict[str, pd.DataFrame]:
@@ -90,7 +90,7 @@ def _between(name: str, cases: pd.DataFrame) -> dict[str, object]:
         "hd95_mm_median": found["hd95_mm_median"],
         "hd95_mm_low": interval.low if interval else float("nan"),
         "hd95_mm_high": interval.high if interval else float("nan"),
-        "hd95_mm_median published": published("consistency", "hd95_mm_median").beside(_simulated(cases)),
+        "hd95_mm_median published": published("consistency", "hd95_mm_median").text_for(_simulated(cases)),
         "hd95_covered_mm_median": found["hd95_covered_mm_median"],
         "hd95_tissue_mm_median": found["hd95_tissue_mm_median"],
     }

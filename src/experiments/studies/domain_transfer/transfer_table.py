@@ -39,7 +39,7 @@ def transfer_table(cases: pd.DataFrame) -> pd.DataFrame:
     Parameters
     ----------
     cases : pandas.DataFrame
-        Scored cases, with ``train_dataset`` beside ``dataset``, the one tested on.
+        Scored cases, with ``train_dataset`` next to ``dataset``, the one tested on.
 
     Returns
     -------
@@ -89,7 +89,7 @@ def describe_transfer(cases: pd.DataFrame) -> tuple[str, ...]:
     Parameters
     ----------
     cases : pandas.DataFrame
-        Scored cases, with ``train_dataset`` beside ``dataset``, the one tested on.
+        Scored cases, with ``train_dataset`` next to ``dataset``, the one tested on.
 
     Returns
     -------

@@ -81,7 +81,7 @@ def test_factors_show_success_and_the_median_error_by_level() -> None:
     assert below.get_xlabel() == "Noise, standard deviation (mm)"
 
 
-def test_the_risk_curve_takes_accepted_answers_first() -> None:
+def test_the_risk_curve_takes_accepted_results_first() -> None:
     cases = pd.DataFrame(
         [
             row(accepted=False, tre_mm=FAR, tre_high_mm=0.1),

@@ -30,7 +30,7 @@ def benchmark_figures(cases: pd.DataFrame) -> dict[str, Figure]:
     Parameters
     ----------
     cases : pandas.DataFrame
-        Rows of all methods, as ``answer_row`` gives them, with a column ``method``.
+        Rows of all methods, as ``score_result`` gives them, with a column ``method``.
 
     Returns
     -------
