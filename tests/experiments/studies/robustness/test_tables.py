@@ -42,9 +42,9 @@ def test_verdicts_count_what_was_taken_wrongly_and_left_wrongly() -> None:
     cases = pd.DataFrame([row(), row(tre_mm=FAR), row(accepted=False), row(accepted=False, tre_mm=FAR)])
     (only,) = tables(cases)["verdicts"].to_dict("records")
     assert (only["acceptance_rate"], only["success_tre_accepted_rate"]) == (0.5, 0.5)
-    assert (only["accepted_wrong"], only["right_not_accepted"]) == (1, 1)
+    assert (only["accepted_failures"], only["right_not_accepted"]) == (1, 1)
     (interval,) = tables(cases)["tre_intervals"].to_dict("records")
-    assert (interval["accepted"], interval["tre_interval_coverage"]) == (2, 0.5)
+    assert (interval["accepted"], interval["interval_coverage_accepted_rate"]) == (2, 0.5)
     assert interval["tre_high_mm_median"] == 0.6
 
 
