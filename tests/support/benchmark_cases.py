@@ -72,5 +72,5 @@ def written_cases(
 
 
 def off_by(truth: CaseTruth, shift_mm: tuple[float, float, float]) -> np.ndarray:
-    """An answer that is wrong by a shift in the fixed frame alone: its TRE is the shift's length."""
+    """A result that is wrong by a shift in the fixed frame alone: its TRE is the shift's length."""
     return transforms.compose(transforms.translation(shift_mm), truth.fixed_T_moving)

@@ -11,7 +11,7 @@ import pandas as pd
 GOOD, FAR = 0.3, 40.0
 
 
-# What a method leaves that neither judges its answers nor predicts its error.
+# What a method leaves that neither judges its results nor predicts its error.
 SILENT = {"accepted": False, "verdict": "not judged", "tre_low_mm": float("nan"), "tre_high_mm": float("nan")}
 
 

@@ -13,7 +13,7 @@ from experiments.tracking.names import flatten
 
 # What stands for the choices of jobs that no command line made.
 SETTINGS = "settings"
-MOST_SETTINGS = 3
+MAX_SETTINGS = 3
 
 
 def varying_choices(
@@ -22,7 +22,7 @@ def varying_choices(
     """Find for each job the choices that vary among the jobs of its name, as the command line has them.
 
     Jobs without any choices are told apart by the settings in which they differ, or by a digest of these if
-    there are more than ``MOST_SETTINGS``.
+    there are more than ``MAX_SETTINGS``.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def varying_choices(
     for name, own, mine in zip(names, found, settings, strict=True):
         alike = [other for kind, other in zip(names, settings, strict=True) if kind == name]
         differing = {key: value for key, value in mine.items() if any(o.get(key) != value for o in alike)}
-        own |= differing if len(differing) <= MOST_SETTINGS else {SETTINGS: _digest(differing)}
+        own |= differing if len(differing) <= MAX_SETTINGS else {SETTINGS: _digest(differing)}
     return found
 
 

@@ -11,7 +11,7 @@ from registration.errors import InputError
 PATCH_PX = 48
 # Structure wider than this is taken out of a patch before its grain is measured.
 BACKGROUND_PX = 12.0
-SMALLEST_VESSEL_PX = 300
+MIN_VESSEL_PX = 300
 
 
 def gcnr(first: UInt8[np.ndarray, " n"], second: UInt8[np.ndarray, " m"]) -> float:
@@ -66,7 +66,7 @@ def vessel_gcnr(image: UInt8[np.ndarray, "h w"], mask: Bool[np.ndarray, "h w"]) 
     found = []
     for piece in range(1, count + 1):
         own = pieces == piece
-        if own.sum() < SMALLEST_VESSEL_PX:
+        if own.sum() < MIN_VESSEL_PX:
             continue
         width = max(4, int(0.6 * np.sqrt(own.sum() / np.pi)))
         ring = binary_dilation(own, iterations=width + 2) & ~binary_dilation(mask, iterations=2)

@@ -48,7 +48,7 @@ class Published:
         """The value with its relation, as text."""
         return f"{RELATIONS[self.relation]} {self.value:g}"
 
-    def beside(self, simulated: bool) -> str:
+    def text_for(self, simulated: bool) -> str:
         """Format the value for a table next to a measured one.
 
         Parameters

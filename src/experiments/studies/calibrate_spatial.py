@@ -12,6 +12,7 @@ from experiments.errors import InputError
 from experiments.inputs.paths import require_exists
 from experiments.outcome import Outcome, Progress
 from experiments.paths import PathSetting
+from experiments.reporting.labels import axis_label
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -214,12 +215,12 @@ def _figure(cases: pd.DataFrame) -> Figure:
     figure = Figure(figsize=(11, 4.5), layout="constrained")
     image, spread = figure.subplots(1, 2)
     drawn = image.scatter(cases["column_px"], cases["row_px"], c=cases["error_mm"], s=8, cmap="viridis")
-    image.set(xlabel="column_px", ylabel="row_px", aspect="equal")
+    image.set(xlabel=axis_label("column_px"), ylabel=axis_label("row_px"), aspect="equal")
     image.invert_yaxis()
-    figure.colorbar(drawn, ax=image, label="error_mm")
+    figure.colorbar(drawn, ax=image, label=axis_label("error_mm"))
     bins = np.linspace(0, float(cases["error_mm"].max()), 40).tolist()
     for part, group in cases.groupby("part"):
-        spread.hist(group["error_mm"], bins=bins, alpha=0.6, label=str(part), density=True)
-    spread.set(xlabel="error_mm", ylabel="density")
+        spread.hist(group["error_mm"], bins=bins, alpha=0.6, label=axis_label(str(part)), density=True)
+    spread.set(xlabel=axis_label("error_mm"), ylabel="Density (1/mm)")
     spread.legend()
     return figure

@@ -12,6 +12,7 @@ from experiments import files
 from experiments.inputs.paths import SweepReader, require_exists
 from experiments.outcome import Outcome, Progress
 from experiments.paths import PathSetting
+from experiments.reporting.labels import axis_label
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -109,8 +110,8 @@ def _figure(times_s: np.ndarray, result: PivotResult) -> Figure:
     figure = Figure(figsize=(8, 4), layout="constrained")
     axes = figure.subplots()
     elapsed_s, kept = times_s - times_s[0], ~result.outliers
-    axes.plot(elapsed_s[kept], result.residuals_mm[kept], ".", label="used")
-    axes.plot(elapsed_s[~kept], result.residuals_mm[~kept], "x", label="left out")
-    axes.set(xlabel="time_s", ylabel="residual_mm")
+    axes.plot(elapsed_s[kept], result.residuals_mm[kept], ".", label="Used")
+    axes.plot(elapsed_s[~kept], result.residuals_mm[~kept], "x", label="Left out")
+    axes.set(xlabel=axis_label("time_s"), ylabel=axis_label("residual_mm"))
     axes.legend()
     return figure

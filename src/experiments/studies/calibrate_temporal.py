@@ -13,6 +13,7 @@ from experiments.errors import InputError
 from experiments.inputs.paths import SweepReader, require_exists
 from experiments.outcome import Outcome, Progress
 from experiments.paths import PathSetting
+from experiments.reporting.labels import axis_label
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -152,13 +153,13 @@ def _signals(cases: pd.DataFrame, result: TemporalResult) -> Figure:
     figure = Figure(figsize=(9, 6), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True)
     elapsed_s = cases["time_s"] - cases["time_s"].iloc[0]
-    above.plot(elapsed_s, cases["row_px"], ".", label="line in the image")
-    above.plot(elapsed_s, cases["motion_px"], "-", label=f"tracker, lag {result.tracker_lag_s * 1e3:.1f} ms")
-    above.set_ylabel("row_px")
+    above.plot(elapsed_s, cases["row_px"], ".", label="Line in the image")
+    above.plot(elapsed_s, cases["motion_px"], "-", label=f"Tracker, lag {result.tracker_lag_s * 1e3:.1f} ms")
+    above.set_ylabel(axis_label("row_px"))
     above.legend()
-    below.plot(elapsed_s, cases["row_px"] - cases["motion_uncorrected_px"], ".", label="uncorrected")
-    below.plot(elapsed_s, cases["residual_px"], ".", label="corrected")
-    below.set(xlabel="time_s", ylabel="residual_px")
+    below.plot(elapsed_s, cases["row_px"] - cases["motion_uncorrected_px"], ".", label="Uncorrected")
+    below.plot(elapsed_s, cases["residual_px"], ".", label="Corrected")
+    below.set(xlabel=axis_label("time_s"), ylabel=axis_label("residual_px"))
     below.legend()
     return figure
 
@@ -171,5 +172,5 @@ def _curve(result: TemporalResult) -> Figure:
     axes = figure.subplots()
     axes.plot(result.lags_s, np.abs(result.correlations))
     axes.axvline(result.tracker_lag_s, linestyle="--", color="black")
-    axes.set(xlabel="lag_s", ylabel="absolute correlation")
+    axes.set(xlabel=axis_label("lag_s"), ylabel="Absolute correlation")
     return figure

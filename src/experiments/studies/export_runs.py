@@ -14,7 +14,7 @@ TRACKED = False
 
 
 def run(*, experiments: list[str] | None, archive: str, store: Store, progress: Progress) -> Outcome:
-    """Export every ended run into the folder ``archive``, beside what is there.
+    """Export every ended run into the folder ``archive``, next to what is there.
 
     A run that is still RUNNING is left out: it has no result yet. Runs whose files are not where the tracker
     says they are are exported without configuration and table, and counted in the findings.

@@ -20,8 +20,8 @@ def test_every_value_is_whole() -> None:
 def test_a_value_beside_simulated_and_real_ones() -> None:
     value = published("consistency", "hd95_mm_median")
     assert (value.value, value.text) == (0.8, "< 0.8")
-    assert value.beside(simulated=False) == "< 0.8"
-    assert value.beside(simulated=True) == "< 0.8 (not comparable: simulated)"
+    assert value.text_for(simulated=False) == "< 0.8"
+    assert value.text_for(simulated=True) == "< 0.8 (not comparable: simulated)"
 
 
 def test_unknown_values_and_relations_are_refused() -> None:

@@ -1,4 +1,4 @@
-"""Answers to registration problems, as anyone's files hold them, and the row of scores that each one gets."""
+"""Results of registration, as anyone's files hold them, and the row of scores that each one gets."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NOT_DEFINED = float("nan")
 
 
 @dataclass(frozen=True)
-class Answer:
+class PoseResult:
     """Result of a method on one case: a pose, and how the method judges it.
 
     Parameters
@@ -55,11 +55,11 @@ class Answer:
 
     @property
     def judged(self) -> bool:
-        """Whether the method judges its answers at all."""
+        """Whether the method judges its results at all."""
         return self.verdict != NOT_JUDGED
 
 
-def read_answer(path: Path) -> Answer:
+def read_result(path: Path) -> PoseResult:
     """Read a result from JSON as ``study=register`` writes it, or a bare transform (JSON, .tfm, .h5).
 
     Parameters
@@ -69,7 +69,7 @@ def read_answer(path: Path) -> Answer:
 
     Returns
     -------
-    Answer
+    PoseResult
         The result; what the file does not hold has the defaults of the class.
 
     Raises
@@ -77,25 +77,25 @@ def read_answer(path: Path) -> Answer:
     InputError
         If the file is missing, is not such a file, or holds an unknown verdict; the message names the file.
     """
-    told = _object(path) if path.suffix.lower() == ".json" else {}
-    verdict = told.get("verdict", NOT_JUDGED)
+    found = _object(path) if path.suffix.lower() == ".json" else {}
+    verdict = found.get("verdict", NOT_JUDGED)
     if verdict not in VERDICTS:
         raise InputError(
             f"prediction: {path}: expected a verdict of {', '.join(VERDICTS)}, received {verdict!r}"
         )
-    answered = told.get("fixed_T_moving", path) is not None
-    pose = read_pose(path, "prediction") if answered else None
+    found_pose = found.get("fixed_T_moving", path) is not None
+    pose = read_pose(path, "prediction") if found_pose else None
     try:
-        predicted = told.get("predicted_tre_mm") or {}
-        return Answer(
+        predicted = found.get("predicted_tre_mm") or {}
+        return PoseResult(
             fixed_T_moving=pose,
-            verdict=str(verdict) if answered else FAILED,
-            ambiguity_gap=_number(told.get("ambiguity_gap")),
+            verdict=str(verdict) if found_pose else FAILED,
+            ambiguity_gap=_number(found.get("ambiguity_gap")),
             tre_low_mm=_number(predicted.get("low")),
             tre_high_mm=_number(predicted.get("high")),
-            runtime_s=_number(told.get("runtime_s")),
-            candidates=tuple(_pose(one["fixed_T_moving"]) for one in told.get("candidates", ())),
-            error="" if answered else str(told.get("error") or "the method gave no answer"),
+            runtime_s=_number(found.get("runtime_s")),
+            candidates=tuple(_pose(one["fixed_T_moving"]) for one in found.get("candidates", ())),
+            error="" if found_pose else str(found.get("error") or "the method gave no result"),
         )
     except (TypeError, ValueError, KeyError, AttributeError) as refusal:
         raise InputError(
@@ -103,7 +103,7 @@ def read_answer(path: Path) -> Answer:
         ) from refusal
 
 
-def answer_row(answer: Answer, truth: CaseTruth, case: BenchmarkCase | None) -> dict[str, Any]:
+def score_result(result: PoseResult, truth: CaseTruth, case: BenchmarkCase | None) -> dict[str, Any]:
     """Score one result: what its case is, its errors, and how the method judged it.
 
     A missing result has infinite errors. A result that was not accepted, or was wrong although its method
@@ -112,7 +112,7 @@ def answer_row(answer: Answer, truth: CaseTruth, case: BenchmarkCase | None) -> 
 
     Parameters
     ----------
-    answer : Answer
+    result : PoseResult
         Result to score.
     truth : CaseTruth
         Truth of the case.
@@ -125,13 +125,13 @@ def answer_row(answer: Answer, truth: CaseTruth, case: BenchmarkCase | None) -> 
     dict
         Values by column name; errors in mm and deg, NaN where not defined.
     """
-    pose = answer.fixed_T_moving
+    pose = result.fixed_T_moving
     score = PoseScore() if pose is None else score_pose(pose, truth, case)
     tre_mm = score.tre_symmetric_mm
-    predicted = math.isfinite(answer.tre_low_mm) and math.isfinite(answer.tre_high_mm)
-    doubted = answer.verdict not in (ACCEPTED, NOT_JUDGED)
-    wrongly_sure = answer.judged and not score.success_tre_symmetric
-    second = _second(answer, truth, case) if doubted or wrongly_sure else None
+    predicted = math.isfinite(result.tre_low_mm) and math.isfinite(result.tre_high_mm)
+    doubted = result.verdict not in (ACCEPTED, NOT_JUDGED)
+    wrongly_sure = result.judged and not score.success_tre_symmetric
+    second = _second(result, truth, case) if doubted or wrongly_sure else None
     return {
         "case": truth.name,
         "anatomy": truth.anatomy,
@@ -145,18 +145,18 @@ def answer_row(answer: Answer, truth: CaseTruth, case: BenchmarkCase | None) -> 
         "success": score.success,
         "success_tre": score.success_tre,
         "success_tre_symmetric": score.success_tre_symmetric,
-        "verdict": answer.verdict,
-        "ambiguity_gap": answer.ambiguity_gap,
-        "tre_low_mm": answer.tre_low_mm,
-        "tre_high_mm": answer.tre_high_mm,
+        "verdict": result.verdict,
+        "ambiguity_gap": result.ambiguity_gap,
+        "tre_low_mm": result.tre_low_mm,
+        "tre_high_mm": result.tre_high_mm,
         "covered_by_interval": (
-            float(answer.tre_low_mm <= tre_mm <= answer.tre_high_mm) if predicted else NOT_DEFINED
+            float(result.tre_low_mm <= tre_mm <= result.tre_high_mm) if predicted else NOT_DEFINED
         ),
         "second_pose_gap": NOT_DEFINED if second is None else second.gap,
         "second_tre_mm": NOT_DEFINED if second is None else second.tre_mm,
         "ambiguous_rightly": float(second.hidden) if second is not None and doubted else NOT_DEFINED,
-        "runtime_s": answer.runtime_s,
-        "error": answer.error,
+        "runtime_s": result.runtime_s,
+        "error": result.error,
         "simulated": truth.simulated,
     }
 
@@ -193,20 +193,20 @@ def plain_metrics(metrics: Mapping[str, float]) -> dict[str, float | None]:
     return {name: plain(value) for name, value in metrics.items()}
 
 
-def _second(answer: Answer, truth: CaseTruth, case: BenchmarkCase | None) -> SecondPose | None:
-    return None if case is None else second_pose(case, truth, answer.candidates)
+def _second(result: PoseResult, truth: CaseTruth, case: BenchmarkCase | None) -> SecondPose | None:
+    return None if case is None else second_pose(case, truth, result.candidates)
 
 
 def _object(path: Path) -> dict[str, Any]:
     if not path.is_file():
         raise InputError(f"prediction: {path}: expected a file with a fixed_T_moving, received none")
     try:
-        told = json.loads(path.read_text(encoding="utf-8-sig"))
+        found = json.loads(path.read_text(encoding="utf-8-sig"))
     except ValueError as refusal:
         raise InputError(f"prediction: {path}: expected JSON, received {refusal}") from refusal
-    if not isinstance(told, dict):
-        raise InputError(f"prediction: {path}: expected a JSON object, received a {type(told).__name__}")
-    return told
+    if not isinstance(found, dict):
+        raise InputError(f"prediction: {path}: expected a JSON object, received a {type(found).__name__}")
+    return found
 
 
 def _number(value: Any) -> float:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 # So many frames are named in a sentence; all are in the record and in the table.
 NAMED = 8
 IN_WORDS = {
-    POSITION: "lie beside their neighbours",
+    POSITION: "lie next to their neighbours",
     SIZE: "are larger or smaller",
     SHAPE: "have another shape",
 }

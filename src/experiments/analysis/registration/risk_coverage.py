@@ -1,4 +1,4 @@
-"""Risk against coverage: how many answers are wrong among those that a method is surest of."""
+"""Risk against coverage: how many results are wrong among those that a method is surest of."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def risk_coverage(wrong: np.ndarray, doubt: np.ndarray) -> RiskCoverage:
     """
     if not len(wrong) or len(wrong) != len(doubt):
         raise InputError(
-            f"doubt: expected one for each of at least one answer, received {len(doubt)} for {len(wrong)}"
+            f"doubt: expected one for each of at least one result, received {len(doubt)} for {len(wrong)}"
         )
     values, group = np.unique(np.where(np.isnan(doubt), np.inf, doubt), return_inverse=True)
     wrongs, sizes = np.bincount(group, wrong.astype(float), len(values)), np.bincount(group)

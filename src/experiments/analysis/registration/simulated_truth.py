@@ -1,4 +1,4 @@
-"""The truth of a simulated sweep as a file: the pose to be found, and where the error of an answer is measured."""
+"""The truth of a simulated sweep as a file: the pose to be found, and where the error of a result is measured."""
 
 from __future__ import annotations
 
@@ -81,14 +81,14 @@ def read_targets(path: Path) -> tuple[np.ndarray, str] | None:
         the fixed model.
     """
     try:
-        told = json.loads(path.read_text(encoding="utf-8")) if path.suffix.lower() == ".json" else None
+        found = json.loads(path.read_text(encoding="utf-8")) if path.suffix.lower() == ".json" else None
     except (OSError, ValueError) as refusal:
         raise InputError(f"reference: {path}: expected JSON, received {refusal}") from refusal
     # The truth of a benchmark's case has targets too, and its symmetry, and is read whole.
-    if not isinstance(told, dict) or TARGETS not in told or "symmetry" in told:
+    if not isinstance(found, dict) or TARGETS not in found or "symmetry" in found:
         return None
     try:
-        targets_mm = np.array(told[TARGETS], dtype=np.float64)
+        targets_mm = np.array(found[TARGETS], dtype=np.float64)
     except (TypeError, ValueError):
         targets_mm = np.empty(0)
     if (
@@ -98,7 +98,7 @@ def read_targets(path: Path) -> tuple[np.ndarray, str] | None:
         or not np.isfinite(targets_mm).all()
     ):
         raise InputError(f"reference: {path}: expected {TARGETS} as points (t, 3), received others")
-    fixed, frame = told.get("fixed_frame", FIXED_FRAME), told.get(FRAME, FIXED_FRAME)
+    fixed, frame = found.get("fixed_frame", FIXED_FRAME), found.get(FRAME, FIXED_FRAME)
     if frame != fixed:
         raise InputError(
             f"reference: {path}: expected {TARGETS} in the frame of the fixed side ({fixed}), received {frame}"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from experiments.analysis.segmentation.case_table import CASE, distance, groups, scores
+from experiments.reporting.labels import COLOURS, axis_label, method_label
 from models.labelled_frames import LabelledFrames
 
 if TYPE_CHECKING:
@@ -15,8 +16,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-REFERENCE_COLOUR, PREDICTION_COLOUR = "tab:green", "tab:red"
-LEGEND = "dot: mean of a group; grey: a case beyond the whiskers; a missed vessel: dsc 0, hd95 the image's diagonal"
+REFERENCE_COLOUR, PREDICTION_COLOUR = "#56B4E9", "#E69F00"
+LEGEND = "Dot: mean of a group; grey: a case beyond the whiskers; a missed vessel: DSC 0, HD95 the image's diagonal"
 
 
 def training_curves(history: Sequence[Mapping[str, float]], best_epoch: int, title: str) -> Figure:
@@ -34,7 +35,7 @@ def training_curves(history: Sequence[Mapping[str, float]], best_epoch: int, tit
     Returns
     -------
     Figure
-        Two axes beside each other.
+        Two axes next to each other.
     """
     from matplotlib.figure import Figure
 
@@ -42,9 +43,9 @@ def training_curves(history: Sequence[Mapping[str, float]], best_epoch: int, tit
     losses, dsc = figure.subplots(1, 2)
     for axes, names in ((losses, ("train_loss", "validation_loss")), (dsc, ("validation_dsc",))):
         for name in names:
-            axes.plot([epoch.get(name, np.nan) for epoch in history], marker=".", label=name)
-        axes.axvline(best_epoch, color="grey", linestyle=":", label="best epoch")
-        axes.set(xlabel="epoch")
+            axes.plot([epoch.get(name, np.nan) for epoch in history], marker=".", label=axis_label(name))
+        axes.axvline(best_epoch, color="grey", linestyle=":", label="Best epoch")
+        axes.set(xlabel="Epoch")
         axes.grid(alpha=0.3)
         axes.legend()
     dsc.set(ylim=(-0.02, 1.02))
@@ -85,10 +86,12 @@ def overlays(
         _outline(axes, frames.masks[index], REFERENCE_COLOUR, "solid")
         _outline(axes, predictions[row["case_id"]], PREDICTION_COLOUR, "dashed")
         measure = distance(cases)
-        axes.set_title(f"{rank}: {row['case_id']}\ndsc {row['dsc']:.3f}, {measure} {row[measure]:.2f}")
+        axes.set_title(
+            f"{rank}: {row['case_id']}\nDSC {row['dsc']:.3f}, HD95 {row[measure]:.2f} {measure[-2:]}"
+        )
         axes.axis("off")
     simulated = " (simulated)" if frames.simulated else ""
-    figure.supxlabel(f"reference green, prediction red dashed{simulated}", fontsize="small")
+    figure.supxlabel(f"Reference: blue, solid; prediction: orange, dashed{simulated}", fontsize="small")
     return {"overlays": figure}
 
 
@@ -133,19 +136,18 @@ def spread(cases: pd.DataFrame) -> Figure:
 def _boxes(
     axes: Axes, shown: Mapping[str, pd.DataFrame], models: Sequence[str], folds: Sequence[int], measure: str
 ) -> None:
-    from matplotlib import colormaps
     from matplotlib.ticker import FuncFormatter
 
-    colours = [colormaps["tab10"](number % 10) for number in range(len(folds))]
+    colours = [COLOURS[number % len(COLOURS)] for number in range(len(folds))]
     width = 0.8 / len(folds)
     for number, (fold, colour) in enumerate(zip(folds, colours, strict=True)):
-        axes.plot([], [], "s", color=colour, alpha=0.6, label=f"fold {fold}")
+        axes.plot([], [], "s", color=colour, alpha=0.6, label=f"Fold {fold}")
         for place, model in enumerate(models):
             rows = _of_fold(shown.get(model), fold, measure)
             if rows is not None:
                 _box(axes, rows, measure, place + (number - (len(folds) - 1) / 2) * width, width, colour)
-    axes.set(ylabel=measure, xticks=range(len(models)), xlim=(-0.6, len(models) - 0.4))
-    axes.set_xticklabels(models)
+    axes.set(ylabel=axis_label(measure), xticks=range(len(models)), xlim=(-0.6, len(models) - 0.4))
+    axes.set_xticklabels([method_label(model) for model in models])
     axes.grid(axis="y", alpha=0.3)
     if measure == "dsc":
         axes.set_ylim(-0.03, 1.03)
@@ -156,16 +158,14 @@ def _boxes(
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
-def _box(
-    axes: Axes, rows: pd.DataFrame, measure: str, middle: float, width: float, colour: tuple[float, ...]
-) -> None:
+def _box(axes: Axes, rows: pd.DataFrame, measure: str, middle: float, width: float, colour: str) -> None:
     axes.boxplot(
         [rows[measure]],
         positions=[middle],
         widths=0.85 * width,
         manage_ticks=False,
         patch_artist=True,
-        boxprops={"facecolor": (*colour[:3], 0.3), "edgecolor": colour},
+        boxprops={"facecolor": (colour, 0.3), "edgecolor": colour},
         whiskerprops={"color": colour},
         capprops={"color": colour},
         medianprops={"color": "black"},

@@ -16,7 +16,7 @@ THUMBNAIL_PX = 48
 BLOCK = 512
 # Two frames of unlike size are laid on each other if they then share this much of the larger one.
 MIN_SHARED = 0.8
-SMALLEST_NORM = 1e-6
+MIN_NORM = 1e-6
 
 
 def similarity_blocks(images: Images, block: int = BLOCK) -> Iterator[tuple[int, Float[np.ndarray, "b n"]]]:
@@ -120,7 +120,7 @@ class _Overlaid:
         )
         norm = np.sqrt(np.maximum(spread, 0))
         together = self.values[rows] @ self.values.T - my_total * their_total / shared
-        known = norm > SMALLEST_NORM
+        known = norm > MIN_NORM
         return np.where(enough, np.where(known, together / np.where(known, norm, 1), 0), -1)
 
 

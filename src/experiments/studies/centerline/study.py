@@ -120,12 +120,12 @@ def run(
         found = centerline(wall, None if landmarks is None else landmarks.points_mm)
     for suffix in ("vtp", "csv", "mrk.json"):
         write_centerline(workspace / f"centerline.{suffix}", found)
-    told = _record(path, wall, found, landmarks, seconds) | {
+    report = _record(path, wall, found, landmarks, seconds) | {
         "input_space": axes,
         "input_units": units or "mm",
         "lumen": None if lumen is None else lumen.record(),
     }
-    files.write_text(workspace / "centerline.json", json.dumps(told, indent=2, allow_nan=False) + "\n")
+    files.write_text(workspace / "centerline.json", json.dumps(report, indent=2, allow_nan=False) + "\n")
     _scene(path, wall, found, landmarks).write(workspace / "scene.html")
     lengths = ", ".join(f"{line.length_mm:.1f}" for line in found.lines)
     used = [path] if ends is None else [path, Path(ends)]

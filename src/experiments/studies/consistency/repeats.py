@@ -1,4 +1,4 @@
-"""What the consistency study measures: one reconstructed sweep beside the truth, and two beside each other."""
+"""What the consistency study measures: one reconstructed sweep compared with the truth, and two with each other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the consistency study shows: pairs of sweeps beside each sweep's distance to the truth, by phantom."""
+"""What the consistency study shows: pairs of sweeps next to each sweep's distance to the truth, by phantom."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from experiments.reporting.labels import axis_label
 from experiments.reporting.published import published
 from experiments.statistics import Interval, summary
 
@@ -43,14 +44,14 @@ def metrics(cases: pd.DataFrame) -> dict[str, float]:
     for name in ("msd_covered_mm", "hd95_covered_mm"):
         found |= summary(f"truth_{name}", truths[name].tolist())
     # Without a surface there is no bias and no coverage to speak of, good or bad.
-    answered = truths["error"] == ""
+    succeeded = truths["error"] == ""
     for name in ("bias_mm", "covered_second"):
-        found |= summary(f"truth_{name}", truths.loc[answered, name].tolist())
+        found |= summary(f"truth_{name}", truths.loc[succeeded, name].tolist())
     for name in ("frames_rejected", "pieces_left_out"):
-        found[name] = float(truths.loc[answered, name].sum())
-    found["gap_share_max"] = float(truths.loc[answered, "gap_share"].max())
-    found |= {"common_mm": float(common["msd_covered_mm"].mean()), "sweeps_failed": float((~answered).sum())}
-    return found | summary("runtime_s", truths.loc[answered, "runtime_s"].tolist())
+        found[name] = float(truths.loc[succeeded, name].sum())
+    found["gap_share_max"] = float(truths.loc[succeeded, "gap_share"].max())
+    found |= {"common_mm": float(common["msd_covered_mm"].mean()), "sweeps_failed": float((~succeeded).sum())}
+    return found | summary("runtime_s", truths.loc[succeeded, "runtime_s"].tolist())
 
 
 def tables(cases: pd.DataFrame) -> dict[str, pd.DataFrame]:
@@ -89,7 +90,7 @@ def _between(name: str, cases: pd.DataFrame) -> dict[str, object]:
         "hd95_mm_median": found["hd95_mm_median"],
         "hd95_mm_low": interval.low if interval else float("nan"),
         "hd95_mm_high": interval.high if interval else float("nan"),
-        "hd95_mm_median published": published("consistency", "hd95_mm_median").beside(_simulated(cases)),
+        "hd95_mm_median published": published("consistency", "hd95_mm_median").text_for(_simulated(cases)),
         "hd95_covered_mm_median": found["hd95_covered_mm_median"],
         "hd95_tissue_mm_median": found["hd95_tissue_mm_median"],
     }
@@ -237,10 +238,10 @@ def figures(cases: pd.DataFrame) -> dict[str, Figure]:
     note = " (simulated)" if _simulated(cases) else ""
     figure.suptitle(f"Repeated reconstructions of a phantom{note}: between sweeps, and to the truth")
     left, right = figure.subplots(1, 2)
-    _boxes(left, cases, ("msd_mm", "msd_tissue_mm", "msd_covered_mm"), "mean surface distance / mm")
-    _boxes(right, cases, ("hd95_mm", "hd95_tissue_mm", "hd95_covered_mm"), "HD95 / mm")
+    _boxes(left, cases, ("msd_mm", "msd_tissue_mm", "msd_covered_mm"), axis_label("msd_mm"))
+    _boxes(right, cases, ("hd95_mm", "hd95_tissue_mm", "hd95_covered_mm"), axis_label("hd95_mm"))
     value = published("consistency", "hd95_mm_median")
-    label = f"published median {value.text} mm" + (", not comparable" if _simulated(cases) else "")
+    label = f"Published median {value.text} mm" + (", not comparable" if _simulated(cases) else "")
     right.axhline(value.value, color="0.5", linestyle=":", label=label)
     right.set_ylim(top=max(right.get_ylim()[1], 1.05 * value.value))
     figure.legend(*right.get_legend_handles_labels(), loc="outside lower center", ncols=4)
@@ -250,9 +251,9 @@ def figures(cases: pd.DataFrame) -> dict[str, Figure]:
 def _boxes(axes: Axes, cases: pd.DataFrame, columns: tuple[str, str, str], label: str) -> None:
     names = [name for name, _ in _phantoms(cases)]
     series = (
-        (PAIR, columns[0], PAIR_COLOR, "pairs, as tracked"),
-        (PAIR, columns[1], TISSUE_COLOR, "pairs, deformation taken out"),
-        (TRUTH, columns[2], TRUTH_COLOR, "each sweep to the truth, deformation taken out"),
+        (PAIR, columns[0], PAIR_COLOR, "Pairs, as tracked"),
+        (PAIR, columns[1], TISSUE_COLOR, "Pairs, deformation taken out"),
+        (TRUTH, columns[2], TRUTH_COLOR, "Each sweep to the truth, deformation taken out"),
     )
     for offset, (kind, column, color, text) in enumerate(series):
         places = np.arange(len(names)) + 0.27 * (offset - 1)

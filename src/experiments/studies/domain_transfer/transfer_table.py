@@ -8,6 +8,7 @@ import numpy as np
 
 from experiments.analysis.segmentation.case_table import dataset_label, is_smoke, once_each
 from experiments.errors import InputError
+from experiments.reporting.labels import axis_label, method_label
 from experiments.statistics import Bootstrap, PairedComparison, PairedResult, by_unit, holm
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def transfer_table(cases: pd.DataFrame) -> pd.DataFrame:
     Parameters
     ----------
     cases : pandas.DataFrame
-        Scored cases, with ``train_dataset`` beside ``dataset``, the one tested on.
+        Scored cases, with ``train_dataset`` next to ``dataset``, the one tested on.
 
     Returns
     -------
@@ -88,7 +89,7 @@ def describe_transfer(cases: pd.DataFrame) -> tuple[str, ...]:
     Parameters
     ----------
     cases : pandas.DataFrame
-        Scored cases, with ``train_dataset`` beside ``dataset``, the one tested on.
+        Scored cases, with ``train_dataset`` next to ``dataset``, the one tested on.
 
     Returns
     -------
@@ -161,9 +162,9 @@ def transfer_map(table: pd.DataFrame) -> Figure:
                 axes.text(tested_place, place, text, ha="center", va="center", color=colour, fontsize="small")
         axes.set_xticks(range(len(tested)), [_broken(name) for name in tested])
         axes.set_yticks(range(len(trained)), [_broken(name) for name in trained])
-        axes.set(title=model, xlabel="tested on", ylabel="trained on")
-    figure.colorbar(image, ax=list(grid), label="dsc")
-    figure.suptitle("Mean dsc over cases, 95 % interval over groups", fontsize="medium")
+        axes.set(title=method_label(model), xlabel="Tested on", ylabel="Trained on")
+    figure.colorbar(image, ax=list(grid), label=axis_label("dsc"))
+    figure.suptitle("Mean DSC over cases, 95 % interval over groups", fontsize="medium")
     return figure
 
 

@@ -1,4 +1,4 @@
-"""Anyone's masks beside reference masks: which files belong together, and a row of scores for each case."""
+"""Anyone's masks compared with reference masks: which files belong together, and a row of scores for each case."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class MaskLabels:
         ignored = _labels("ignore_label", ignore_label)
         if reference is None and (prediction is not None or ignored is not None):
             raise InputError(
-                "label: expected the vessel's label beside prediction_label or ignore_label, received none"
+                "label: expected the vessel's label next to prediction_label or ignore_label, received none"
             )
         if ignored is not None and (len(ignored) > 1 or ignored[0] in (reference or ())):
             raise InputError(

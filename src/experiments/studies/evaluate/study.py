@@ -249,7 +249,7 @@ def _write(
     cases: pd.DataFrame,
 ) -> None:
     """Write both files; a number that is not finite is null in the one and inf or empty in the other."""
-    told = {
+    report = {
         "kind": kind,
         "prediction": str(paths[0]),
         "reference": str(paths[1]),
@@ -257,7 +257,7 @@ def _write(
         "cases": len(cases),
         "metrics": plain_metrics(metrics),
     }
-    files.write_text(workspace / "evaluation.json", json.dumps(told, indent=2, allow_nan=False) + "\n")
+    files.write_text(workspace / "evaluation.json", json.dumps(report, indent=2, allow_nan=False) + "\n")
     files.write_text(workspace / PER_CASE, cases.to_csv(index=False))
 
 

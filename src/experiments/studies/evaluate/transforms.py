@@ -1,4 +1,4 @@
-"""A method's transforms beside the truth: which files belong together, and a row of scores for each case."""
+"""A method's transforms compared with the truth: which files belong together, and a row of scores for each case."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from experiments.analysis.registration.pose_scores import Answer, answer_row, read_answer
+from experiments.analysis.registration.pose_scores import PoseResult, read_result, score_result
 from experiments.analysis.registration.simulated_truth import read_targets
 from experiments.datasets.images.image_files import IMAGE_SUFFIXES
 from experiments.errors import InputError
@@ -31,10 +31,10 @@ from registration.rigid.result import FAILED
 SUFFIXES = (".json", *ITK_SUFFIXES)
 TRUTH_FILE, ANSWER_FILE = "truth.json", "registration.json"
 MISSING = "no file for this case"
-# Files of JSON that lie beside answers and hold none.
+# JSON files that lie next to results and hold none.
 # Targets as far from the vessel as this, and as many times nearer to it in the other frame, lie in the other.
 APART_MM, ELSEWHERE = 10.0, 0.2
-NO_ANSWERS = ("evaluation", "metrics", "job", "identity", "case")
+OTHER_FILES = ("evaluation", "metrics", "job", "identity", "case")
 
 
 @dataclass(frozen=True)
@@ -229,8 +229,8 @@ def transform_rows(pairs: TransformPairs, progress: Progress) -> Iterator[dict[s
             with naming("reference"):
                 case = read_case(pairs.cases / path.stem)
         given = pairs.predictions.get(name)
-        answer = Answer(None, FAILED, error=MISSING) if given is None else read_answer(given)
-        yield answer_row(answer, truth, case)
+        result = PoseResult(None, FAILED, error=MISSING) if given is None else read_result(given)
+        yield score_result(result, truth, case)
 
 
 def target_notes(pairs: TransformPairs, targets: str | None) -> list[str]:
@@ -262,7 +262,7 @@ def target_notes(pairs: TransformPairs, targets: str | None) -> list[str]:
     frame = f"{own[1]}: " if own is not None else ""
     notes = [f"Errors are measured {where} in the frame of the fixed side ({frame}mm in LPS)."]
     given = pairs.predictions.get(name)
-    pose = None if given is None or len(pairs.references) > 1 else read_answer(given).fixed_T_moving
+    pose = None if given is None or len(pairs.references) > 1 else read_result(given).fixed_T_moving
     if pose is not None:
         error_mm, inverse_mm = (
             pose_error(each, truth.fixed_T_moving, truth.targets_mm).tre_mm
@@ -277,7 +277,7 @@ def target_notes(pairs: TransformPairs, targets: str | None) -> list[str]:
 
 
 def _one_file(path: Path, name: str) -> Path:
-    """The one file that matters in a folder which a study left: the answer or the truth of a single registration."""
+    """The one file that matters in a folder which a study left: the result or the truth of a single registration."""
     return path / name if (path / name).is_file() else path
 
 
@@ -311,5 +311,5 @@ def _transform_files(folder: Path) -> list[Path]:
         if path.is_file()
         and path.suffix.lower() in SUFFIXES
         and not path.name.startswith(".")
-        and path.stem not in NO_ANSWERS
+        and path.stem not in OTHER_FILES
     )

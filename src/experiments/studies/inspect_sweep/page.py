@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.outcome import Progress
+from experiments.reporting.labels import axis_label
 from registration import transforms
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from registration.sweep import PosedFrames, TrackedSweep
 
 # So many outlines of image planes still let the path be seen.
-_MOST_PLANES = 40
+_MAX_PLANES = 40
 _JPEG_QUALITY = 80
 _BAR = {"title": "time_s", "len": 0.7, "y": 0.4, "thickness": 14}
 _KEPT, _DROPPED, _CHOSEN = "#2a6f97", "#d1495b", "#f2a541"
@@ -147,7 +148,7 @@ def _space(sweep: TrackedSweep, corners_mm: np.ndarray) -> Any:
     import plotly.graph_objects as go  # type: ignore[import-untyped]
 
     path = sweep.world_T_ee[:, :3, 3]
-    some = _evenly(len(corners_mm), _MOST_PLANES)
+    some = _evenly(len(corners_mm), _MAX_PLANES)
     gaps = np.full((len(some), 1, 3), np.nan)
     planes = np.concatenate([corners_mm[some], gaps], axis=1).reshape(-1, 3)
     figure = go.Figure()
@@ -166,7 +167,7 @@ def _space(sweep: TrackedSweep, corners_mm: np.ndarray) -> Any:
         name="this frame",
         line={"color": _CHOSEN, "width": 7},
     )
-    axes = {f"{axis}axis": {"title": f"{axis}_mm"} for axis in "xyz"}
+    axes = {f"{axis}axis": {"title": axis_label(f"{axis}_mm")} for axis in "xyz"}
     figure.update_layout(
         scene={"aspectmode": "data", "camera": {"eye": {"x": 1.6, "y": 1.6, "z": 1.1}}, **axes},
         margin={"l": 0, "r": 0, "t": 0, "b": 0},
@@ -194,8 +195,8 @@ def _intervals(sweep: TrackedSweep) -> Any:
             x=centres_ms.tolist(), y=counts.tolist(), width=float(edges_ms[1] - edges_ms[0]),
             marker_color=_KEPT, row=1, col=column,
         )  # fmt: skip
-        figure.update_xaxes(title="interval_ms", row=1, col=column)
-        figure.update_yaxes(title="count", type="log", row=1, col=column)
+        figure.update_xaxes(title=axis_label("interval_ms"), row=1, col=column)
+        figure.update_yaxes(title="Count", type="log", row=1, col=column)
     figure.update_layout(showlegend=False, margin={"l": 50, "r": 10, "t": 30, "b": 40})
     return figure
 
@@ -223,7 +224,7 @@ def _timeline(sweep: TrackedSweep, reasons: np.ndarray) -> Any:
         name="poses",
         marker={"color": "#888888", "symbol": "line-ns-open", "size": 10},
     )
-    figure.update_xaxes(title="time_s")
+    figure.update_xaxes(title=axis_label("time_s"))
     figure.update_layout(showlegend=False, margin={"l": 10, "r": 10, "t": 10, "b": 40})
     figure.update_yaxes(automargin=True)
     return figure

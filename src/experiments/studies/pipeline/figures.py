@@ -54,7 +54,7 @@ def _frames(truth: SimulatedSweep, masks: np.ndarray) -> Figure:
         for mask, colour in ((truth.masks[index], TRUE), (masks[index], FOUND)):
             if mask.any() and not mask.all():
                 axes.contour(mask, levels=[0.5], colors=[colour], linewidths=1.2)
-        axes.set_title(f"frame {index}")
+        axes.set_title(f"Frame {index}")
         axes.set_axis_off()
     return figure
 
@@ -66,16 +66,16 @@ def _registration(truth: SimulatedSweep, cloud_mm: np.ndarray, ct_T_world: np.nd
     model_mm = truth.model.sample(POINTS_SHOWN, rng)
     shown = cloud_mm[rng.permutation(len(cloud_mm))[:POINTS_SHOWN]]
     figure = Figure(figsize=(9, 6), layout="constrained")
-    figure.suptitle("Cloud of a simulated sweep on the model from CT, in the ct frame")
+    figure.suptitle("Cloud of a simulated sweep on the model from CT, in CT coordinates")
     # The longest axis of the model goes to the right, so that the vessel fills the page.
     along = int(np.ptp(model_mm, axis=0).argmax())
     across = [axis for axis in range(3) if axis != along]
     axes_of = figure.subplots(2, 1, sharex=True)
     for axes, other in zip(axes_of, across, strict=True):
         for points, colour, size, label in (
-            (model_mm, "0.75", 1.5, "model"),
-            (transforms.apply(truth.ct_T_world, shown), TRUE, 6.0, "at its true place"),
-            (transforms.apply(ct_T_world, shown), FOUND, 1.0, "registered"),
+            (model_mm, "0.75", 1.5, "Model from CT"),
+            (transforms.apply(truth.ct_T_world, shown), TRUE, 6.0, "True pose"),
+            (transforms.apply(ct_T_world, shown), FOUND, 1.0, "Registered"),
         ):
             axes.scatter(points[:, along], points[:, other], s=size, c=colour, label=label, linewidths=0)
         _label(axes, "xyz"[along], "xyz"[other])
@@ -84,6 +84,6 @@ def _registration(truth: SimulatedSweep, cloud_mm: np.ndarray, ct_T_world: np.nd
 
 
 def _label(axes: Axes, first: str, second: str) -> None:
-    axes.set_xlabel(f"{first} / mm")
-    axes.set_ylabel(f"{second} / mm")
+    axes.set_xlabel(f"{first} (mm)")
+    axes.set_ylabel(f"{second} (mm)")
     axes.set_aspect("equal")

@@ -267,14 +267,14 @@ def _write(workspace: Path, truth: SimulatedSweep, found: Registered, name: str)
     # The cloud lies in the world and the model in the ct frame, so the truth is ct_T_world.
     files.write_text(workspace / "truth.json", json.dumps(truth_record(truth)))
     result = found.result
-    answer = {
+    record = {
         "rigid": name,
         "fixed_T_moving": result.fixed_T_moving.tolist(),
         "verdict": result.verdict,
         "reason": result.reason,
         "reconstruction": {"mask_check": found.left_out.masks, "surface": found.left_out.surface},
     }
-    files.write_text(workspace / "registration.json", json.dumps(answer))
+    files.write_text(workspace / "registration.json", json.dumps(record))
 
 
 def _outcome(

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 # Places on the surface that are asked for a measured point nearby, always the same ones.
 SAMPLES = 20_000
 # A surface that fewer points are near has left a part of what was seen out.
-MOST_POINTS_NEAR = 0.95
+MAX_POINTS_NEAR = 0.95
 
 
 def record(found: Reconstructed, posed: PosedFrames, sweep: TrackedSweep, near_mm: float) -> dict[str, Any]:
@@ -150,12 +150,12 @@ def cases(found: Reconstructed, posed: PosedFrames, sweep: TrackedSweep) -> pd.D
     )
 
 
-def metrics(told: Mapping[str, Any]) -> dict[str, float]:
+def metrics(report: Mapping[str, Any]) -> dict[str, float]:
     """Compute the scalars for the tracker.
 
     Parameters
     ----------
-    told : Mapping[str, Any]
+    report : Mapping[str, Any]
         Content that ``record`` returns.
 
     Returns
@@ -163,34 +163,34 @@ def metrics(told: Mapping[str, Any]) -> dict[str, float]:
     dict
         Scalars by name; those of a missing centerline are NaN.
     """
-    frames, line, quality = told["frames"], told["centerline"], told["quality"]
+    frames, line, quality = report["frames"], report["centerline"], report["quality"]
     refused = "refused" in line
     return {
         "frames_with_pose": float(frames["with_pose"]),
         "frames_with_vessel": float(frames["with_vessel"]),
         "frames_dropped": float(count_frames(frames["dropped"])),
-        **numbers(told["mask_check"], told["surface"]),
-        "points": float(told["points"]),
-        **{f"removed_{name}": float(count) for name, count in told["removed_points"].items()},
+        **numbers(report["mask_check"], report["surface"]),
+        "points": float(report["points"]),
+        **{f"removed_{name}": float(count) for name, count in report["removed_points"].items()},
         **{
-            name: float(told["coverage"][name])
+            name: float(report["coverage"][name])
             for name in ("frames_share", "surface_near_points", "points_near_surface")
         },
         **{name: float(quality[name]) for name in ("triangles", "open_ends", "holes", "volume_mm3")},
         **{name: float(quality[name]) for name in ("watertight", "manifold", "oriented")},
-        "volume_change": told["smoothing"]["volume_change"],
+        "volume_change": report["smoothing"]["volume_change"],
         "centerline_lines": float("nan") if refused else float(line["lines"]),
         "centerline_length_mm": float("nan") if refused else float(sum(line["lengths_mm"])),
-        **{f"{stage}_s": seconds for stage, seconds in told["seconds"].items()},
+        **{f"{stage}_s": seconds for stage, seconds in report["seconds"].items()},
     }
 
 
-def table(told: Mapping[str, Any]) -> pd.DataFrame:
+def table(report: Mapping[str, Any]) -> pd.DataFrame:
     """Summarise the reconstruction in a few lines.
 
     Parameters
     ----------
-    told : Mapping[str, Any]
+    report : Mapping[str, Any]
         Content that ``record`` returns.
 
     Returns
@@ -200,33 +200,32 @@ def table(told: Mapping[str, Any]) -> pd.DataFrame:
     """
     import pandas as pd
 
-    frames, contours, quality, line = (told[key] for key in ("frames", "contours", "quality", "centerline"))
-    removed = ", ".join(f"{count} by {name}" for name, count in told["removed_points"].items()) or "none"
-    volume = (
-        f"{quality['volume_mm3']:.1f} mm3, changed by {told['smoothing']['volume_change']:+.2%} in smoothing"
-    )
+    frames, contours, quality, line = (report[key] for key in ("frames", "contours", "quality", "centerline"))
+    removed = ", ".join(f"{count} by {name}" for name, count in report["removed_points"].items()) or "none"
+    volume = f"{quality['volume_mm3']:.1f} mm3, changed by {report['smoothing']['volume_change']:+.2%} in smoothing"
     ends = f"{quality['open_ends']} open ends, {quality['holes']} holes"
     lines = [
         ("frames", f"{frames['with_vessel']} with the vessel of {frames['with_pose']} with a pose"),
         ("frames dropped", describe_dropped(frames["dropped"])),
-        ("masks left out", _left_out(told["mask_check"])),
+        ("masks left out", _left_out(report["mask_check"])),
         (
             "contours",
             f"{contours['contours']}, {contours['open_contours']} of them cut by the picture's edge",
         ),
-        ("points", f"{told['points']} of {contours['points']}; left out: {removed}"),
+        ("points", f"{report['points']} of {contours['points']}; left out: {removed}"),
         ("surface", f"{quality['triangles']} triangles in {quality['pieces']} pieces, {ends}"),
         (
             "left out",
-            f"{told['surface']['area_share_left_out']:.1%} of the area in {told['surface']['pieces_left_out']} pieces; "
-            f"{len(told['surface']['gaps'])} gaps, {told['surface']['gap_share']:.1%} of the way",
+            f"{report['surface']['area_share_left_out']:.1%} of the area in "
+            f"{report['surface']['pieces_left_out']} pieces; "
+            f"{len(report['surface']['gaps'])} gaps, {report['surface']['gap_share']:.1%} of the way",
         ),
         ("volume", volume),
     ]
     if "refused" not in line:
         lengths = ", ".join(f"{length:.1f}" for length in line["lengths_mm"])
         lines.append(("centerline", f"{line['lines']} lines of {lengths} mm"))
-    seconds = ", ".join(f"{stage} {value:.2f} s" for stage, value in told["seconds"].items())
+    seconds = ", ".join(f"{stage} {value:.2f} s" for stage, value in report["seconds"].items())
     return pd.DataFrame([*lines, ("time", seconds)], columns=["what", "value"])
 
 
@@ -237,14 +236,14 @@ def _left_out(masks: Mapping[str, Any]) -> str:
     return f"{found or 'none'}; {len(masks['empty_between_others'])} empty between others"
 
 
-def remarks(found: Reconstructed, told: Mapping[str, Any]) -> tuple[str, ...]:
+def remarks(found: Reconstructed, report: Mapping[str, Any]) -> tuple[str, ...]:
     """State what a user has to know of the reconstruction.
 
     Parameters
     ----------
     found : Reconstructed
         Reconstruction.
-    told : Mapping[str, Any]
+    report : Mapping[str, Any]
         Content that ``record`` returns.
 
     Returns
@@ -252,18 +251,18 @@ def remarks(found: Reconstructed, told: Mapping[str, Any]) -> tuple[str, ...]:
     tuple of str
         Sentences.
     """
-    frames, quality, coverage = (told[key] for key in ("frames", "quality", "coverage"))
+    frames, quality, coverage = (report[key] for key in ("frames", "quality", "coverage"))
     said = [
         f"{frames['with_vessel']} of {frames['with_pose']} frames with a pose show the vessel; the surface has "
         f"{quality['triangles']} triangles and a measured point within {coverage['near_mm']:g} mm on "
         f"{coverage['surface_near_points']:.1%} of its area."
     ]
-    if coverage["points_near_surface"] < MOST_POINTS_NEAR:
+    if coverage["points_near_surface"] < MAX_POINTS_NEAR:
         said.append(
             f"{1 - coverage['points_near_surface']:.1%} of the points lie farther than {coverage['near_mm']:g} mm from "
             f"the surface: they belong to pieces that were left out, or to none."
         )
-    said += sentences(told["mask_check"], told["surface"])
+    said += sentences(report["mask_check"], report["surface"])
     if quality["holes"]:
         said.append(f"The surface has {quality['holes']} holes in its wall.")
     if not (quality["manifold"] and quality["oriented"]):
@@ -273,14 +272,14 @@ def remarks(found: Reconstructed, told: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(said)
 
 
-def scene(found: Reconstructed, told: Mapping[str, Any], name: str) -> Scene:
+def scene(found: Reconstructed, report: Mapping[str, Any], name: str) -> Scene:
     """Make the page: cloud, surface and centerline in the sweep's world frame.
 
     Parameters
     ----------
     found : Reconstructed
         Reconstruction.
-    told : Mapping[str, Any]
+    report : Mapping[str, Any]
         Content that ``record`` returns.
     name : str
         Name of the sweep in the title.
@@ -296,4 +295,4 @@ def scene(found: Reconstructed, told: Mapping[str, Any], name: str) -> Scene:
     ]
     if found.centerline is not None:
         layers.append(LineLayer.of("centerline", found.centerline))
-    return Scene(layers, f"Reconstruction of {name}", remarks(found, told), space="world")
+    return Scene(layers, f"Reconstruction of {name}", remarks(found, report), space="world")

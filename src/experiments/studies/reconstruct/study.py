@@ -149,15 +149,15 @@ def run(
     values, source = _masks(masks, model_path, path, recorded, progress)
     found = chain(values[posed.kept], posed.world_A_pixel, progress.note)
     _write(workspace, found)
-    told = record(found, posed, recorded, near_mm) | {
+    report = record(found, posed, recorded, near_mm) | {
         "sweep": str(path),
         "masks": source.source,
         "notes": list(recorded.notes),
     }
-    text = json.dumps(told, indent=2, allow_nan=False)
+    text = json.dumps(report, indent=2, allow_nan=False)
     files.write_text(workspace / "reconstruction.json", text + "\n")
-    scene(found, told, path.name).write(workspace / "scene.html")
-    return _outcome(found, told, cases(found, posed, recorded), (input_data(path), source))
+    scene(found, report, path.name).write(workspace / "scene.html")
+    return _outcome(found, report, cases(found, posed, recorded), (input_data(path), source))
 
 
 def _masks(
@@ -189,14 +189,14 @@ def _write(workspace: Path, found: Reconstructed) -> None:
 
 def _outcome(
     found: Reconstructed,
-    told: Mapping[str, Any],
+    report: Mapping[str, Any],
     table_of_frames: pd.DataFrame,
     inputs: tuple[InputData, ...],
 ) -> Outcome:
     return Outcome(
-        metrics=metrics(told),
+        metrics=metrics(report),
         cases=table_of_frames,
-        tables={"reconstruction": table(told)},
-        findings=(*told["notes"], *remarks(found, told), WHERE),
+        tables={"reconstruction": table(report)},
+        findings=(*report["notes"], *remarks(found, report), WHERE),
         inputs=inputs,
     )

@@ -1,4 +1,4 @@
-"""Centerlines that go with a user's surfaces: named, or found beside the surface's file under its name."""
+"""Centerlines that go with a user's surfaces: named, or found next to the surface's file under its name."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from registration.io.centerlines import read_centerline_table
 from registration.io.patient_space import lps_from, stated_space
 from registration.io.surfaces import read_centerline
 
-# The value of the setting that keeps a centerline beside the surface's file from being taken.
+# The value of the setting that keeps a centerline next to the surface's file from being taken.
 NO_CENTERLINE = "none"
 SUFFIXES = (".vtp", ".csv")
 # A centerline lies inside its vessel; one that is farther out than this share of the vessel's size is another's.
@@ -56,17 +56,17 @@ class CenterlineSource:
 
 
 def centerline_of(source: CenterlineSource, named: str | None) -> tuple[Centerline | None, Path | None]:
-    """Read a surface's centerline: the named one, or one that lies beside the surface, or none.
+    """Read a surface's centerline: the named one, or one that lies next to the surface, or none.
 
     A centerline has the unit of its surface and, unless its own header says otherwise, its axes. One found
-    beside the surface that does not fit is ignored.
+    next to the surface that does not fit is ignored.
 
     Parameters
     ----------
     source : CenterlineSource
         Surface.
     named : str or None
-        File of the centerline; "none" for no centerline; None for one beside the surface.
+        File of the centerline; "none" for no centerline; None for one next to the surface.
 
     Returns
     -------
@@ -88,14 +88,14 @@ def centerline_of(source: CenterlineSource, named: str | None) -> tuple[Centerli
                 f"received one that lies elsewhere in {named}"
             )
         return line, Path(named)
-    for beside in centerlines_beside(source.path):
-        line = _line_mm(beside, source)
+    for candidate in centerline_candidates(source.path):
+        line = _line_mm(candidate, source)
         if _fits(line, source.surface):
-            return line, beside
+            return line, candidate
     return None, None
 
 
-def centerlines_beside(path: Path) -> list[Path]:
+def centerline_candidates(path: Path) -> list[Path]:
     """Find the files that hold a surface's centerline by their names.
 
     ``centerline`` stands in place of ``surface`` or ``cloud``, or is added: ``aorta-surface.stl`` is paired
@@ -115,7 +115,7 @@ def centerlines_beside(path: Path) -> list[Path]:
     stems = [path.stem.replace(word, "centerline") for word in ("surface", "cloud") if word in path.stem]
     stems.append(f"{path.stem}-centerline")
     named = [path.with_name(stem + suffix) for stem in stems for suffix in SUFFIXES]
-    return [beside for beside in named if beside.is_file()]
+    return [candidate for candidate in named if candidate.is_file()]
 
 
 def bends(points_mm: np.ndarray) -> bool:

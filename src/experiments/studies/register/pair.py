@@ -48,7 +48,7 @@ class SideFiles:
     space : str or None, optional
         Axes, lps or ras; None as the header says, else lps.
     centerline : str or None, optional
-        File of the centerline; "none" for no centerline; None for one beside the surface.
+        File of the centerline; "none" for no centerline; None for one next to the surface.
     landmarks : str or None, optional
         File of the landmarks; None for no landmarks.
     """
@@ -171,8 +171,8 @@ def read_pair(
             None if initial is None else Path(initial), pairs, search_cone_deg, search_radius_mm
         )
     except registration_errors.InputError as refusal:
-        told = str(refusal)
-        raise InputError(told if told.startswith("search_") else f"initial: {told}") from refusal
+        reason = str(refusal)
+        raise InputError(reason if reason.startswith("search_") else f"initial: {reason}") from refusal
     return Pair(sides[0], sides[1], pairs, pose, tuple(_inputs(sides, moving, fixed, initial)))
 
 
@@ -194,7 +194,7 @@ def _read_landmarks(moving: SideFiles, fixed: SideFiles) -> LandmarkPairs | None
     found = []
     for given, other in ((moving, fixed), (fixed, moving)):
         name = f"{given.name}_landmarks"
-        path = require_path(given.landmarks, name, f"a file beside {other.name}_landmarks")
+        path = require_path(given.landmarks, name, f"a file next to {other.name}_landmarks")
         with naming(name):
             found.append(read_landmarks(path))
     try:

@@ -36,7 +36,7 @@ def register_scene(pair: Pair, fixed_T_moving: np.ndarray, method: str, findings
     method : str
         Name of the method in the title.
     findings : sequence of str
-        Sentences beside the scene.
+        Sentences next to the scene.
 
     Returns
     -------

@@ -11,7 +11,7 @@ import numpy as np
 from experiments.inputs.surfaces import one_method
 from experiments.outcome import Outcome, Progress
 from experiments.paths import PathSetting
-from experiments.studies.register.centerlines import bends, centerlines_beside
+from experiments.studies.register.centerlines import bends, centerline_candidates
 from experiments.studies.register.pair import Pair, SideFiles, read_pair
 from experiments.studies.register.record import Registered
 from experiments.studies.register.report import outcome, write
@@ -26,7 +26,7 @@ CENTERLINE_POINTS = 300
 
 
 def implicit_paths(config: Mapping[str, Any]) -> Iterator[Path]:
-    """List the files that a job reads though no setting names them: centerlines beside the surfaces.
+    """List the files that a job reads though no setting names them: centerlines next to the surfaces.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def implicit_paths(config: Mapping[str, Any]) -> Iterator[Path]:
     """
     for side in ("moving", "fixed"):
         if config.get(f"{side}_centerline") is None:
-            yield from centerlines_beside(Path(str(config[side])).expanduser())
+            yield from centerline_candidates(Path(str(config[side])).expanduser())
 
 
 def check(
@@ -79,7 +79,7 @@ def check(
     moving_landmarks, fixed_landmarks : PathSetting or None
         File of landmarks, paired by name; None for no landmarks.
     moving_centerline, fixed_centerline : PathSetting or {"none"} or None
-        File of the centerline; "none" for no centerline; None for one beside the surface.
+        File of the centerline; "none" for no centerline; None for one next to the surface.
     moving_unit, fixed_unit : str or None
         Length unit, mm or m; None for mm, refused if it looks like metres.
     moving_space, fixed_space : str or None
@@ -147,7 +147,7 @@ def run(
     moving_landmarks, fixed_landmarks : PathSetting or None
         File of landmarks, paired by name; None for no landmarks.
     moving_centerline, fixed_centerline : PathSetting or {"none"} or None
-        File of the centerline; "none" for no centerline; None for one beside the surface.
+        File of the centerline; "none" for no centerline; None for one next to the surface.
     moving_unit, fixed_unit : str or None
         Length unit, mm or m; None for mm, refused if it looks like metres.
     moving_space, fixed_space : str or None
@@ -199,7 +199,7 @@ def run(
 
 
 def _registered(method: Any, pair: Pair, moving_points: int, fixed_points: int, seed: int) -> RigidResult:
-    """The method's answer for clouds drawn from both surfaces, with all that is known beside them."""
+    """The method's result for clouds drawn from both surfaces, with all that is known besides."""
     draws = np.random.default_rng(seed).spawn(2)
     lines_mm = [side.centerline_mm(CENTERLINE_POINTS) for side in (pair.moving, pair.fixed)]
     # A straight line says no more than the axis of its surface, and a search along it has nothing to hold on to.

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments import files
-from experiments.analysis.registration.pose_scores import answer_row, plain, read_answer
+from experiments.analysis.registration.pose_scores import plain, read_result, score_result
 from registration import transforms
 from registration.benchmark.case_files import read_case, truth_file
 from registration.benchmark.truth_files import read_truth
@@ -67,18 +67,18 @@ class BenchmarkTrial:
         try:
             result = self.method(case.moving_mm, case.fixed_mm, None, moving_frame=case.moving_frame)
             transforms.require_rigid(result.fixed_T_moving, "fixed_T_moving")
-            told = record(result, truth.targets_mm)
+            report = record(result, truth.targets_mm)
         except Exception as failure:  # whatever a method does wrong, the case counts and the others go on
-            told = {
+            report = {
                 "fixed_T_moving": None,
                 "verdict": FAILED,
                 "error": f"{type(failure).__name__}: {failure}",
                 "runtime_s": time.perf_counter() - begin_s,
             }
         path = self.out / f"{case_name}.json"
-        text = json.dumps({"case": case_name, "rigid": self.name, **told}, indent=1, allow_nan=False)
+        text = json.dumps({"case": case_name, "rigid": self.name, **report}, indent=1, allow_nan=False)
         files.write_text(path, text + "\n")
-        return {"method": self.name, **answer_row(read_answer(path), truth, case)}
+        return {"method": self.name, **score_result(read_result(path), truth, case)}
 
 
 def record(result: RigidResult, targets_mm: np.ndarray) -> dict[str, Any]:

@@ -30,14 +30,14 @@ def comparison(cases: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        One row per method beside the reference.
+        One row per method other than the reference.
     """
     import pandas as pd
 
     names = methods(cases)
     reference = REFERENCE if REFERENCE in names else names[0]
     anatomies = cases["anatomy"].nunique()
-    rows = [_beside(cases, reference, other, alone=anatomies == 1) for other in names if other != reference]
+    rows = [_compared(cases, reference, other, alone=anatomies == 1) for other in names if other != reference]
     found = pd.DataFrame([row for row in rows if row is not None])
     for name in ("mcnemar_p", "signed_rank_p"):
         if name in found and anatomies > 1:
@@ -83,7 +83,7 @@ def by_anatomy(cases: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _beside(cases: pd.DataFrame, reference: str, other: str, *, alone: bool) -> dict[str, object] | None:
+def _compared(cases: pd.DataFrame, reference: str, other: str, *, alone: bool) -> dict[str, object] | None:
     pairs = cases[cases["method"] == reference].merge(
         cases[cases["method"] == other], on=list(PROBLEM), suffixes=("_first", "_second")
     )

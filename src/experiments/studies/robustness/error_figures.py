@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.reporting.labels import axis_label, method_label, method_styles
 from experiments.studies.robustness.metrics import groups, lies, methods
 from experiments.studies.robustness.style import (
-    LARGEST_SHOWN_MM,
-    SMALLEST_SHOWN_MM,
+    MAX_SHOWN_MM,
+    MIN_SHOWN_MM,
     legend_above,
     log_axis,
-    styles,
 )
 from registration.metrics.surface_distance import SUCCESS_RMSE_MM, SUCCESS_TRE_MM
 
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 NOTE = (
-    "Boxes: quartiles and median; whiskers: 5th and 95th percentiles; failures without an answer at "
-    f"{LARGEST_SHOWN_MM:g} mm"
+    "Boxes: quartiles and median; whiskers: 5th and 95th percentiles; failures without a result at "
+    f"{MAX_SHOWN_MM:g} mm"
 )
 
 
@@ -51,13 +51,13 @@ def error_boxes(turned: pd.DataFrame) -> Figure:
         row, ("rmse_mm", "tre_mm"), (SUCCESS_RMSE_MM, SUCCESS_TRE_MM), strict=True
     ):
         step = 0.8 / len(names)
-        for number, (name, look) in enumerate(styles(names).items()):
+        for number, (name, look) in enumerate(method_styles(names).items()):
             for place, overlap in enumerate(overlaps):
                 chosen = turned[(turned["method"] == name) & (turned["overlap"] == overlap)]
                 _box(axes, _shown(chosen[column]), place + (number - (len(names) - 1) / 2) * step, step, look)
-            axes.plot([], [], "s", color=look["color"], label=name)
+            axes.plot([], [], "s", color=look["color"], label=method_label(name))
         axes.axhline(limit, color="grey", linestyle=":")
-        axes.set(xlabel="overlap", ylabel=column, xticks=range(len(overlaps)))
+        axes.set(xlabel=axis_label("overlap"), ylabel=axis_label(column), xticks=range(len(overlaps)))
         log_axis(axes, "y")
         axes.set_xticklabels([f"{overlap:g}" for overlap in overlaps])
         axes.set_xlim(-0.6, len(overlaps) - 0.4)
@@ -90,13 +90,13 @@ def residual_against_error(cases: pd.DataFrame) -> Figure:
     rows = -(-len(parts) // columns)
     figure = Figure(figsize=(3.3 * columns + 0.5, 3.0 * rows + 0.3), layout="constrained")
     grid = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
-    look = styles([str(name) for (name,), _ in parts])
+    look = method_styles([str(name) for (name,), _ in parts])
     for axes in grid.flat[len(parts) :]:
         axes.set_visible(False)
     for axes, ((name,), group) in zip(grid.flat, parts, strict=False):
         axes.fill_between(
-            [SUCCESS_TRE_MM, 2 * LARGEST_SHOWN_MM],
-            SMALLEST_SHOWN_MM,
+            [SUCCESS_TRE_MM, 2 * MAX_SHOWN_MM],
+            MIN_SHOWN_MM,
             SUCCESS_RMSE_MM,
             color="0.88",
             linewidth=0,
@@ -110,21 +110,23 @@ def residual_against_error(cases: pd.DataFrame) -> Figure:
             color=look[name]["color"],
         )
         hidden = lies(group)
-        axes.set_title(f"{name}: RMSE hides {hidden.sum()} of {len(group)}", fontsize="medium")
+        axes.set_title(
+            f"{method_label(str(name))}: RMSE hides {hidden.sum()} of {len(group)}", fontsize="medium"
+        )
         axes.axhline(SUCCESS_RMSE_MM, color="grey", linestyle=":", linewidth=0.8)
         axes.axvline(SUCCESS_TRE_MM, color="grey", linestyle=":", linewidth=0.8)
-        axes.set_xlim(SMALLEST_SHOWN_MM, 1.5 * max(_shown(cases["tre_mm"]).max(), 10.0))
-        axes.set_ylim(SMALLEST_SHOWN_MM, 1.5 * max(_shown(cases["rmse_mm"]).max(), 10.0))
+        axes.set_xlim(MIN_SHOWN_MM, 1.5 * max(_shown(cases["tre_mm"]).max(), 10.0))
+        axes.set_ylim(MIN_SHOWN_MM, 1.5 * max(_shown(cases["rmse_mm"]).max(), 10.0))
         log_axis(axes, "x")
         log_axis(axes, "y")
         axes.grid(alpha=0.2)
-    figure.supxlabel("tre_mm", fontsize="medium")
-    figure.supylabel("rmse_mm", fontsize="medium")
+    figure.supxlabel(axis_label("tre_mm"), fontsize="medium")
+    figure.supylabel(axis_label("rmse_mm"), fontsize="medium")
     return figure
 
 
 def runtimes(cases: pd.DataFrame) -> Figure:
-    """Draw the seconds per trial by method, on a logarithmic axis, the median written beside.
+    """Draw the seconds per trial by method, on a logarithmic axis, with the median at the right.
 
     Parameters
     ----------
@@ -138,7 +140,7 @@ def runtimes(cases: pd.DataFrame) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    look = styles(methods(cases))
+    look = method_styles(methods(cases))
     figure = Figure(figsize=(6.4, 0.45 * len(look) + 1.2), layout="constrained")
     axes = figure.subplots()
     for number, (name, style) in enumerate(look.items()):
@@ -151,8 +153,11 @@ def runtimes(cases: pd.DataFrame) -> Figure:
             va="center",
             fontsize="small",
         )
-    axes.set(xlabel="runtime_s of a trial, one thread (median at the right)", yticks=range(len(look)))
-    axes.set_yticklabels(list(look))
+    axes.set(
+        xlabel=f"{axis_label('runtime_s')} of a trial, one thread (median at the right)",
+        yticks=range(len(look)),
+    )
+    axes.set_yticklabels([method_label(name) for name in look])
     axes.invert_yaxis()
     log_axis(axes, "x")
     axes.grid(axis="x", alpha=0.25)
@@ -160,7 +165,7 @@ def runtimes(cases: pd.DataFrame) -> Figure:
 
 
 def _shown(values: pd.Series[float]) -> np.ndarray:
-    shown: np.ndarray = values.clip(SMALLEST_SHOWN_MM, LARGEST_SHOWN_MM).to_numpy()
+    shown: np.ndarray = values.clip(MIN_SHOWN_MM, MAX_SHOWN_MM).to_numpy()
     return shown
 
 

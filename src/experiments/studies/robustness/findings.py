@@ -55,11 +55,11 @@ def _success(key: tuple[Any, ...], cases: pd.DataFrame) -> Iterator[str]:
         f"({right.rate:.0%}, Wilson 95 % interval {right.low:.0%} to {right.high:.0%}), {small.rate:.0%} with RMSE up "
         f"to {SUCCESS_RMSE_MM:g} mm, median {cases['runtime_s'].median():.2f} s a trial."
     )
-    unanswered = cases.loc[cases["error"] != "", "error"]
-    if len(unanswered):
+    missing = cases.loc[cases["error"] != "", "error"]
+    if len(missing):
         yield (
-            f"{where} gave no answer in {len(unanswered)} of {_trials(len(cases))}, which count as failed "
-            f"(first: {unanswered.iloc[0]})."
+            f"{where} gave no result in {len(missing)} of {_trials(len(cases))}, which count as failed "
+            f"(first: {missing.iloc[0]})."
         )
 
 
@@ -85,13 +85,13 @@ def _levels(key: tuple[Any, ...], cases: pd.DataFrame) -> str:
 
 
 def _judged(cases: pd.DataFrame) -> Iterator[str]:
-    """Acceptance and coverage of methods that judge their answers; which ones do not."""
+    """Acceptance and coverage of methods that judge their results; which ones do not."""
     for (method,), group in groups(cases, ("method",)):
         if not judges(group):
-            yield f"{method}: its answers are not judged."
+            yield f"{method}: its results are not judged."
             continue
         taken = group[group["accepted"]]
-        said = f"{method} accepted {len(taken)} of its {len(group)} answers"
+        said = f"{method} accepted {len(taken)} of its {len(group)} results"
         if not len(taken):
             yield f"{said}."
             continue

@@ -43,9 +43,9 @@ def rate_metrics(cases: pd.DataFrame) -> dict[str, float]:
     for name, each in {
         "success_rate": share(cases["success"]),
         "success_tre_rate": share(cases["success_tre"]),
-        "accepted_rate": share(cases["accepted"]) if judging else None,
+        "acceptance_rate": share(cases["accepted"]) if judging else None,
         "success_tre_accepted_rate": share(taken["success_tre"]),
-        "tre_interval_coverage": share(inside(predicted[predicted["accepted"]])),
+        "interval_coverage_accepted_rate": share(inside(predicted[predicted["accepted"]])),
     }.items():
         found |= {
             name: each.rate if each else float("nan"),

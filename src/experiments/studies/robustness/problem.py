@@ -104,7 +104,7 @@ def read_problem(
 
 
 def covered_targets(problem: Problem, piece: Piece) -> np.ndarray:
-    """Find the targets beside the moving piece in its true place, along the fixed surface's principal axis.
+    """Find the targets next to the moving piece in its true place, along the fixed surface's principal axis.
 
     Parameters
     ----------

@@ -6,18 +6,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.reporting.labels import axis_label, method_label, method_styles
 from experiments.studies.robustness.design import CROSSED, WHOLE
 from experiments.studies.robustness.error_figures import error_boxes, residual_against_error, runtimes
 from experiments.studies.robustness.metrics import by_bin, crossed, groups, methods
 from experiments.studies.robustness.style import (
-    LARGEST_SHOWN_MM,
-    RATE_LABEL,
+    MAX_SHOWN_MM,
     draw_rates,
     legend_above,
     log_axis,
     piece_title,
     rate_axis,
-    styles,
 )
 from registration.metrics.surface_distance import SUCCESS_TRE_MM
 from registration.perturbation.random_pose import ANY, FLIP, ROLL
@@ -27,9 +26,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Where a flip stands beside the angles, and how far the curve of success reaches.
+# Where a flip stands next to the angles, and how far the curve of success reaches.
 FLIP_AT_DEG = 202.0
-LARGEST_THRESHOLD_MM = 10.0
+MAX_THRESHOLD_MM = 10.0
+RATE_LABEL = axis_label("success_tre_rate")
 
 
 def figures(cases: pd.DataFrame) -> dict[str, Figure]:
@@ -49,10 +49,12 @@ def figures(cases: pd.DataFrame) -> dict[str, Figure]:
     found: dict[str, Figure] = {}
     kinds = set(turned["rotation"])
     if kinds & {ANY, FLIP}:
-        found["success_by_angle"] = _success_by_angle(turned[turned["rotation"] != ROLL], "angle_deg")
+        found["success_by_angle"] = _success_by_angle(
+            turned[turned["rotation"] != ROLL], axis_label("angle_deg")
+        )
     if ROLL in kinds:
         found["success_by_roll"] = _success_by_angle(
-            turned[turned["rotation"] == ROLL], "angle_deg of a roll"
+            turned[turned["rotation"] == ROLL], axis_label("roll_deg")
         )
     if len(turned):
         found["errors"] = error_boxes(turned)
@@ -92,7 +94,7 @@ def _success_by_angle(turned: pd.DataFrame, label: str) -> Figure:
 def _angles(axes: Axes, piece: pd.DataFrame, names: list[str]) -> None:
     ticks: list[float] = list(range(0, 181, 30))
     flipped = (piece["rotation"] == FLIP).any()
-    for number, (name, look) in enumerate(styles(names).items()):
+    for number, (name, look) in enumerate(method_styles(names).items()):
         group = piece[piece["method"] == name]
         # Side by side within a bin, so that intervals do not hide each other.
         aside = (number - (len(names) - 1) / 2) / max(len(names), 2)
@@ -105,12 +107,12 @@ def _angles(axes: Axes, piece: pd.DataFrame, names: list[str]) -> None:
                 middles_deg + 0.7 * aside * width_deg,
                 bins["successes"],
                 bins["trials"],
-                label=name,
+                label=method_label(name),
                 **look,
             )
         flips = group.loc[group["rotation"] == FLIP, "success_tre"]
         if len(flips):
-            known: dict[str, Any] = {} if len(bins) else {"label": name}
+            known: dict[str, Any] = {} if len(bins) else {"label": method_label(name)}
             draw_rates(
                 axes,
                 [FLIP_AT_DEG + 14 * aside],
@@ -137,16 +139,20 @@ def _success_curve(turned: pd.DataFrame) -> Figure:
     figure = Figure(figsize=(3.2 * len(parts) + 0.6, 3.4), layout="constrained")
     row = figure.subplots(1, len(parts), squeeze=False, sharey=True)[0]
     for axes, ((overlap,), part) in zip(row, parts, strict=True):
-        for name, look in styles(names).items():
+        for name, look in method_styles(names).items():
             errors_mm = np.sort(part.loc[part["method"] == name, "tre_mm"].to_numpy())
             if len(errors_mm):
                 shares = np.arange(len(errors_mm) + 1) / len(errors_mm)
-                at_mm = [0.0, *errors_mm.clip(max=2 * LARGEST_THRESHOLD_MM), 2 * LARGEST_THRESHOLD_MM]
-                axes.step(at_mm, [*shares, shares[-1]], where="post", color=look["color"], label=name)
+                at_mm = [0.0, *errors_mm.clip(max=2 * MAX_THRESHOLD_MM), 2 * MAX_THRESHOLD_MM]
+                axes.step(
+                    at_mm, [*shares, shares[-1]], where="post", color=look["color"], label=method_label(name)
+                )
         axes.axvline(SUCCESS_TRE_MM, color="grey", linestyle=":")
-        axes.set(title=f"overlap {overlap:g}", xlabel="tre_mm at most", xlim=(0, LARGEST_THRESHOLD_MM))
+        axes.set(
+            title=f"Overlap {overlap:g}", xlabel=f"{axis_label('tre_mm')} at most", xlim=(0, MAX_THRESHOLD_MM)
+        )
         rate_axis(axes)
-    row[0].set_ylabel("share of trials")
+    row[0].set_ylabel("Share of trials")
     legend_above(figure, row[0])
     return figure
 
@@ -160,7 +166,7 @@ def _factors(varied: pd.DataFrame) -> Figure:
     figure = Figure(figsize=(max(3.1 * len(parts), 6.4) + 0.6, 5.2), layout="constrained")
     grid = figure.subplots(2, len(parts), squeeze=False, sharey="row", sharex="col")
     for (above, below), ((factor,), part) in zip(grid.T, parts, strict=True):
-        for name, look in styles(names).items():
+        for name, look in method_styles(names).items():
             levels = part[part["method"] == name].groupby("level")
             if not len(levels):
                 continue
@@ -171,29 +177,31 @@ def _factors(varied: pd.DataFrame) -> Figure:
                 * (part["level"].max() - part["level"].min())
                 * (names.index(name) - (len(names) - 1) / 2)
             )
-            draw_rates(above, won.index.to_numpy() + aside, won["sum"], won["size"], label=name, **look)
-            errors_mm = levels["tre_mm"].median().clip(upper=LARGEST_SHOWN_MM)
+            draw_rates(
+                above, won.index.to_numpy() + aside, won["sum"], won["size"], label=method_label(name), **look
+            )
+            errors_mm = levels["tre_mm"].median().clip(upper=MAX_SHOWN_MM)
             below.plot(errors_mm.index, errors_mm, linewidth=1.2, markersize=3.5, **look)
         rate_axis(above)
-        below.set(xlabel=factor, xticks=sorted(part["level"].unique()))
+        below.set(xlabel=axis_label(factor), xticks=sorted(part["level"].unique()))
         log_axis(below, "y")
         below.grid(alpha=0.25)
     grid[0][0].set_ylabel(RATE_LABEL, fontsize="small")
-    grid[1][0].set_ylabel("tre_mm, median")
+    grid[1][0].set_ylabel(f"{axis_label('tre_mm')}, median")
     legend_above(figure, grid[0][0])
     return figure
 
 
 def _risk_coverage(cases: pd.DataFrame) -> Figure:
-    """Success among the answers that a method is surest of, against their share; the dot is where it accepts.
+    """Success among the results that a method is surest of, against their share; the dot is where it accepts.
 
-    Answers are ranked as the verdict does: accepted ones first, then by the upper end of the predicted error.
+    Results are ranked as the verdict does: accepted ones first, then by the upper end of the predicted error.
     """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(5.6, 3.8), layout="constrained")
     axes = figure.subplots()
-    for name, look in styles(methods(cases)).items():
+    for name, look in method_styles(methods(cases)).items():
         group = cases[cases["method"] == name]
         if not group["tre_high_mm"].notna().any():
             continue
@@ -202,10 +210,10 @@ def _risk_coverage(cases: pd.DataFrame) -> Figure:
         ].to_numpy()
         counts = np.arange(1, len(ranked) + 1)
         rates = np.cumsum(ranked) / counts
-        axes.plot(counts / len(ranked), rates, color=look["color"], label=name)
+        axes.plot(counts / len(ranked), rates, color=look["color"], label=method_label(name))
         if taken := int(group["accepted"].sum()):
             axes.plot(taken / len(ranked), rates[taken - 1], **look)
-    axes.set(xlabel="share of trials accepted (the dot: by its verdict)", ylabel=f"{RATE_LABEL}, of accepted")
+    axes.set(xlabel=f"{axis_label('acceptance_rate')} (dot: by verdict)", ylabel=f"{RATE_LABEL}, of accepted")
     axes.set_xlim(0, 1.02)
     axes.grid(alpha=0.25)
     legend_above(figure, axes)

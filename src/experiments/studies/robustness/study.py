@@ -139,7 +139,7 @@ def run(
 
     These are all rotations of a piece, or all levels of a factor. Every method of a seed meets the same
     problems. A method that raises on a trial has failed it: the row stays, with infinite errors and the
-    reason. Finished trials are kept beside the results until the job is done.
+    reason. Finished trials are kept next to the results until the job is done.
 
     Parameters
     ----------

@@ -1,45 +1,21 @@
-"""How methods look in every figure of the robustness study, and the axes that the figures share."""
+"""The axes that the figures of the robustness study share."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from experiments.statistics import wilson_interval
 from experiments.studies.robustness.design import WHOLE
-from registration.metrics.surface_distance import SUCCESS_TRE_MM
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Told apart by colour-blind readers too (Okabe and Ito, Color Universal Design, 2008); the markers repeat it.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#999999")
-MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 # Errors of failed and of perfect trials are drawn at the edges of logarithmic axes.
-SMALLEST_SHOWN_MM, LARGEST_SHOWN_MM = 1e-2, 1e3
-RATE_LABEL = f"share of trials with tre_mm <= {SUCCESS_TRE_MM:g}"
-
-
-def styles(methods: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Choose colour and marker of each method.
-
-    Parameters
-    ----------
-    methods : sequence of str
-        Names of the methods.
-
-    Returns
-    -------
-    dict
-        Keyword arguments of matplotlib by method.
-    """
-    return {
-        name: {"color": COLOURS[number % len(COLOURS)], "marker": MARKERS[number % len(MARKERS)]}
-        for number, name in enumerate(methods)
-    }
+MIN_SHOWN_MM, MAX_SHOWN_MM = 1e-2, 1e3
 
 
 def piece_title(overlap: float, place: str) -> str:
@@ -57,7 +33,7 @@ def piece_title(overlap: float, place: str) -> str:
     str
         The title.
     """
-    return "overlap 1" if place == WHOLE else f"overlap {overlap:g}, {place}"
+    return "Overlap 1" if place == WHOLE else f"Overlap {overlap:g}, {place}"
 
 
 def draw_rates(
@@ -136,5 +112,5 @@ def legend_above(figure: Figure, axes: Axes) -> None:
     """
     handles, names = axes.get_legend_handles_labels()
     known = dict(zip(names, handles, strict=True))
-    columns = max(min(len(known), int(figure.get_figwidth() / 1.25)), 1)
+    columns = max(min(len(known), int(figure.get_figwidth() / 1.4)), 1)
     figure.legend(known.values(), known.keys(), loc="outside upper center", ncols=columns, frameon=False)

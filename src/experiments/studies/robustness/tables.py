@@ -119,11 +119,11 @@ def _verdicts(cases: pd.DataFrame, columns: tuple[str, ...], key: tuple[Any, ...
     return {
         **dict(zip(columns, key, strict=True)),
         "trials": len(cases),
-        "accepted_rate": rates["accepted_rate"],
+        "acceptance_rate": rates["acceptance_rate"],
         **{name: rates[name] for name in _bounded("success_tre_accepted_rate")},
-        "accepted_wrong": int((cases["accepted"] & ~cases["success_tre"]).sum()),
+        "accepted_failures": int((cases["accepted"] & ~cases["success_tre"]).sum()),
         "right_not_accepted": int((~cases["accepted"] & cases["success_tre"]).sum()),
-        "no_answer": int(rates["trials_failed"]),
+        "no_result": int(rates["trials_failed"]),
     }
 
 
@@ -132,7 +132,7 @@ def _intervals(cases: pd.DataFrame, columns: tuple[str, ...], key: tuple[Any, ..
     return {
         **dict(zip(columns, key, strict=True)),
         "accepted": len(taken),
-        **{name: rates[name] for name in _bounded("tre_interval_coverage")},
+        **{name: rates[name] for name in _bounded("interval_coverage_accepted_rate")},
         "tre_low_mm_median": float(taken["tre_low_mm"].median()),
         "tre_high_mm_median": float(taken["tre_high_mm"].median()),
     }
@@ -145,7 +145,7 @@ def _levels(cases: pd.DataFrame, key: tuple[Any, ...]) -> dict[str, object]:
         **dict(zip(("method", "factor", "level"), key, strict=True)),
         "trials": len(cases),
         **{name: rates[name] for name in _bounded("success_tre_rate")},
-        "accepted_rate": rates["accepted_rate"],
+        "acceptance_rate": rates["acceptance_rate"],
         **{name: rates[name] for name in _bounded("success_tre_accepted_rate")},
         **{name: errors[name] for name in ("tre_mm_median", "tre_mm_p95")},
     }

@@ -70,7 +70,7 @@ class RobustnessTrial:
     targets_mm : ndarray, shape (t, 3)
         Targets in the fixed frame in mm.
     covered : ndarray of bool, shape (t,)
-        Which targets lie beside what moves.
+        Which targets lie next to what moves.
     hand_centerlines : bool
         True if the targets are the fixed centerline, and the method is given it and its covered part, as a
         perfect extraction would find them.
@@ -114,7 +114,7 @@ class RobustnessTrial:
             result = self.method(trial.moving_mm, trial.fixed_mm, **self._more(trial))
             transforms.require_rigid(result.fixed_T_moving, "fixed_T_moving")
         except Exception as failure:  # whatever a method does wrong, the trial counts and the others go on
-            found = _unanswered(failure, time.perf_counter() - begin_s)
+            found = _without_result(failure, time.perf_counter() - begin_s)
         else:
             found = self._errors(result.fixed_T_moving, trial) | self._judgement(result)
         success = {
@@ -124,7 +124,7 @@ class RobustnessTrial:
         return self._levels(condition, number, trial) | found | success
 
     def _more(self, trial: Trial) -> dict[str, Any]:
-        """What a method is told beside the clouds, if it has a use for it."""
+        """What a method is given besides the clouds, if it has a use for it."""
         offered: dict[str, Any] = {"moving_frame": trial.frame}
         if self.hand_centerlines:
             own_mm = transforms.apply(
@@ -178,7 +178,7 @@ class RobustnessTrial:
         }
 
     def _judgement(self, result: RigidResult) -> dict[str, Any]:
-        """What the method says of its own answer."""
+        """What the method says of its own result."""
         low_mm, high_mm = result.tre_interval_mm(self.targets_mm, TRE_LEVEL)
         return {
             "verdict": result.verdict,
@@ -201,7 +201,7 @@ class RobustnessTrial:
         return pose_error(pose, trial.fixed_T_moving, self.targets_mm[chosen]).tre_mm
 
 
-def _unanswered(failure: Exception, runtime_s: float) -> dict[str, Any]:
+def _without_result(failure: Exception, runtime_s: float) -> dict[str, Any]:
     """A method that raised: infinite errors, nothing predicted, and the reason."""
     return {
         **dict.fromkeys(ERRORS, float("inf")),

@@ -9,7 +9,7 @@ from experiments.analysis.registration.risk_coverage import risk_coverage
 from experiments.errors import InputError
 
 
-def test_the_surest_answers_come_first() -> None:
+def test_the_surest_results_come_first() -> None:
     wrong = np.array([True, False, False, True])
     curve = risk_coverage(wrong, np.array([3.0, 1.0, 2.0, 4.0]))
     assert curve.coverage.tolist() == [0.25, 0.5, 0.75, 1.0]
@@ -32,13 +32,13 @@ def test_doubts_that_are_equal_say_nothing_whatever_the_order_of_the_rows() -> N
         np.testing.assert_allclose(curve.risk, 0.25)
 
 
-def test_an_answer_without_a_doubt_comes_last() -> None:
+def test_a_result_without_a_doubt_comes_last() -> None:
     curve = risk_coverage(np.array([True, False]), np.array([np.nan, 100.0]))
     assert curve.risk.tolist() == [0.0, 0.5]
 
 
-def test_no_answers_are_refused() -> None:
+def test_no_results_are_refused() -> None:
     with pytest.raises(
-        InputError, match="doubt: expected one for each of at least one answer, received 0 for 0"
+        InputError, match="doubt: expected one for each of at least one result, received 0 for 0"
     ):
         risk_coverage(np.zeros(0, dtype=bool), np.zeros(0))

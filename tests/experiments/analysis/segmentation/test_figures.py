@@ -27,15 +27,15 @@ BOTH = pd.concat(
 def test_a_row_for_each_data_set_and_a_column_for_each_score() -> None:
     figure = spread(BOTH)
     assert [(axes.get_title(), axes.get_ylabel()) for axes in figure.axes] == [
-        ("x (simulated)", "dsc"),
-        ("x (simulated)", "hd95_mm"),
-        ("y", "dsc"),
-        ("y", "hd95_px"),
+        ("x (simulated)", "DSC"),
+        ("x (simulated)", "HD95 (mm)"),
+        ("y", "DSC"),
+        ("y", "HD95 (px)"),
     ]
     for axes in figure.axes:
-        assert [label.get_text() for label in axes.get_xticklabels()] == ["unet", "other"]
+        assert [label.get_text() for label in axes.get_xticklabels()] == ["U-Net", "other"]
         assert len(axes.patches) == 6  # two models, three folds
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["fold 0", "fold 1", "fold 2"]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["Fold 0", "Fold 1", "Fold 2"]
 
 
 def test_dots_are_the_means_of_groups() -> None:

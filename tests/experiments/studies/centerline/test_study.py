@@ -73,9 +73,9 @@ def test_the_axis_of_a_tube_in_every_file(tmp_path: Path, mesh: Path) -> None:
     assert (curve["type"], curve["coordinateSystem"], curve["coordinateUnits"]) == ("Curve", "LPS", "mm")
     positions_mm = np.array([point["position"] for point in curve["controlPoints"]])
     np.testing.assert_allclose(positions_mm, line.points_mm, atol=1e-5)
-    told = json.loads((out / "centerline.json").read_text())
-    assert told["lines"][0]["length_mm"] == pytest.approx(line.length_mm, abs=1e-3)
-    assert (told["ends"], told["input_space"], told["quality"]["open_ends"]) == ("found", "lps", 2)
+    report = json.loads((out / "centerline.json").read_text())
+    assert report["lines"][0]["length_mm"] == pytest.approx(line.length_mm, abs=1e-3)
+    assert (report["ends"], report["input_space"], report["quality"]["open_ends"]) == ("found", "lps", 2)
     assert outcome.cases is not None
     assert len(outcome.cases) == len(line.points_mm)
     assert outcome.metrics["length_mm"] == pytest.approx(line.length_mm, abs=1e-3)
@@ -143,8 +143,8 @@ def test_a_printed_hollow_phantom_has_the_line_of_its_lumen(tmp_path: Path) -> N
     (line,) = read_centerline_table(tmp_path / "out" / "centerline.csv").lines
     assert off_axis_mm(line.points_mm).max() < 0.1 * RADIUS_MM
     assert line.length_mm == pytest.approx(40.0, rel=0.02)
-    told = json.loads((tmp_path / "out" / "centerline.json").read_text())
-    assert told["lumen"] == {"walls_joined": True, "genus": 1}
+    report = json.loads((tmp_path / "out" / "centerline.json").read_text())
+    assert report["lumen"] == {"walls_joined": True, "genus": 1}
     assert outcome.findings[0] == (
         "The surface is a hollow body, its outer and inner wall joined to one surface of genus 1: the inner wall was "
         "taken, the lumen's."

@@ -1,4 +1,4 @@
-"""Masks beside reference masks: scores drawn by hand, and everything that does not fit."""
+"""Masks next to reference masks: scores drawn by hand, and everything that does not fit."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def test_without_a_spacing_distances_are_in_pixels(folders: tuple[Path, Path]) -
     assert "spacing_mm=" in describe_masks(cases, mask_metrics(cases), pairs)[-1]
 
 
-def test_a_missing_prediction_of_nothing_is_no_right_answer(folders: tuple[Path, Path]) -> None:
+def test_a_missing_prediction_of_nothing_is_no_right_result(folders: tuple[Path, Path]) -> None:
     given, truth = folders
     (given / "e.png").unlink()
     cases, _ = table(given, truth)
@@ -131,7 +131,7 @@ def test_what_does_not_fit_is_named(folders: tuple[Path, Path], tmp_path: Path) 
 
 
 def labelled(folder: Path, name: str, left: int, others: int = 1, vessel: int = 2) -> None:
-    """A mask with another structure beside the vessel."""
+    """A mask with another structure next to the vessel."""
     labels = square(left).astype(np.uint8) * vessel
     labels[30:35, 5:50] = others
     folder.mkdir(exist_ok=True)
@@ -188,7 +188,7 @@ def test_labels_that_are_none_are_refused() -> None:
         with pytest.raises(InputError, match="label: expected a label from 1, several, or null, received"):
             MaskLabels.of(wrong, None, None)
     with pytest.raises(
-        InputError, match="label: expected the vessel's label beside prediction_label or ignore_label"
+        InputError, match="label: expected the vessel's label next to prediction_label or ignore_label"
     ):
         MaskLabels.of(None, 1, None)
     for wrong in (2, [3, 4]):

@@ -48,27 +48,27 @@ def masks(tmp_path: Path) -> Path:
 def transforms(tmp_path: Path) -> Path:
     made = written_cases(tmp_path / "subset", NAMES)
     (tmp_path / "mine").mkdir()
-    for name, shift_mm, told in (
+    for name, shift_mm, report in (
         ("tube_a", (1.0, 0.0, 0.0), {"verdict": "accepted", "predicted_tre_mm": {"low": 0.2, "high": 1.5}}),
         ("tube_b", (0.0, 30.0, 0.0), {"verdict": "ambiguous", "ambiguity_gap": 0.4}),
     ):
         pose = off_by(made[name][1], shift_mm).tolist()
-        (tmp_path / "mine" / f"{name}.json").write_text(json.dumps({"fixed_T_moving": pose} | told))
+        (tmp_path / "mine" / f"{name}.json").write_text(json.dumps({"fixed_T_moving": pose} | report))
     return tmp_path
 
 
 def test_masks_leave_a_summary_and_a_row_a_case(masks: Path) -> None:
     (masks / "given" / "b.png").unlink()
     outcome = run(masks / "given", masks / "truth", masks / "out", spacing_mm=0.1)
-    told = json.loads((masks / "out" / "evaluation.json").read_text())
-    assert (told["kind"], told["cases"], told["missing"], told["spacing_mm"]) == (
+    report = json.loads((masks / "out" / "evaluation.json").read_text())
+    assert (report["kind"], report["cases"], report["missing"], report["spacing_mm"]) == (
         "masks",
         2,
         ["b"],
         [0.1, 0.1],
     )
-    assert told["metrics"]["dsc_mean"] == pytest.approx(0.4)
-    assert told["metrics"]["hd95_mm_n"] == 2
+    assert report["metrics"]["dsc_mean"] == pytest.approx(0.4)
+    assert report["metrics"]["hd95_mm_n"] == 2
     rows = pd.read_csv(masks / "out" / "evaluation.csv")
     assert rows["case_id"].tolist() == ["a", "b"]
     assert rows["dsc"].tolist() == pytest.approx([0.8, 0.0])
@@ -79,15 +79,15 @@ def test_masks_leave_a_summary_and_a_row_a_case(masks: Path) -> None:
 
 def test_transforms_leave_a_summary_and_a_row_a_case(transforms: Path) -> None:
     outcome = run(transforms / "mine", transforms / "subset", transforms / "out")
-    told = json.loads((transforms / "out" / "evaluation.json").read_text())
-    assert (told["kind"], told["cases"], told["missing"]) == ("transforms", 3, ["tube_c"])
-    # A case without an answer makes the mean infinite, which JSON does not know; the rates count it.
-    assert told["metrics"]["tre_mm_mean"] is None
-    assert told["metrics"]["success_tre_rate"] == pytest.approx(1 / 3)
-    assert told["metrics"]["acceptance_rate"] == pytest.approx(1 / 3)
-    assert told["metrics"]["success_accepted_rate"] == 1.0
-    assert told["metrics"]["interval_coverage_rate"] == 1.0
-    assert told["metrics"]["cases_unanswered"] == 1.0
+    report = json.loads((transforms / "out" / "evaluation.json").read_text())
+    assert (report["kind"], report["cases"], report["missing"]) == ("transforms", 3, ["tube_c"])
+    # A case without a result makes the mean infinite, which JSON does not know; the rates count it.
+    assert report["metrics"]["tre_mm_mean"] is None
+    assert report["metrics"]["success_tre_rate"] == pytest.approx(1 / 3)
+    assert report["metrics"]["acceptance_rate"] == pytest.approx(1 / 3)
+    assert report["metrics"]["success_accepted_rate"] == 1.0
+    assert report["metrics"]["interval_coverage_rate"] == 1.0
+    assert report["metrics"]["cases_without_result"] == 1.0
     rows = pd.read_csv(transforms / "out" / "evaluation.csv").set_index("case")
     assert rows.loc["tube_a", "tre_mm"] == pytest.approx(1.0)
     assert rows.loc["tube_b", "tre_mm"] == pytest.approx(30.0)
@@ -106,8 +106,8 @@ def test_one_pose_against_one_truth(transforms: Path) -> None:
     outcome = run(transforms / "mine" / "tube_a.json", truth, transforms / "out")
     assert outcome.metrics["tre_mm_mean"] == pytest.approx(1.0)
     assert outcome.metrics["success_tre_rate"] == 1.0
-    told = json.loads((transforms / "out" / "evaluation.json").read_text())
-    assert told["cases"] == 1
+    report = json.loads((transforms / "out" / "evaluation.json").read_text())
+    assert report["cases"] == 1
 
 
 def test_settings_of_the_other_kind_are_refused(masks: Path, transforms: Path) -> None:
@@ -137,8 +137,8 @@ def test_a_label_from_the_command_line(home: Path, masks: Path) -> None:
     words = ["study=evaluate", f"prediction={masks / 'given'}", f"reference={masks / 'truth'}"]
     assert main([*words, f"out={home / 'none'}"]) == 2
     assert main([*words, "label=2", f"out={home / 'two'}"]) == 0
-    told = json.loads((home / "two" / "evaluation.json").read_text())
-    assert told["labels"] == {"reference": [2], "prediction": [2]}
+    report = json.loads((home / "two" / "evaluation.json").read_text())
+    assert report["labels"] == {"reference": [2], "prediction": [2]}
 
 
 def test_from_the_command_line(home: Path, masks: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -148,6 +148,6 @@ def test_from_the_command_line(home: Path, masks: Path, capsys: pytest.CaptureFi
     capsys.readouterr()
     Image.fromarray(np.zeros((8, 8), dtype=np.uint8)).save(masks / "given" / "b.png")
     assert main([*words, f"out={home / 'broken'}"]) == 2
-    told = capsys.readouterr().err.strip().splitlines()
-    assert "expected the size of its reference" in told[-1]
+    report = capsys.readouterr().err.strip().splitlines()
+    assert "expected the size of its reference" in report[-1]
     assert not (home / "broken" / "evaluation.json").exists()

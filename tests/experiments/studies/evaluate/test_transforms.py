@@ -29,22 +29,22 @@ NAMES = {"tube_a": ("a", "whole"), "tube_b": ("b", "whole"), "tube_c": ("c", "pi
 
 @pytest.fixture
 def subset(tmp_path: Path) -> Path:
-    """Three cases; the answers to two of them, wrong by 1 and 5 mm, and one to no case, in ``answers``."""
+    """Three cases; the results to two of them, wrong by 1 and 5 mm, and one to no case, in ``results``."""
     made = written_cases(tmp_path / "subset", NAMES)
-    answers = tmp_path / "answers"
-    answers.mkdir()
+    results = tmp_path / "results"
+    results.mkdir()
     first, second = made["tube_a"][1], made["tube_b"][1]
-    (answers / "tube_a.json").write_text(
+    (results / "tube_a.json").write_text(
         json.dumps({"fixed_T_moving": off_by(first, (1.0, 0.0, 0.0)).tolist()})
     )
-    write_transform(answers / "tube_b.h5", off_by(second, (3.0, 0.0, 4.0)))
-    write_transform(answers / "tube_z.tfm", np.eye(4))
+    write_transform(results / "tube_b.h5", off_by(second, (3.0, 0.0, 4.0)))
+    write_transform(results / "tube_z.tfm", np.eye(4))
     return tmp_path
 
 
 @pytest.mark.parametrize("reference", ["subset", "subset/truth"])
-def test_answers_are_paired_by_name_and_a_missing_one_has_failed(subset: Path, reference: str) -> None:
-    pairs = pair_transforms(subset / "answers", subset / reference, None)
+def test_results_are_paired_by_name_and_a_missing_one_has_failed(subset: Path, reference: str) -> None:
+    pairs = pair_transforms(subset / "results", subset / reference, None)
     assert pairs.unused == ("tube_z",)
     rows = {row["case"]: row for row in transform_rows(pairs, Silent())}
     assert list(rows) == sorted(NAMES)
@@ -57,19 +57,19 @@ def test_answers_are_paired_by_name_and_a_missing_one_has_failed(subset: Path, r
 
 
 def test_names_that_look_alike_belong_together(subset: Path) -> None:
-    answers = subset / "answers"
+    results = subset / "results"
     truth = subset / "subset" / "truth"
     truth.rename(subset / "moved")
     (subset / "moved" / "tube_a.json").rename(subset / "moved" / "tub\u00e9.json")
-    (answers / "tube_a.json").rename(answers / "tube\u0301.json")
-    pairs = pair_transforms(answers, subset / "moved", None)
+    (results / "tube_a.json").rename(results / "tube\u0301.json")
+    pairs = pair_transforms(results, subset / "moved", None)
     rows = list(transform_rows(pairs, Silent()))
     assert [row["tre_mm"] for row in rows].count(math.inf) == 1 and pairs.unused == ("tube_z",)
 
 
 def test_without_the_cases_there_is_no_residual(subset: Path) -> None:
     (subset / "subset" / "truth").rename(subset / "moved")
-    pairs = pair_transforms(subset / "answers", subset / "moved", None)
+    pairs = pair_transforms(subset / "results", subset / "moved", None)
     rows = list(transform_rows(pairs, Silent()))
     assert rows[0]["tre_mm"] == pytest.approx(1.0)
     assert math.isnan(rows[0]["rmse_mm"])
@@ -77,7 +77,7 @@ def test_without_the_cases_there_is_no_residual(subset: Path) -> None:
 
 def test_one_file_goes_with_one_truth_whatever_their_names(subset: Path) -> None:
     truth = subset / "subset" / "truth" / "tube_b.json"
-    pairs = pair_transforms(subset / "answers" / "tube_b.h5", truth, None)
+    pairs = pair_transforms(subset / "results" / "tube_b.h5", truth, None)
     (row,) = transform_rows(pairs, Silent())
     assert row["tre_mm"] == pytest.approx(5.0)
 
@@ -85,11 +85,11 @@ def test_one_file_goes_with_one_truth_whatever_their_names(subset: Path) -> None
 @pytest.mark.parametrize("suffix", [".mat", ".txt"])
 def test_transforms_of_other_programs_are_scored_in_their_direction(subset: Path, suffix: str) -> None:
     """A .mat of ITK maps fixed to moving, four rows of text are fixed_T_moving itself."""
-    pose = read_transform(subset / "answers" / "tube_b.h5")
+    pose = read_transform(subset / "results" / "tube_b.h5")
     if suffix == ".txt":
         np.savetxt(subset / f"pose{suffix}", pose)
     else:
-        itk = SimpleITK.ReadTransform(str(subset / "answers" / "tube_b.h5"))
+        itk = SimpleITK.ReadTransform(str(subset / "results" / "tube_b.h5"))
         SimpleITK.WriteTransform(itk, str(subset / f"pose{suffix}"))
     truth = subset / "subset" / "truth" / "tube_b.json"
     (row,) = transform_rows(pair_transforms(subset / f"pose{suffix}", truth, None), Silent())
@@ -125,12 +125,12 @@ def test_masks_are_no_transforms(tmp_path: Path, subset: Path) -> None:
     assert not are_transforms(folder / "a.png")
     assert are_transforms(subset / "subset")
     assert are_transforms(subset / "subset" / "truth")
-    assert are_transforms(subset / "answers" / "tube_b.h5")
+    assert are_transforms(subset / "results" / "tube_b.h5")
 
 
 def test_what_does_not_belong_together_is_refused(subset: Path) -> None:
     with pytest.raises(InputError, match="prediction: expected a folder, as reference is, received a file"):
-        pair_transforms(subset / "answers" / "tube_a.json", subset / "subset", None)
+        pair_transforms(subset / "results" / "tube_a.json", subset / "subset", None)
     other = subset / "other"
     other.mkdir()
     with pytest.raises(InputError, match=r"prediction: expected transforms .* received none"):
@@ -138,16 +138,16 @@ def test_what_does_not_belong_together_is_refused(subset: Path) -> None:
     write_transform(other / "nobody.tfm", np.eye(4))
     with pytest.raises(InputError, match=r"expected files named after the cases \(tube_a.json"):
         pair_transforms(other, subset / "subset", None)
-    write_transform(subset / "answers" / "tube_a.tfm", np.eye(4))
+    write_transform(subset / "results" / "tube_a.tfm", np.eye(4))
     with pytest.raises(
         InputError, match=r"expected one transform of each name .* tube_a.json and tube_a.tfm"
     ):
-        pair_transforms(subset / "answers", subset / "subset", None)
+        pair_transforms(subset / "results", subset / "subset", None)
 
 
 def test_a_case_that_is_broken_names_the_reference(subset: Path) -> None:
     (subset / "subset" / "tube_b" / "moving.ply").unlink()
-    pairs = pair_transforms(subset / "answers", subset / "subset", None)
+    pairs = pair_transforms(subset / "results", subset / "subset", None)
     with pytest.raises(InputError, match=r"reference: .*tube_b/moving.ply"):
         list(transform_rows(pairs, Silent()))
 
@@ -158,13 +158,13 @@ def simulated_truth(folder: Path) -> tuple[np.ndarray, np.ndarray]:
     pose[:3, :3] = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
     pose[:3, 3] = [200.0, -50.0, 30.0]
     targets_mm = np.array([10.0, 0.0, 0.0]) + np.outer(np.arange(20.0), [0.0, 1.0, 0.1])
-    told = {"fixed_T_moving": pose.tolist(), "targets_mm": targets_mm.tolist(), "targets_frame": "ct"}
+    report = {"fixed_T_moving": pose.tolist(), "targets_mm": targets_mm.tolist(), "targets_frame": "ct"}
     folder.mkdir(exist_ok=True)
-    (folder / "truth.json").write_text(json.dumps({**told, "fixed_frame": "ct", "simulated": True}))
+    (folder / "truth.json").write_text(json.dumps({**report, "fixed_frame": "ct", "simulated": True}))
     return pose, targets_mm
 
 
-def answered(folder: Path, pose: np.ndarray) -> Path:
+def registered(folder: Path, pose: np.ndarray) -> Path:
     folder.mkdir(exist_ok=True)
     path = folder / "registration.json"
     path.write_text(json.dumps({"fixed_T_moving": pose.tolist(), "verdict": "accepted"}))
@@ -178,10 +178,10 @@ def test_one_registration_is_scored_against_the_truth_of_a_simulated_sweep(
     pose, targets_mm = simulated_truth(tmp_path / "simulated")
     shifted = pose.copy()
     shifted[:3, 3] += [0.0, 3.0, 4.0]
-    answer = answered(tmp_path / "registered", shifted)
+    result = registered(tmp_path / "registered", shifted)
     reference = tmp_path / "simulated" / "truth.json"
     assert are_transforms(reference) and are_transforms(reference.parent)
-    given = (answer.parent, reference.parent) if as_folders else (answer, reference)
+    given = (result.parent, reference.parent) if as_folders else (result, reference)
     pairs = pair_transforms(*given, None)
     (row,) = transform_rows(pairs, Silent())
     assert row["tre_mm"] == pytest.approx(5.0) and row["simulated"]
@@ -191,25 +191,25 @@ def test_one_registration_is_scored_against_the_truth_of_a_simulated_sweep(
     np.testing.assert_allclose(read_reference(reference, None).targets_mm, targets_mm)
 
 
-def test_an_inverted_answer_is_noticed(tmp_path: Path) -> None:
+def test_an_inverted_result_is_noticed(tmp_path: Path) -> None:
     pose, _ = simulated_truth(tmp_path / "simulated")
-    answer = answered(tmp_path / "registered", np.linalg.inv(pose))
-    pairs = pair_transforms(answer, tmp_path / "simulated" / "truth.json", None)
+    result = registered(tmp_path / "registered", np.linalg.inv(pose))
+    pairs = pair_transforms(result, tmp_path / "simulated" / "truth.json", None)
     assert "were moving and fixed swapped?" in target_notes(pairs, None)[1]
 
 
 def test_targets_of_the_moving_frame_are_refused(tmp_path: Path) -> None:
     pose, targets_mm = simulated_truth(tmp_path / "simulated")
-    answer = answered(tmp_path / "registered", pose)
+    result = registered(tmp_path / "registered", pose)
     inverse = np.linalg.inv(pose)
     for name, points_mm in (("ct", targets_mm), ("world", targets_mm @ inverse[:3, :3].T + inverse[:3, 3])):
         line = Polyline(points_mm, np.ones(len(points_mm)))
         write_centerline(tmp_path / f"{name}.csv", Centerline((line,)))
     reference = tmp_path / "simulated" / "truth.json"
-    pairs = pair_transforms(answer, reference, str(tmp_path / "ct.csv"))
+    pairs = pair_transforms(result, reference, str(tmp_path / "ct.csv"))
     assert next(transform_rows(pairs, Silent()))["tre_mm"] == pytest.approx(0.0, abs=1e-9)
     assert target_notes(pairs, str(tmp_path / "ct.csv"))[0].startswith("Errors are measured at ")
-    pairs = pair_transforms(answer, reference, str(tmp_path / "world.csv"))
+    pairs = pair_transforms(result, reference, str(tmp_path / "world.csv"))
     with pytest.raises(
         InputError, match=r"in the frame of the fixed side \(ct\), received points of the moving frame"
     ):
@@ -226,14 +226,14 @@ def test_targets_of_the_moving_frame_are_refused(tmp_path: Path) -> None:
 )
 def test_targets_that_can_not_be_used_are_refused(changes: dict, sentence: str, tmp_path: Path) -> None:
     simulated_truth(tmp_path)
-    told = json.loads((tmp_path / "truth.json").read_text())
-    (tmp_path / "truth.json").write_text(json.dumps({**told, **changes}))
+    report = json.loads((tmp_path / "truth.json").read_text())
+    (tmp_path / "truth.json").write_text(json.dumps({**report, **changes}))
     with pytest.raises(InputError, match=sentence):
         read_reference(tmp_path / "truth.json", None)
 
 
 def test_a_pose_in_json_without_targets_needs_them(tmp_path: Path) -> None:
-    reference = answered(tmp_path, np.eye(4))
+    reference = registered(tmp_path, np.eye(4))
     with pytest.raises(
         InputError, match=r"targets: expected a centerline .* in mm in the frame of its fixed side"
     ):

@@ -41,7 +41,7 @@ RIGID_PHANTOM = PhantomSettings(
 
 @pytest.fixture
 def oracle(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
-    """A predictor that answers with the exact masks of the sweep that was simulated last."""
+    """A predictor that returns the exact masks of the sweep that was simulated last."""
     last: dict[str, Any] = {}
     simulate = pipeline.simulate_sweep
 
@@ -83,7 +83,7 @@ def test_exact_masks_and_poses_bring_the_cloud_home(oracle: dict[str, Any], tmp_
     assert outcome.metrics["frames_dropped"] == 0
     assert outcome.cases is not None
     assert outcome.cases["simulated"].all()
-    # The files hold the same answer: the cloud, moved by the truth, lies on the model; moved.ply is the cloud moved.
+    # The files hold the same result: the cloud, moved by the truth, lies on the model; moved.ply is the cloud moved.
     truth = np.array(json.loads((tmp_path / "truth.json").read_text())["fixed_T_moving"])
     found = np.array(json.loads((tmp_path / "registration.json").read_text())["fixed_T_moving"])
     cloud_mm = np.asarray(read_surface(tmp_path / "cloud.ply"))

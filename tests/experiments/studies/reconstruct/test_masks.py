@@ -84,7 +84,7 @@ def test_masks_are_the_same_in_every_form(folder: Path, form: str) -> None:
     for index in range(12):
         FORMS[form](frame(index)).save(folder / f"{index}.png")
     assert counted(folder, Path("a.igs.mha")) == list(range(1, 13))
-    # Empty masks beside them, in yet another form.
+    # Empty masks next to them, in yet another form.
     Image.fromarray(frame(3) * 0).save(folder / "3.png")
     assert counted(folder, Path("a.igs.mha"))[3] == 0
 

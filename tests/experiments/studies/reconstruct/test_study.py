@@ -73,13 +73,13 @@ def test_a_tube_comes_back_from_masks(tmp_path: Path) -> None:
         surface = read_surface(out / name)
         assert isinstance(surface, Mesh)
         np.testing.assert_allclose(tube.off_axis_mm(surface.vertices_mm), RADIUS_MM, atol=0.15)
-    told = json.loads((out / "reconstruction.json").read_text())
-    assert told["frames"] == {"recorded": 41, "with_pose": 41, "dropped": {}, "with_vessel": 41}
-    assert told["contours"]["contours"] == 41
-    assert told["contours"]["open_contours"] == 0
-    assert told["points"] + sum(told["removed_points"].values()) == told["contours"]["points"]
-    assert set(told["removed_points"]) == {"voxel", "statistical", "radius"}
-    quality = told["quality"]
+    report = json.loads((out / "reconstruction.json").read_text())
+    assert report["frames"] == {"recorded": 41, "with_pose": 41, "dropped": {}, "with_vessel": 41}
+    assert report["contours"]["contours"] == 41
+    assert report["contours"]["open_contours"] == 0
+    assert report["points"] + sum(report["removed_points"].values()) == report["contours"]["points"]
+    assert set(report["removed_points"]) == {"voxel", "statistical", "radius"}
+    quality = report["quality"]
     assert quality["volume_mm3"] == pytest.approx(volume_mm3(20.0), rel=0.03)
     assert (quality["open_ends"], quality["holes"], quality["manifold"], quality["oriented"]) == (
         2,
@@ -87,15 +87,15 @@ def test_a_tube_comes_back_from_masks(tmp_path: Path) -> None:
         True,
         True,
     )
-    assert told["coverage"]["frames_share"] == 1.0
-    assert told["coverage"]["frame_step_mm_max"] == pytest.approx(0.5, abs=1e-6)
-    assert told["coverage"]["surface_near_points"] > 0.99
-    assert told["coverage"]["points_near_surface"] > 0.99
-    assert {"contours", "filters", "surface", "smoothing", "centerline", "total"} == set(told["seconds"])
+    assert report["coverage"]["frames_share"] == 1.0
+    assert report["coverage"]["frame_step_mm_max"] == pytest.approx(0.5, abs=1e-6)
+    assert report["coverage"]["surface_near_points"] > 0.99
+    assert report["coverage"]["points_near_surface"] > 0.99
+    assert {"contours", "filters", "surface", "smoothing", "centerline", "total"} == set(report["seconds"])
     assert outcome.metrics["centerline_length_mm"] == pytest.approx(line.length_mm)
     assert outcome.cases is not None
     assert (outcome.cases["contours"] == 1).all()
-    assert outcome.cases["points_left"].sum() == told["points"]
+    assert outcome.cases["points_left"].sum() == report["points"]
 
 
 def test_probabilities_give_the_wall_below_a_pixel(tmp_path: Path) -> None:
@@ -131,10 +131,10 @@ def test_frames_without_a_pose_are_dropped_and_their_masks_with_them(tmp_path: P
     tube.masks[21:25, :5, :5] = True
     sweep, masks = recorded(tmp_path, replace(tube, sweep=late))
     run(tmp_path / "out", sweep, masks)
-    told = json.loads((tmp_path / "out" / "reconstruction.json").read_text())
-    assert told["frames"]["with_pose"] == 37
-    assert sum(told["frames"]["dropped"].values()) == 4
-    assert told["coverage"]["frame_step_mm_max"] == pytest.approx(2.5, abs=1e-6)
+    report = json.loads((tmp_path / "out" / "reconstruction.json").read_text())
+    assert report["frames"]["with_pose"] == 37
+    assert sum(report["frames"]["dropped"].values()) == 4
+    assert report["coverage"]["frame_step_mm_max"] == pytest.approx(2.5, abs=1e-6)
     surface = read_surface(tmp_path / "out" / "surface.ply")
     assert isinstance(surface, Mesh)
     assert np.abs(tube.off_axis_mm(surface.vertices_mm) - RADIUS_MM).max() < 0.3
@@ -163,21 +163,21 @@ def test_pieces_on_both_sides_of_a_gap_are_kept_and_the_gap_is_told(tmp_path: Pa
     tube.masks[15:25] = False
     sweep, masks = recorded(tmp_path, tube)
     outcome = run(tmp_path / "out", sweep, masks)
-    told = json.loads((tmp_path / "out" / "reconstruction.json").read_text())
-    assert told["coverage"]["points_near_surface"] > 0.99
-    assert told["coverage"]["frames_share"] == pytest.approx(31 / 41)
-    assert told["quality"]["volume_mm3"] == pytest.approx(volume_mm3(7.0 + 7.5), rel=0.05)
-    assert (told["quality"]["pieces"], told["quality"]["open_ends"]) == (2, 4)
-    found = told["surface"]
+    report = json.loads((tmp_path / "out" / "reconstruction.json").read_text())
+    assert report["coverage"]["points_near_surface"] > 0.99
+    assert report["coverage"]["frames_share"] == pytest.approx(31 / 41)
+    assert report["quality"]["volume_mm3"] == pytest.approx(volume_mm3(7.0 + 7.5), rel=0.05)
+    assert (report["quality"]["pieces"], report["quality"]["open_ends"]) == (2, 4)
+    found = report["surface"]
     assert found["pieces"] == 2
     # Crumbs of the surface between the last frames before the gap.
     assert found["area_share_left_out"] < 0.03
     assert found["swept_mm"] == pytest.approx(20.0)
     assert found["gap_share"] == pytest.approx(5.5 / 20)
     assert found["gaps"] == [{"after_frame": 14, "before_frame": 25, "gap_mm": pytest.approx(5.5)}]
-    assert told["mask_check"]["empty_between_others"] == list(range(15, 25))
-    assert told["centerline"]["lines"] == 2
-    assert sum(told["centerline"]["lengths_mm"]) == pytest.approx(14.5, rel=0.05)
+    assert report["mask_check"]["empty_between_others"] == list(range(15, 25))
+    assert report["centerline"]["lines"] == 2
+    assert sum(report["centerline"]["lengths_mm"]) == pytest.approx(14.5, rel=0.05)
     findings = " ".join(outcome.findings)
     assert "1 gaps between frames, up to 5.5 mm wide, are 27.5% of the way" in findings
     assert "10 masks between others that show the vessel show none (frames 15, 16," in findings
@@ -190,9 +190,9 @@ def test_only_the_largest_piece_where_that_is_asked_for(tmp_path: Path) -> None:
     tube.masks[15:25] = False
     sweep, masks = recorded(tmp_path, tube)
     outcome = run(tmp_path / "out", sweep, masks, surface=PoissonSurface(0.7, 3.0, largest=True))
-    told = json.loads((tmp_path / "out" / "reconstruction.json").read_text())
-    assert told["coverage"]["points_near_surface"] == pytest.approx(16 / 31, abs=0.06)
-    assert told["quality"]["volume_mm3"] == pytest.approx(volume_mm3(7.5), rel=0.08)
+    report = json.loads((tmp_path / "out" / "reconstruction.json").read_text())
+    assert report["coverage"]["points_near_surface"] == pytest.approx(16 / 31, abs=0.06)
+    assert report["quality"]["volume_mm3"] == pytest.approx(volume_mm3(7.5), rel=0.08)
     assert "they belong to pieces that were left out, or to none" in " ".join(outcome.findings)
 
 
@@ -207,15 +207,15 @@ def test_wrong_masks_are_left_out_and_named(tmp_path: Path) -> None:
     (tmp_path / "faulty").mkdir()
     sweep, masks = recorded(tmp_path / "faulty", tube)
     outcome = run(tmp_path / "out", sweep, masks)
-    told = json.loads((tmp_path / "out" / "reconstruction.json").read_text())
-    reasons = {entry["frame"]: entry["reason"] for entry in told["mask_check"]["rejected"]}
+    report = json.loads((tmp_path / "out" / "reconstruction.json").read_text())
+    reasons = {entry["frame"]: entry["reason"] for entry in report["mask_check"]["rejected"]}
     assert reasons == {5: "position", 12: "size", 20: "position", 30: "size", 33: "shape"}
-    assert told["mask_check"]["rejected_by_reason"] == {"position": 2, "size": 2, "shape": 1}
-    assert all(entry["times_limit"] > 1 for entry in told["mask_check"]["rejected"])
+    assert report["mask_check"]["rejected_by_reason"] == {"position": 2, "size": 2, "shape": 1}
+    assert all(entry["times_limit"] > 1 for entry in report["mask_check"]["rejected"])
     surface = read_surface(tmp_path / "out" / "surface.ply")
     assert isinstance(surface, Mesh)
     assert np.abs(tube.off_axis_mm(surface.vertices_mm) - RADIUS_MM).max() < 0.2
-    assert told["centerline"]["lines"] == 1
+    assert report["centerline"]["lines"] == 1
     assert outcome.cases is not None
     assert outcome.cases.loc[outcome.cases["rejected"] != "", "frame"].tolist() == [5, 12, 20, 30, 33]
     assert outcome.metrics["frames_rejected"] == 5

@@ -1,4 +1,4 @@
-"""Centerlines that are named, or found beside their surface, in its unit and axes."""
+"""Centerlines that are named, or found next to their surface, in its unit and axes."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from experiments.errors import InputError
 from experiments.studies.register.centerlines import (
     CenterlineSource,
     bends,
+    centerline_candidates,
     centerline_of,
-    centerlines_beside,
 )
 from registration.geometry.shapes import Centerline, Polyline
 from registration.io.centerlines import write_centerline
@@ -85,4 +85,4 @@ def test_a_line_bends_or_it_does_not() -> None:
 
 
 def test_names_beside_nothing(tmp_path: Path) -> None:
-    assert centerlines_beside(tmp_path / "surface.ply") == []
+    assert centerline_candidates(tmp_path / "surface.ply") == []

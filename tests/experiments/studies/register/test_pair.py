@@ -135,7 +135,7 @@ def test_landmarks_of_other_names_are_refused(folder: Path) -> None:
 
 def test_landmarks_on_one_side_are_refused(folder: Path) -> None:
     with pytest.raises(
-        InputError, match="fixed_landmarks: expected a file beside moving_landmarks, received none"
+        InputError, match="fixed_landmarks: expected a file next to moving_landmarks, received none"
     ):
         read_pair(side(folder, "moving", marked=True), side(folder, "fixed"))
 

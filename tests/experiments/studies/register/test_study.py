@@ -63,7 +63,7 @@ KEYS = {
     "runtime_s",
 }
 FILES = ["fixed_T_moving.h5", "moved.ply", "registration.json", "scene.html"]
-# What a user may give beside the files and the method, in the order of the configuration.
+# What a user may give besides the files and the method, in the order of the configuration.
 GIVEN = (
     "moving",
     "fixed",
@@ -221,7 +221,7 @@ def test_it_is_deterministic(folder: Path) -> None:
         ({"moving_landmarks": "a.fcsv"}, "moving_landmarks: a.fcsv: expected a file, received nothing there"),
         (
             {"fixed_landmarks": "a.fcsv"},
-            "moving_landmarks: expected a file beside fixed_landmarks, received none",
+            "moving_landmarks: expected a file next to fixed_landmarks, received none",
         ),
         ({"moving_centerline": "a.vtp"}, "moving_centerline: a.vtp: expected a file, received nothing there"),
         ({"moving_unit": "inch"}, "moving_unit: expected mm, m or null, received 'inch'"),
@@ -275,7 +275,7 @@ def test_what_it_wrote_is_a_known_pose_for_the_next_call(folder: Path, suffix: s
 
 
 def test_the_search_keeps_to_the_cone(folder: Path) -> None:
-    """The known pose is wrong by 60 mm, and the answer may be 5 mm from it: it is not the right one, and says so."""
+    """The known pose is wrong by 60 mm, and the result may be 5 mm from it: it is not the right one, and says so."""
     wrong = transforms.compose(transforms.translation((0.0, 60.0, 0.0)), POSE)
     write_transform(folder / "wrong.tfm", wrong)
     single = {"single_icp": SingleStartICP()}

@@ -1,4 +1,4 @@
-"""study=rigid_benchmark on small drawn cases: rows, answers, workers, and the same numbers from study=evaluate."""
+"""study=rigid_benchmark on small drawn cases: rows, results, workers, and the same numbers from study=evaluate."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def run(root: Path, workspace: Path, **change: Any) -> Outcome:
     return rigid_benchmark.run(**(given | change), workspace=workspace, progress=Silent())
 
 
-def test_multistart_solves_the_cases_and_leaves_an_answer_each(root: Path, tmp_path: Path) -> None:
+def test_multistart_solves_the_cases_and_leaves_a_result_each(root: Path, tmp_path: Path) -> None:
     outcome = run(root, tmp_path / "w", rigid={"multistart": MultiStartICP()})
     assert outcome.cases is not None
     assert outcome.cases["success_tre"].all()
@@ -67,7 +67,7 @@ def test_rows_do_not_depend_on_the_number_of_workers(root: Path, tmp_path: Path)
     pd.testing.assert_frame_equal(one.drop(columns="runtime_s"), two.drop(columns="runtime_s"))
 
 
-def test_evaluate_gives_the_answers_the_same_scores(root: Path, tmp_path: Path) -> None:
+def test_evaluate_gives_the_results_the_same_scores(root: Path, tmp_path: Path) -> None:
     own = run(root, tmp_path / "w").cases
     (tmp_path / "evaluated").mkdir()
     outcome = evaluate.run(
@@ -130,7 +130,7 @@ def test_settings_that_allow_no_case_are_refused(root: Path, tmp_path: Path) -> 
         run(tmp_path / "file", tmp_path / "w")
 
 
-def test_a_file_of_answers_is_json_that_others_can_write(root: Path, tmp_path: Path) -> None:
+def test_a_file_of_results_is_json_that_others_can_write(root: Path, tmp_path: Path) -> None:
     run(root, tmp_path / "w", cases=1)
     (path,) = (tmp_path / "w" / "single_icp").iterdir()
     told = json.loads(path.read_text())

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from benchmark_cases import off_by, written_cases
 
-from experiments.analysis.registration.pose_scores import answer_row, read_answer
+from experiments.analysis.registration.pose_scores import read_result, score_result
 from experiments.studies.rigid_benchmark.trial import BenchmarkTrial
 from registration import transforms
 from registration.benchmark.case_files import read_case, truth_file
@@ -23,7 +23,7 @@ from registration.rigid.result import RigidResult
 
 @dataclass(frozen=True)
 class Told:
-    """A method that answers with a fixed pose, or raises; it predicts an error of 0 to 2 mm by shifts along x."""
+    """A method that returns a fixed pose, or raises; it predicts an error of 0 to 2 mm by shifts along x."""
 
     pose: np.ndarray
     error: str = ""
@@ -55,7 +55,7 @@ def truth(tmp_path: Path) -> CaseTruth:
     return read_truth(truth_file(tmp_path, "tube_a"))
 
 
-def test_the_answer_is_a_file_with_the_keys_of_a_registration(tmp_path: Path, truth: CaseTruth) -> None:
+def test_the_result_is_a_file_with_the_keys_of_a_registration(tmp_path: Path, truth: CaseTruth) -> None:
     method = Told(off_by(truth, (1.5, 0.0, 0.0)))
     row = BenchmarkTrial("told", method, tmp_path, tmp_path / "out")("tube_a")
     told = json.loads((tmp_path / "out" / "tube_a.json").read_text())
@@ -79,7 +79,7 @@ def test_the_answer_is_a_file_with_the_keys_of_a_registration(tmp_path: Path, tr
 def test_the_row_is_that_of_the_file(tmp_path: Path, truth: CaseTruth) -> None:
     turned = transforms.compose(transforms.translation((0.3, -0.2, 0.1)), truth.fixed_T_moving)
     row = BenchmarkTrial("told", Told(turned), tmp_path, tmp_path / "out")("tube_a")
-    again = answer_row(read_answer(tmp_path / "out" / "tube_a.json"), truth, read_case(tmp_path / "tube_a"))
+    again = score_result(read_result(tmp_path / "out" / "tube_a.json"), truth, read_case(tmp_path / "tube_a"))
     left = {key: value for key, value in row.items() if key != "method"}
     assert list(left) == list(again)
     for key, value in left.items():

@@ -29,7 +29,7 @@ def test_boxes_have_their_medians_by_method_and_overlap_and_failures_at_the_edge
     rmse, tre = error_boxes(pd.DataFrame(rows)).axes
     assert medians(tre) == [0.2, 2.0, 1000.0]
     assert medians(rmse) == [0.5, 0.5, 0.5]
-    assert (rmse.get_ylabel(), tre.get_ylabel(), tre.get_yscale()) == ("rmse_mm", "tre_mm", "log")
+    assert (rmse.get_ylabel(), tre.get_ylabel(), tre.get_yscale()) == ("RMSE (mm)", "TRE (mm)", "log")
     assert [label.get_text() for label in tre.get_xticklabels()] == ["1", "0.4"]
 
 

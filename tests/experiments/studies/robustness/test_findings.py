@@ -27,11 +27,11 @@ def test_each_method_and_piece_has_its_sentence_and_what_holds_for_all_comes_las
     )
     assert said[1].startswith("single_icp at overlap 0.4 (end): 20 of 40")
     assert said[2] == (
-        "multistart accepted 40 of its 40 answers, of which 35 of 40 (87.5%, Wilson 95 % interval 73.9% to 94.5%) lie "
+        "multistart accepted 40 of its 40 results, of which 35 of 40 (87.5%, Wilson 95 % interval 73.9% to 94.5%) lie "
         "within 2 mm; its predicted 90 % intervals hold the true error in 35 of 40 (87.5%, Wilson 95 % interval 73.9% "
         "to 94.5%) of them."
     )
-    assert said[3] == "single_icp: its answers are not judged."
+    assert said[3] == "single_icp: its results are not judged."
     assert said[4].startswith("multistart captures rotations up to 15 degrees (at least 95% success")
     assert "in these trials; 20 trials a bin at least" in said[5]
     assert said[6].startswith("RMSE hides 25 of 80 trials")
@@ -55,11 +55,11 @@ def test_failures_and_factors_are_said() -> None:
         )
     )
     assert said[1] == (
-        "multistart at overlap 1 gave no answer in 1 of 1 trial, which count as failed (first: RuntimeError: lost)."
+        "multistart at overlap 1 gave no result in 1 of 1 trial, which count as failed (first: RuntimeError: lost)."
     )
     assert said[2] == "multistart by noise_mm, trials within 2 mm: 0: 1 of 1, 0.5: 0 of 1."
     # One of the two that were accepted is right; no error was predicted, so nothing is said of intervals.
-    assert said[3].startswith("multistart accepted 2 of its 3 answers, of which 1 of 2 (50.0%")
+    assert said[3].startswith("multistart accepted 2 of its 3 results, of which 1 of 2 (50.0%")
     assert "intervals hold" not in said[3]
     assert not any("anatomy" in sentence for sentence in said)
 

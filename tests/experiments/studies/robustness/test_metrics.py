@@ -33,10 +33,10 @@ def test_rates_are_counts_with_wilson_bounds() -> None:
     found = rate_metrics(cases)
     assert found["success_tre_rate"] == 0.7
     assert found["success_rate"] == 0.9
-    assert found["accepted_rate"] == 0.8
+    assert found["acceptance_rate"] == 0.8
     assert found["success_tre_accepted_rate"] == pytest.approx(7 / 8)
     # Of eight accepted, six have their error between 0.1 and 0.6 mm.
-    assert found["tre_interval_coverage"] == pytest.approx(6 / 8)
+    assert found["interval_coverage_accepted_rate"] == pytest.approx(6 / 8)
     assert (found["trials"], found["trials_accepted"], found["trials_failed"]) == (10, 8, 1)
     assert found["trials_low_rmse_wrong"] == 2
     assert found["success_tre_rate_low"] == pytest.approx(0.397, abs=1e-3)
@@ -45,8 +45,10 @@ def test_rates_are_counts_with_wilson_bounds() -> None:
 
 def test_a_rate_of_nothing_is_no_number() -> None:
     found = rate_metrics(pd.DataFrame([row(accepted=False, tre_low_mm=math.nan, tre_high_mm=math.nan)]))
-    assert math.isnan(found["success_tre_accepted_rate"]) and math.isnan(found["tre_interval_coverage"])
-    assert math.isnan(found["tre_interval_coverage_low"])
+    assert math.isnan(found["success_tre_accepted_rate"]) and math.isnan(
+        found["interval_coverage_accepted_rate"]
+    )
+    assert math.isnan(found["interval_coverage_accepted_rate_low"])
 
 
 def test_intervals_hold_their_own_ends() -> None:
@@ -102,11 +104,16 @@ def test_groups_keep_their_order_and_levels_that_are_no_number() -> None:
 def test_a_method_that_does_not_judge_has_no_acceptance() -> None:
     rates = rate_metrics(pd.DataFrame([row(**SILENT), row(tre_mm=40.0, **SILENT)]))
     assert rates["success_tre_rate"] == 0.5
-    for name in ("accepted_rate", "success_tre_accepted_rate", "tre_interval_coverage", "trials_accepted"):
+    for name in (
+        "acceptance_rate",
+        "success_tre_accepted_rate",
+        "interval_coverage_accepted_rate",
+        "trials_accepted",
+    ):
         assert math.isnan(rates[name]), name
     # One that raised in some trials still does not judge the others; one that only ever raised says nothing.
     lost = row(tre_mm=math.inf, error="RuntimeError: lost", accepted=False)
     assert not judges(pd.DataFrame([row(**SILENT), lost]))
     assert not judges(pd.DataFrame([lost]))
     assert judges(pd.DataFrame([row(accepted=False), lost]))
-    assert rate_metrics(pd.DataFrame([row(), lost]))["accepted_rate"] == 0.5
+    assert rate_metrics(pd.DataFrame([row(), lost]))["acceptance_rate"] == 0.5

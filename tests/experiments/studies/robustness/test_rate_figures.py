@@ -75,13 +75,13 @@ def test_factors_show_success_and_the_median_error_by_level() -> None:
             for level, errors in ((0.0, (0.1, 0.2, 0.3)), (1.0, (0.4, 5.0, 9.0)))
             for n, tre in enumerate(errors)]  # fmt: skip
     above, below = figures(pd.DataFrame(rows))["factors"].axes
-    at, rates = lines(above)["multistart"]
+    at, rates = lines(above)["Multi-start ICP"]
     assert (at.tolist(), rates.tolist()) == ([0.0, 1.0], [1.0, 1 / 3])
     assert below.lines[0].get_ydata().tolist() == [0.2, 5.0]
-    assert below.get_xlabel() == "noise_mm"
+    assert below.get_xlabel() == "Noise, standard deviation (mm)"
 
 
-def test_the_risk_curve_takes_accepted_answers_first() -> None:
+def test_the_risk_curve_takes_accepted_results_first() -> None:
     cases = pd.DataFrame(
         [
             row(accepted=False, tre_mm=FAR, tre_high_mm=0.1),

@@ -35,7 +35,7 @@ PERTURBATION = Perturbation(180.0, 10.0, 0.0, 0.0, moving_points=300, fixed_poin
 
 @dataclass(frozen=True)
 class Told:
-    """A method that answers with a fixed pose, or fails when the moving cloud's centre lies on one side."""
+    """A method that returns a fixed pose, or fails when the moving cloud's centre lies on one side."""
 
     pose: np.ndarray
     fails_beyond_mm: float = math.inf
@@ -105,7 +105,7 @@ def test_multistart_finds_every_pose_and_says_so(target: Path) -> None:
 
 
 def test_errors_are_those_of_the_pose_that_was_given(target: Path) -> None:
-    """Without rotation, an answer of the identity is off by the length of the translation."""
+    """Without rotation, a result of the identity is off by the length of the translation."""
     still = Perturbation(0.0, 10.0, 0.0, 0.0, moving_points=300, fixed_points=300)
     cases = run(target, rigid={"told": Told(np.eye(4))}, perturbation=still, trials=12).cases
     assert cases is not None
@@ -140,11 +140,11 @@ def test_a_trial_that_raises_stays_in_the_table_as_failed(target: Path) -> None:
     assert set(cases.loc[lost, "error"]) == {"RuntimeError: lost the vessel"}
     assert outcome.metrics["trials_failed"] == lost.sum()
     assert outcome.metrics["tre_mm_mean"] == math.inf
-    assert f"gave no answer in {lost.sum()} of 8 trials" in outcome.findings[1]
+    assert f"gave no result in {lost.sum()} of 8 trials" in outcome.findings[1]
 
 
 @pytest.mark.parametrize("pose", [np.full((4, 4), np.nan), np.diag([1.0, 1, -1, 1]), np.eye(4) * 2])
-def test_an_answer_that_is_no_pose_is_a_failure(target: Path, pose: np.ndarray) -> None:
+def test_a_result_that_is_no_pose_is_a_failure(target: Path, pose: np.ndarray) -> None:
     cases = run(target, rigid={"told": Told(pose)}, trials=2).cases
     assert cases is not None
     assert cases["error"].str.startswith("InputError: fixed_T_moving").all()
@@ -281,7 +281,7 @@ def test_the_summary_sets_methods_and_overlaps_side_by_side(target: Path, tmp_pa
     ]
     assert table["success_tre_rate"].tolist() == [0.0, 1.0]
     assert outcome.cases is not None and len(outcome.cases) == 8
-    assert "told at overlap 1 gave no answer in" in outcome.findings[1]
+    assert "told at overlap 1 gave no result in" in outcome.findings[1]
     assert "multistart at overlap 0.6 (middle): 4 of 4" in outcome.findings[2]
     assert set(outcome.figures) >= {"success_by_angle", "errors", "rmse_tre", "runtime", "success_curve"}
     assert robustness.summarise([]).findings == ("No job has trials to summarise.",)

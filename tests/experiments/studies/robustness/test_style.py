@@ -1,4 +1,4 @@
-"""The looks that the figures share."""
+"""The axes that the figures share."""
 
 from __future__ import annotations
 
@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from experiments.studies.robustness.style import draw_rates, legend_above, log_axis, piece_title, styles
-
-
-def test_methods_look_different_by_colour_and_by_marker() -> None:
-    look = styles([str(number) for number in range(8)])
-    for part in ("color", "marker"):
-        assert len({style[part] for style in look.values()}) == 8
+from experiments.studies.robustness.style import draw_rates, legend_above, log_axis, piece_title
 
 
 def test_rates_have_wilson_s_interval_on_both_sides() -> None:
@@ -47,4 +41,4 @@ def test_a_legend_names_each_method_once_and_stays_within_the_figure() -> None:
 
 
 def test_pieces_are_named_by_overlap_and_place() -> None:
-    assert (piece_title(1.0, "whole"), piece_title(0.4, "end")) == ("overlap 1", "overlap 0.4, end")
+    assert (piece_title(1.0, "whole"), piece_title(0.4, "end")) == ("Overlap 1", "Overlap 0.4, end")

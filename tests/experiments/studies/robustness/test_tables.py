@@ -41,10 +41,10 @@ def test_success_and_errors_by_method_and_piece_leave_the_factors_out() -> None:
 def test_verdicts_count_what_was_taken_wrongly_and_left_wrongly() -> None:
     cases = pd.DataFrame([row(), row(tre_mm=FAR), row(accepted=False), row(accepted=False, tre_mm=FAR)])
     (only,) = tables(cases)["verdicts"].to_dict("records")
-    assert (only["accepted_rate"], only["success_tre_accepted_rate"]) == (0.5, 0.5)
-    assert (only["accepted_wrong"], only["right_not_accepted"]) == (1, 1)
+    assert (only["acceptance_rate"], only["success_tre_accepted_rate"]) == (0.5, 0.5)
+    assert (only["accepted_failures"], only["right_not_accepted"]) == (1, 1)
     (interval,) = tables(cases)["tre_intervals"].to_dict("records")
-    assert (interval["accepted"], interval["tre_interval_coverage"]) == (2, 0.5)
+    assert (interval["accepted"], interval["interval_coverage_accepted_rate"]) == (2, 0.5)
     assert interval["tre_high_mm_median"] == 0.6
 
 
@@ -80,7 +80,7 @@ def test_levels_of_a_factor_have_a_row_each() -> None:
     table = tables(CASES)["factors"].set_index("level")
     assert table["trials"].to_dict() == {1.0: 3, 0.0: 1}
     assert table.loc[1.0, "success_tre_rate"] == pytest.approx(2 / 3)
-    assert table.loc[0.0, "accepted_rate"] == 0
+    assert table.loc[0.0, "acceptance_rate"] == 0
     assert table.loc[1.0, "tre_mm_median"] == pytest.approx(0.3)
 
 

@@ -1,4 +1,4 @@
-"""One trial: what a method is told, what its answer is measured by, and what it says of itself."""
+"""One trial: what a method is told, what its result is measured by, and what it says of itself."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ PERTURBATION = Perturbation(180.0, 10.0, 0.0, 0.0, moving_points=200, fixed_poin
 IDENTITY = np.eye(4)
 
 
-def answer(pose: np.ndarray, **more: Any) -> RigidResult:
+def result(pose: np.ndarray, **more: Any) -> RigidResult:
     return RigidResult(pose, 0.0, 0.0, 1.0, 1, True, (), 0.25, **more)
 
 
@@ -45,14 +45,14 @@ def trial(method: Any, perturbation: Perturbation = PERTURBATION, **change: Any)
     return RobustnessTrial(**(given | change))
 
 
-def test_roll_and_slide_of_a_wrong_answer_are_told() -> None:
+def test_roll_and_slide_of_a_wrong_result_are_told() -> None:
     axis = surface_frame(TUBE).axes[:, 0]
     turn = transforms.Rotation.from_rotvec(np.deg2rad(40) * axis)
     error = transforms.compose(
         transforms.translation(6 * axis), transforms.rotate_about(turn, TARGETS.mean(axis=0))
     )
     still = dataclasses.replace(PERTURBATION, angle_max_deg=0.0, translation_max_mm=0.0)
-    row = trial(lambda moving, fixed: answer(error), still)((0, 0))
+    row = trial(lambda moving, fixed: result(error), still)((0, 0))
     assert row["roll_error_deg"] == pytest.approx(40, abs=1e-5)
     assert row["slide_error_mm"] == pytest.approx(6)
     assert row["rotation_error_deg"] == pytest.approx(40, abs=1e-5)
@@ -62,7 +62,7 @@ def test_roll_and_slide_of_a_wrong_answer_are_told() -> None:
 def test_what_a_method_says_of_itself_is_in_the_row() -> None:
     shifts = np.tile(np.eye(4), (101, 1, 1))
     shifts[:, 0, 3] = np.linspace(0, 1, 101)
-    said = answer(
+    said = result(
         IDENTITY,
         verdict="ambiguous",
         ambiguity_gap=1.2,
@@ -74,7 +74,7 @@ def test_what_a_method_says_of_itself_is_in_the_row() -> None:
     assert row["weak_directions"] == "slide,roll"
     assert (row["tre_low_mm"], row["tre_high_mm"]) == pytest.approx((0.05, 0.95))
     assert row["runtime_s"] == 0.25
-    silent = trial(lambda moving, fixed: answer(IDENTITY))((0, 0))
+    silent = trial(lambda moving, fixed: result(IDENTITY))((0, 0))
     assert (silent["verdict"], silent["accepted"]) == ("not judged", False)
     assert math.isnan(silent["tre_low_mm"]) and math.isnan(silent["ambiguity_gap"])
 
@@ -87,13 +87,13 @@ def test_a_method_that_takes_frames_gets_them_and_one_that_does_not_is_left_alon
     ) -> RigidResult:
         assert moving_frame is not None and len(moving_frame) == len(moving)
         told.append(moving_frame)
-        return answer(IDENTITY)
+        return result(IDENTITY)
 
     lossy = dataclasses.replace(PERTURBATION, missing_share=0.5, sweep_frames=20)
     row = trial(with_frames, lossy)((0, 1))
     assert row["error"] == "" and (row["missing_share"], row["missing"]) == (0.5, "contiguous")
     assert len(np.unique(told[0])) == 10
-    assert trial(lambda moving, fixed: answer(IDENTITY))((0, 0))["missing"] == ""
+    assert trial(lambda moving, fixed: result(IDENTITY))((0, 0))["missing"] == ""
 
 
 def test_centerlines_are_handed_over_where_asked_for() -> None:
@@ -109,7 +109,7 @@ def test_centerlines_are_handed_over_where_asked_for() -> None:
     ) -> RigidResult:
         if moving_centerline_mm is not None and fixed_centerline_mm is not None:
             found.update(moving=moving_centerline_mm, fixed=fixed_centerline_mm)
-        return answer(IDENTITY)
+        return result(IDENTITY)
 
     trial(with_lines)((0, 0))
     assert not found
@@ -121,7 +121,7 @@ def test_centerlines_are_handed_over_where_asked_for() -> None:
     np.testing.assert_array_equal(found["fixed"], TARGETS)
 
 
-def test_a_failure_has_no_number_that_looks_like_an_answer() -> None:
+def test_a_failure_has_no_number_that_looks_like_a_result() -> None:
     def lost(moving: np.ndarray, fixed: np.ndarray) -> RigidResult:
         raise RuntimeError("lost")
 
@@ -133,21 +133,21 @@ def test_a_failure_has_no_number_that_looks_like_an_answer() -> None:
 
 
 def test_failed_and_measured_rows_have_the_same_columns() -> None:
-    good, bad = trial(lambda moving, fixed: answer(IDENTITY))((0, 0)), trial(lambda moving: None)((0, 0))
+    good, bad = trial(lambda moving, fixed: result(IDENTITY))((0, 0)), trial(lambda moving: None)((0, 0))
     assert list(good) == list(bad)
 
 
 def test_angles_are_counted_in_bins_of_fifteen_degrees_where_there_are_none() -> None:
     half = dataclasses.replace(PERTURBATION, angle_max_deg=20.0)
     for number in range(5):
-        row = trial(lambda moving, fixed: answer(IDENTITY), half)((0, number))
+        row = trial(lambda moving, fixed: result(IDENTITY), half)((0, number))
         assert (row["angle_from_deg"], row["angle_to_deg"]) in ((0, 15), (15, 30))
         assert row["angle_from_deg"] <= row["angle_deg"] <= row["angle_to_deg"]
 
 
 def test_a_whole_vessel_has_no_place() -> None:
     def told(moving: np.ndarray, fixed: np.ndarray) -> RigidResult:
-        return answer(IDENTITY)
+        return result(IDENTITY)
 
     assert trial(told, piece=Piece(1.0, "end"))((0, 0))["place"] == "whole"
     assert trial(told, piece=Piece(0.5, "end"))((0, 0))["place"] == "end"
@@ -155,7 +155,7 @@ def test_a_whole_vessel_has_no_place() -> None:
 
 def test_a_trial_is_the_same_alone_and_after_others() -> None:
     def nudged(moving: np.ndarray, fixed: np.ndarray) -> RigidResult:
-        return answer(transforms.translation(moving[0] - fixed[0]))
+        return result(transforms.translation(moving[0] - fixed[0]))
 
     kinds = tuple(
         Condition("rotation", math.nan, dataclasses.replace(PERTURBATION, rotation=kind), 3)

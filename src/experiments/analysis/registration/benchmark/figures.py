@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from experiments.analysis.registration.risk_coverage import risk_coverage
+from experiments.reporting.labels import axis_label, method_label, method_styles
 from experiments.statistics import wilson_interval
 from registration.metrics.surface_distance import SUCCESS_TRE_MM
 from registration.rigid.result import VERDICTS
@@ -17,9 +18,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 RIGHT = "success_tre_symmetric"
-SMALLEST_SHOWN_MM, LARGEST_SHOWN_MM = 5e-2, 2e2
+MIN_SHOWN_MM, MAX_SHOWN_MM = 5e-2, 2e2
+ORDER_LABELS = {"tre_high_mm": "predicted TRE", "ambiguity_gap": "ambiguity gap"}
 ORDERS = (("tre_high_mm", 1.0, "-"), ("ambiguity_gap", -1.0, "--"))
-COLORS = dict(zip(VERDICTS, ("tab:blue", "tab:orange", "tab:red", "tab:gray"), strict=True))
+COLORS = dict(zip(VERDICTS, ("#0072B2", "#E69F00", "#D55E00", "#999999"), strict=True))
 
 
 def benchmark_figures(cases: pd.DataFrame) -> dict[str, Figure]:
@@ -28,7 +30,7 @@ def benchmark_figures(cases: pd.DataFrame) -> dict[str, Figure]:
     Parameters
     ----------
     cases : pandas.DataFrame
-        Rows of all methods, as ``answer_row`` gives them, with a column ``method``.
+        Rows of all methods, as ``score_result`` gives them, with a column ``method``.
 
     Returns
     -------
@@ -49,21 +51,22 @@ def benchmark_figures(cases: pd.DataFrame) -> dict[str, Figure]:
 
 
 def _risk(axes: Axes, cases: pd.DataFrame) -> None:
-    for place, (name, own) in enumerate(cases.groupby("method", sort=False)):
+    looks = method_styles([str(name) for name in cases["method"].drop_duplicates()])
+    for name, own in cases.groupby("method", sort=False):
         wrong = ~own[RIGHT].to_numpy(bool)
-        color = f"C{place}"
+        color = looks[str(name)]["color"]
         known = [order for order in ORDERS if own[order[0]].notna().any()]
         for column, sign, style in known:
             curve = risk_coverage(wrong, sign * own[column].to_numpy(float))
-            label = f"{name} by {column}, area {curve.area:.4f}"
+            label = f"{method_label(str(name))} by {ORDER_LABELS[column]}, area {curve.area:.4f}"
             axes.plot(curve.coverage, curve.risk, style, color=color, label=label)
         accepted = (own["verdict"] == "accepted").to_numpy()
         if accepted.any():
-            label = f"{name}, as accepted"
+            label = f"{method_label(str(name))}, as accepted"
             axes.plot(accepted.mean(), wrong[accepted].mean(), "o", color=color, label=label)
     axes.set(
-        xlabel="share of answers accepted",
-        ylabel=f"share of these with TRE above {SUCCESS_TRE_MM:g} mm",
+        xlabel=axis_label("acceptance_rate"),
+        ylabel=f"Share of these with TRE above {SUCCESS_TRE_MM:g} mm",
         xlim=(0, 1.02),
         title="Risk against coverage",
     )
@@ -76,19 +79,20 @@ def _predicted(axes: Axes, cases: pd.DataFrame) -> None:
     known = cases[cases["tre_high_mm"].notna()]
     for verdict, own in known.groupby("verdict", sort=False):
         predicted, true = (
-            own[name].clip(SMALLEST_SHOWN_MM, LARGEST_SHOWN_MM)
-            for name in ("tre_high_mm", "tre_symmetric_mm")
+            own[name].clip(MIN_SHOWN_MM, MAX_SHOWN_MM) for name in ("tre_high_mm", "tre_symmetric_mm")
         )
-        axes.scatter(predicted, true, s=14, alpha=0.6, color=COLORS[str(verdict)], label=str(verdict))
-    line = [SMALLEST_SHOWN_MM, LARGEST_SHOWN_MM]
+        axes.scatter(
+            predicted, true, s=14, alpha=0.6, color=COLORS[str(verdict)], label=str(verdict).capitalize()
+        )
+    line = [MIN_SHOWN_MM, MAX_SHOWN_MM]
     axes.plot(line, line, color="grey", linewidth=0.8)
     axes.axhline(SUCCESS_TRE_MM, color="grey", linestyle=":")
     axes.axvline(SUCCESS_TRE_MM, color="grey", linestyle=":")
     axes.set(
         xscale="log",
         yscale="log",
-        xlabel="tre_high_mm, upper end of the predicted 90 % interval",
-        ylabel="tre_mm (up to symmetry)",
+        xlabel="Predicted TRE, upper end of the 90 % interval (mm)",
+        ylabel=axis_label("tre_symmetric_mm"),
         title="Predicted against true error",
     )
     axes.grid(alpha=0.3)
@@ -98,6 +102,7 @@ def _predicted(axes: Axes, cases: pd.DataFrame) -> None:
 
 def _by_kind(axes: Axes, cases: pd.DataFrame) -> None:
     kinds = cases["kind"].drop_duplicates().tolist()
+    looks = method_styles([str(name) for name in cases["method"].drop_duplicates()])
     methods = list(cases.groupby("method", sort=False))
     for number, (name, own) in enumerate(methods):
         shown = [(place, own[own["kind"] == kind]) for place, kind in enumerate(kinds)]
@@ -108,13 +113,23 @@ def _by_kind(axes: Axes, cases: pd.DataFrame) -> None:
         places += (number - (len(methods) - 1) / 2) * 0.6 / max(len(methods), 2)
         rates = np.array([share.rate for _, share in shares])
         reach = np.array([[share.rate - share.low, share.high - share.rate] for _, share in shares]).T
-        axes.errorbar(places, rates, np.maximum(reach, 0), fmt="o", capsize=3, label=str(name))
-    axes.set_xticks(range(len(kinds)), kinds, rotation=30, ha="right")
+        axes.errorbar(
+            places,
+            rates,
+            np.maximum(reach, 0),
+            linestyle="",
+            capsize=3,
+            label=method_label(str(name)),
+            **looks[str(name)],
+        )
+    axes.set_xticks(
+        range(len(kinds)), [str(kind).replace("_", " ") for kind in kinds], rotation=30, ha="right"
+    )
     axes.set(
         ylim=(-0.03, 1.03),
-        ylabel=f"share of cases with TRE up to {SUCCESS_TRE_MM:g} mm",
+        ylabel=axis_label("success_tre_rate"),
         title="Success by kind of case (Wilson 95 %)",
     )
     axes.grid(alpha=0.3)
-    # Beside the axes: six methods leave no room within.
+    # Outside the axes: six methods leave no room within.
     axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1.0))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from experiments.analysis.registration.benchmark.tables import (
     RIGHT,
     benchmark_metrics,
-    beside_each_other,
+    compare_methods,
     doubted,
     each_method,
     judges,
@@ -30,7 +30,7 @@ def describe_benchmark(cases: pd.DataFrame) -> tuple[str, ...]:
     Parameters
     ----------
     cases : pandas.DataFrame
-        Rows of all methods, as ``answer_row`` gives them, with a column ``method``.
+        Rows of all methods, as ``score_result`` gives them, with a column ``method``.
 
     Returns
     -------
@@ -39,10 +39,12 @@ def describe_benchmark(cases: pd.DataFrame) -> tuple[str, ...]:
     """
     methods = list(each_method(cases))
     said = [sentence for name, own in methods for sentence in _describe(name, own)]
-    beside = beside_each_other(cases)
-    if beside is not None:
+    compared = compare_methods(cases)
+    if compared is not None:
         best = max(methods, key=lambda one: int(one[1][RIGHT].sum()))[0]
-        for row in beside[(beside["first"] == best) | (beside["second"] == best)].itertuples(index=False):
+        for row in compared[(compared["first"] == best) | (compared["second"] == best)].itertuples(
+            index=False
+        ):
             said.append(
                 f"{row.first} is right alone in {row.first_only} cases, {row.second} in {row.second_only} (McNemar's "
                 f"test by anatomy: p = {row.p:.2g}, at least {row.least_p:.2g} with {row.anatomies} anatomies; Holm "
@@ -63,23 +65,23 @@ def _describe(name: str, cases: pd.DataFrame) -> Iterator[str]:
         f"({interval.estimate:.1%}{bounds})."
     )
     if not judges(cases):
-        yield f"{name}: its answers are not judged."
+        yield f"{name}: its results are not judged."
     else:
         yield from _of_verdicts(name, cases, found)
     if "interval_coverage_rate" in found:
         yield (
             f"{name}: {_percent(found, 'interval_coverage')} of the predicted 90 % intervals hold the error"
             + (
-                f", {_percent(found, 'interval_coverage_accepted')} of those of accepted answers."
+                f", {_percent(found, 'interval_coverage_accepted')} of those of accepted results."
                 if "interval_coverage_accepted_rate" in found
                 else "."
             )
         )
-    unanswered = cases.loc[cases["error"] != "", "error"]
-    if len(unanswered):
+    missing = cases.loc[cases["error"] != "", "error"]
+    if len(missing):
         yield (
-            f"{name} gave no answer to {len(unanswered)} of {len(cases)} cases, which count as failed (first: "
-            f"{unanswered.iloc[0]})."
+            f"{name} gave no result for {len(missing)} of {len(cases)} cases, which count as failed (first: "
+            f"{missing.iloc[0]})."
         )
 
 
@@ -87,7 +89,7 @@ def _of_verdicts(name: str, cases: pd.DataFrame, found: dict[str, float]) -> Ite
     accepted = cases[cases["verdict"] == ACCEPTED]
     wrong = accepted[~accepted[RIGHT].astype(bool)]
     among = f"; of these {_percent(found, 'success_accepted')} are right" if len(accepted) else ""
-    yield f"{name} accepts {_percent(found, 'acceptance')} of its answers{among}{_named(wrong, 'wrong')}."
+    yield f"{name} accepts {_percent(found, 'acceptance')} of its results{among}{_named(wrong, 'wrong')}."
     symmetric = accepted[accepted["symmetric"]]
     if len(symmetric):
         yield f"{name} is sure of {len(symmetric)} shapes that have more than one right pose{_named(symmetric)}."
@@ -97,11 +99,11 @@ def _of_verdicts(name: str, cases: pd.DataFrame, found: dict[str, float]) -> Ite
     judged, failed = unsure["ambiguous_rightly"].notna(), int((unsure["verdict"] == FAILED).sum())
     rightly = int((unsure["ambiguous_rightly"] == 1).sum())
     yield (
-        f"{name} doubts {len(unsure)} of {len(cases)} answers (declared failed: {failed}; right all the same: "
+        f"{name} doubts {len(unsure)} of {len(cases)} results (declared failed: {failed}; right all the same: "
         f"{int(unsure[RIGHT].sum())})"
         + (
             f"; in {rightly} of {int(judged.sum())} a second pose explains the clouds within their noise, and "
-            f"right answers that were doubted without one: {len(over_cautious(cases))}{_named(over_cautious(cases))}."
+            f"right results that were doubted without one: {len(over_cautious(cases))}{_named(over_cautious(cases))}."
             if judged.any()
             else "."
         )

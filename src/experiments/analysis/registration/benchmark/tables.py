@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 SUMMARISED = ("rmse_mm", "tre_mm", "tre_max_mm", "rotation_error_deg", "translation_error_mm")
 RIGHT = "success_tre_symmetric"
-# The orders in which answers are accepted: the larger of these two, the greater the doubt.
+# The orders in which results are accepted: the larger of these two, the greater the doubt.
 DOUBTS = {"tre_high_mm": 1.0, "ambiguity_gap": -1.0}
 LISTED = ("case", "kind", "verdict", "tre_mm", "tre_symmetric_mm", "rmse_mm", "ambiguity_gap", "tre_high_mm")
 QUOTED = (
@@ -41,7 +41,7 @@ def benchmark_metrics(cases: pd.DataFrame) -> dict[str, float]:
     Parameters
     ----------
     cases : pandas.DataFrame
-        Rows of one method, as ``answer_row`` gives them.
+        Rows of one method, as ``score_result`` gives them.
 
     Returns
     -------
@@ -51,7 +51,7 @@ def benchmark_metrics(cases: pd.DataFrame) -> dict[str, float]:
     """
     judging = judges(cases)
     accepted = cases[cases["verdict"] == ACCEPTED] if judging else cases.iloc[:0]
-    found = {"cases": float(len(cases)), "cases_unanswered": float((cases["error"] != "").sum())}
+    found = {"cases": float(len(cases)), "cases_without_result": float((cases["error"] != "").sum())}
     for name, values in (
         ("success_tre", cases["success_tre"]),
         ("success_tre_symmetric", cases[RIGHT]),
@@ -149,7 +149,7 @@ def benchmark_tables(cases: pd.DataFrame) -> dict[str, pd.DataFrame]:
     Parameters
     ----------
     cases : pandas.DataFrame
-        Rows of all methods, as ``answer_row`` gives them, with a column ``method``.
+        Rows of all methods, as ``score_result`` gives them, with a column ``method``.
 
     Returns
     -------
@@ -173,8 +173,8 @@ def benchmark_tables(cases: pd.DataFrame) -> dict[str, pd.DataFrame]:
     if len(unsure := cases[doubted(cases)]):
         columns = ["method", *LISTED, "second_pose_gap", "second_tre_mm", "ambiguous_rightly"]
         tables["not accepted"] = unsure[columns]
-    if (beside := beside_each_other(cases)) is not None:
-        tables["methods beside each other"] = beside
+    if (compared := compare_methods(cases)) is not None:
+        tables["comparison of methods"] = compared
     return {f"{name}{_note(cases)}": table for name, table in tables.items()}
 
 
@@ -227,11 +227,11 @@ def _kind_row(cases: pd.DataFrame) -> dict[str, Any]:
 
 
 def _right(cases: pd.DataFrame) -> str:
-    """What the rate of right answers is called: the two are one where no vessel is symmetric."""
+    """What the rate of right results is called: the two are one where no vessel is symmetric."""
     return f"{RIGHT}_rate" if cases["symmetric"].any() else "success_tre_rate"
 
 
-def beside_each_other(cases: pd.DataFrame) -> pd.DataFrame | None:
+def compare_methods(cases: pd.DataFrame) -> pd.DataFrame | None:
     """Compare each pair of methods by McNemar's test on the cases that both have.
 
     The anatomy is the independent unit of the test.

@@ -68,7 +68,7 @@ def test_rates_are_counted_as_the_specification_has_them() -> None:
     assert found["interval_coverage_rate"] == pytest.approx(4 / 5)
     assert found["interval_coverage_accepted_rate"] == pytest.approx(2 / 3)
     assert found["ambiguous_rightly_rate"] == pytest.approx(1 / 2)
-    assert (found["accepted_failures"], found["over_cautious"], found["cases_unanswered"]) == (1, 1, 1)
+    assert (found["accepted_failures"], found["over_cautious"], found["cases_without_result"]) == (1, 1, 1)
     assert found["tre_mm_mean"] == math.inf
     assert found["runtime_s_median"] == 0.5
 
@@ -81,7 +81,7 @@ def test_the_areas_are_those_of_the_orders() -> None:
     assert found["risk_area_ambiguity_gap"] == pytest.approx((0 + 0 + 1 / 3 + 1 / 4 + 2 / 5 + 3 / 6) / 6)
 
 
-def test_a_right_answer_doubted_without_a_second_pose_is_over_cautious() -> None:
+def test_a_right_result_doubted_without_a_second_pose_is_over_cautious() -> None:
     assert over_cautious(MINE)["case"].tolist() == ["c_whole"]
 
 
@@ -103,29 +103,34 @@ def test_tables_list_what_was_accepted_wrongly_and_what_was_not_accepted() -> No
     assert kinds[(kinds["method"] == "mine") & (kinds["kind"] == "piece")]["success_tre_rate"].tolist() == [
         pytest.approx(1 / 3)
     ]
-    beside = tables["methods beside each other, simulated"].iloc[0]
-    assert (beside["first_only"], beside["second_only"], beside["anatomies"], beside["cases"]) == (3, 1, 3, 6)
+    compared = tables["comparison of methods, simulated"].iloc[0]
+    assert (compared["first_only"], compared["second_only"], compared["anatomies"], compared["cases"]) == (
+        3,
+        1,
+        3,
+        6,
+    )
 
 
 def test_methods_are_compared_by_anatomy() -> None:
     """Anatomies won by 2, lost by 1, won by 1: of 8 patterns of signs six are as far from even as 2 + 1 against 1."""
-    beside = benchmark_tables(pd.concat([MINE, OTHER]))["methods beside each other, simulated"].iloc[0]
-    assert beside["p"] == pytest.approx(0.75)
-    assert beside["least_p"] == pytest.approx(0.25)
-    assert beside["p_holm"] == pytest.approx(0.75)
+    compared = benchmark_tables(pd.concat([MINE, OTHER]))["comparison of methods, simulated"].iloc[0]
+    assert compared["p"] == pytest.approx(0.75)
+    assert compared["least_p"] == pytest.approx(0.25)
+    assert compared["p_holm"] == pytest.approx(0.75)
 
 
 def test_sentences_say_what_failed_and_what_was_doubted() -> None:
     said = " ".join(describe_benchmark(pd.concat([MINE, OTHER], ignore_index=True)))
     assert "mine: 3 of 6 cases within 2 mm TRE (50.0%, 95 % interval over 3 anatomies" in said
     assert "are right (wrong: b_whole)." in said
-    assert "mine doubts 3 of 6 answers (declared failed: 1; right all the same: 1)" in said
+    assert "mine doubts 3 of 6 results (declared failed: 1; right all the same: 1)" in said
     assert "in 1 of 2 a second pose explains the clouds within their noise" in said
-    assert "right answers that were doubted without one: 1 (c_whole)" in said
-    assert "other: its answers are not judged." in said
+    assert "right results that were doubted without one: 1 (c_whole)" in said
+    assert "other: its results are not judged." in said
     assert "other accepts" not in said
     assert "80.0 % (Wilson 95 % interval" in said
-    assert "mine gave no answer to 1 of 6 cases, which count as failed (first: lost)" in said
+    assert "mine gave no result for 1 of 6 cases, which count as failed (first: lost)" in said
     assert "mine is right alone in 3 cases, other in 1" in said
     third = OTHER.assign(method="third")
     pairs = [one for one in describe_benchmark(pd.concat([OTHER, MINE, third])) if "McNemar" in one]
