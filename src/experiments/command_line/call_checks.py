@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import tempfile
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ SHARED: dict[str, Any] = {
     "tracking.uri": str | None,
     "tracking.enabled": bool,
 }
+_TRIES, _PAUSE_S = 5, 0.02
 
 
 def require_shared(config: Mapping[str, Any]) -> None:
@@ -73,6 +75,24 @@ def require_writable(folder: Path) -> None:
     Results are first written to a temporary folder next to their own, so its parent must take files too. The
     permissions are not asked: they don't bind root, and a file system can be mounted read-only.
     """
+    for left in reversed(range(_TRIES)):
+        try:
+            _try_to_write(folder)
+        except InputError:
+            raise
+        except (OSError, ValueError) as error:
+            # Another call that tries at the same time takes away what it made, the common parent too.
+            if left and isinstance(error, FileNotFoundError):
+                time.sleep(_PAUSE_S)
+                continue
+            reason = getattr(error, "strerror", None) or str(error)
+            raise InputError(
+                f"out: expected a folder that can be written, received {str(folder)!r}: {reason}"
+            ) from error
+        return
+
+
+def _try_to_write(folder: Path) -> None:
     missing: list[Path] = []
     try:
         if folder.exists() and not folder.is_dir():
@@ -81,13 +101,6 @@ def require_writable(folder: Path) -> None:
         folder.parent.mkdir(parents=True, exist_ok=True)
         for parent in [folder.parent, folder] if folder.exists() else [folder.parent]:
             Path(tempfile.mkdtemp(prefix=f".{folder.name}.partial-", dir=parent)).rmdir()
-    except InputError:
-        raise
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(
-            f"out: expected a folder that can be written, received {str(folder)!r}: {reason}"
-        ) from error
     finally:
         for each in missing:
             with contextlib.suppress(OSError):

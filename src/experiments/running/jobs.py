@@ -7,7 +7,8 @@ import importlib.util
 import inspect
 import json
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from types import ModuleType
@@ -180,7 +181,8 @@ def job_configs(config: Mapping[str, Any]) -> list[tuple[dict[str, Any], str]]:
         Configuration and label of each job.
     """
     module = study_module(config["study"])
-    changes = module.jobs(config) if hasattr(module, "jobs") else [{}]
+    with _settings_there(config):
+        changes = module.jobs(config) if hasattr(module, "jobs") else [{}]
     if not changes:
         raise InputError(f"study={config['study']}: expected at least one job, the configuration names none")
     return [
@@ -300,9 +302,22 @@ def read_paths(config: Mapping[str, Any]) -> list[str]:
     module = study_module(config["study"])
     takers = [getattr(module, name) for name in ("run", "check") if hasattr(module, name)]
     named = list(named_paths(config, takers).values())
-    return named + [
-        str(path) for path in (module.implicit_paths(config) if hasattr(module, "implicit_paths") else ())
-    ]
+    if not hasattr(module, "implicit_paths"):
+        return named
+    with _settings_there(config):
+        return named + [str(path) for path in module.implicit_paths(config)]
+
+
+@contextmanager
+def _settings_there(config: Mapping[str, Any]) -> Iterator[None]:
+    """Name the setting that a study looks up and that was taken out of the configuration (``~setting``)."""
+    try:
+        yield
+    except KeyError as error:
+        name = error.args[0] if error.args else None
+        if not isinstance(name, str) or name in config:
+            raise
+        raise InputError(f"study={config['study']}: expected a value for {name}, received none") from error
 
 
 def _contents_of(config: Mapping[str, Any], known: dict[str, str]) -> dict[str, str]:

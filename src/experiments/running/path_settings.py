@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from experiments import registry
+from experiments.errors import InputError
 
 _PATH = re.compile(r"\bPath(Setting)?\b")
 _LITERAL = re.compile(r"Literal\[([^\]]*)\]")
@@ -33,6 +34,11 @@ def named_paths(config: Mapping[str, Any], takers: Sequence[Callable[..., object
     -------
     dict[str, str]
         Paths by the dotted place of their setting.
+
+    Raises
+    ------
+    InputError
+        If a path is empty.
     """
     known = _annotations(takers)
     found: dict[str, str] = {}
@@ -95,11 +101,15 @@ def _text(annotation: object) -> str:
 def _in_parts(value: Any, place: str) -> Iterator[tuple[str, str]]:
     """The paths in what a configuration builds, and in what holds such parts."""
     if isinstance(value, Mapping):
-        fields = _annotations([registry.load(str(value["_target_"]), place)]) if "_target_" in value else {}
+        made_by = registry.load(str(value["_target_"]), place) if "_target_" in value else None
+        fields = _annotations([made_by]) if made_by is not None else {}
         for key, item in value.items():
             annotation = fields.get(str(key), "")
-            if is_path(annotation):
-                yield from _values(item, f"{place}.{key}", words_of(annotation))
+            if made_by is not None and is_path(annotation):
+                # A class whose own value is empty has a meaning for it.
+                own = inspect.signature(made_by).parameters[str(key)].default
+                words = words_of(annotation) | ({""} if own == "" else frozenset())
+                yield from _values(item, f"{place}.{key}", words)
             else:
                 yield from _in_parts(item, f"{place}.{key}")
     elif isinstance(value, (list, tuple)):
@@ -108,7 +118,12 @@ def _in_parts(value: Any, place: str) -> Iterator[tuple[str, str]]:
 
 
 def _values(value: Any, place: str, words: frozenset[str]) -> Iterator[tuple[str, str]]:
-    if isinstance(value, str) and value and value not in words:
+    if isinstance(value, str) and value not in words:
+        if not value.strip():
+            # As a path it would be the current folder, whatever lies there.
+            raise InputError(
+                f"{place}: expected a path, received an empty one (is a variable of the shell not set?)"
+            )
         yield place, value
     elif isinstance(value, Mapping):
         for key, item in value.items():

@@ -305,8 +305,10 @@ def require_points(points_mm: ArrayLike, name: str, min_points: int = 1) -> Floa
     Raises
     ------
     InputError
-        If these are no numbers, of another shape, too few, or not all finite.
+        If these are no numbers, of another shape, too few, masked, or not all finite.
     """
+    if np.ma.is_masked(points_mm):
+        raise InputError(f"{name}: expected points that all count, received an array with masked ones")
     try:
         found = np.asarray(points_mm)
         if found.dtype.kind not in "iuf":

@@ -10,7 +10,7 @@ from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
 
 from registration import transforms
-from registration.geometry.shapes import PrincipalFrame, principal_frame
+from registration.geometry.shapes import LINE_SHARE, PrincipalFrame, principal_frame
 from registration.rigid.icp.correspondence import TreeTarget
 from registration.rigid.icp.loop import align
 from registration.rigid.pose_comparison import distinct
@@ -306,7 +306,8 @@ def _windows(
     along_mm = (fixed_mm - whole.centre_mm) @ whole.axes[:, way]
     first_mm, last_mm = float(along_mm.min()), float(along_mm.max())
     room_mm = last_mm - first_mm - length_mm
-    if room_mm <= NO_ROOM_SHARE * length_mm:
+    # Along the normal of a flat piece there is no length that a window could have.
+    if room_mm <= NO_ROOM_SHARE * length_mm or length_mm <= LINE_SHARE * (last_mm - first_mm):
         return [whole]
     count = min(1 + int(np.ceil(room_mm / (slide_share * length_mm))), MAX_WINDOWS)
     windows = []

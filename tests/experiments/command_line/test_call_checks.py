@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -68,3 +69,19 @@ def test_the_command_line_checks_before_it_computes(
         said = capsys.readouterr().err
         assert sentence in said and "Traceback" not in said
     assert counting_study.calls == []
+
+
+def test_calls_that_try_the_same_new_folder_at_once_do_not_refuse_each_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, calls = tempfile.mkdtemp, []
+
+    def taken_away_by_another_call(prefix: str, dir: Path) -> str:
+        calls.append(dir)
+        if len(calls) == 1:
+            dir.rmdir()
+        return made(prefix=prefix, dir=dir)
+
+    monkeypatch.setattr(tempfile, "mkdtemp", taken_away_by_another_call)
+    require_writable(tmp_path / "outputs" / "register")
+    assert len(calls) == 2 and not list(tmp_path.iterdir())

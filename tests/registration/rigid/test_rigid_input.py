@@ -57,9 +57,13 @@ def test_lists_and_other_numbers_give_what_arrays_give(method: Any) -> None:
         ([[1.0, 2.0, 3.0], [1.0, 2.0]], "expected points as an array of numbers"),
         ([["a", "b", "c"]] * 9, "expected points as an array of numbers"),
         ([], "expected at least .* points, received 0"),
+        (
+            np.ma.masked_greater(CLOUD, 5.0),
+            "expected points that all count, received an array with masked ones",
+        ),
         (CLOUD / 1000, "expected coordinates in millimetres, received a cloud .* looks like metres"),
     ],
-    ids=["plane", "transposed", "one", "stacked", "ragged", "text", "none", "metres"],
+    ids=["plane", "transposed", "one", "stacked", "ragged", "text", "none", "masked", "metres"],
 )
 def test_what_is_no_cloud_is_refused_by_name(method: Any, cloud: Any, said: str) -> None:
     with pytest.raises(InputError, match=f"^moving_mm: {said}"):
@@ -84,6 +88,12 @@ def test_centerlines_and_frames_are_checked() -> None:
         frame_of_points([0.5, 1.0, 2.0], 3)
     with pytest.raises(InputError, match="moving_frame: expected one frame for each of 3 points, received 2"):
         frame_of_points([0, 1], 3)
+
+
+@pytest.mark.parametrize("fixed", ["flat", "tube"])
+def test_a_flat_cloud_has_a_result_that_is_not_accepted(fixed: str) -> None:
+    flat = np.c_[np.random.default_rng(0).random((400, 2)) * 50.0, np.zeros(400)]
+    assert METHODS[0](flat, flat if fixed == "flat" else CLOUD).verdict != "accepted"
 
 
 def test_targets_are_checked_and_may_be_a_list() -> None:

@@ -112,6 +112,8 @@ def centerline_candidates(path: Path) -> list[Path]:
     list of Path
         Existing files.
     """
+    if not path.name:  # the current folder or the root, which are no surfaces
+        return []
     stems = [path.stem.replace(word, "centerline") for word in ("surface", "cloud") if word in path.stem]
     stems.append(f"{path.stem}-centerline")
     named = [path.with_name(stem + suffix) for stem in stems for suffix in SUFFIXES]

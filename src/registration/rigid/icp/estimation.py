@@ -281,7 +281,7 @@ def _newton(
     inverse = np.linalg.pinv(damped, rcond=STIFFNESS_SHARE, hermitian=True)
     motion_mm = (inverse @ pull)[:, :6, 0]
     longest_mm = np.abs(motion_mm).max(axis=1, keepdims=True)
-    motion_mm *= np.minimum(LONGEST_STEP * radius_mm / np.maximum(longest_mm, np.finfo(float).tiny), 1.0)
+    motion_mm *= LONGEST_STEP * radius_mm / np.maximum(longest_mm, LONGEST_STEP * radius_mm)
     turn = Rotation.from_rotvec(motion_mm[:, :3] / radius_mm)
     centre_mm = centre_mm[:, 0]
     return transforms.from_rotation(turn, centre_mm + motion_mm[:, 3:] - turn.apply(centre_mm))
