@@ -37,9 +37,7 @@ def main() -> None:
     # A few frames are simulated in this process, whatever the number of workers.
     simulating = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
     peak_mb = (simulating or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss) / 1024
-    print(
-        f"{count} frames of {given.size_px} x {given.size_px} in {seconds:.0f} s by {given.workers} processes:"
-    )
+    print(f"{count} frames of {given.size_px} x {given.size_px} in {seconds:.0f} s, workers={given.workers}:")
     print(f"{count / seconds:.1f} frames a second, at most {peak_mb:.0f} MB in a process that simulates")
 
 
