@@ -75,12 +75,17 @@ def read_settings(path: Path) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If the file can't be read or holds something else.
+        If the file can't be read, holds something else, or has a setting twice.
     """
     try:
-        content = parse_settings(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        content, root = parse_settings(text), yaml.compose(text, Loader=_CoreLoader)
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise InputError(f"{path}: expected a YAML file with a training's settings, found none") from error
     if not isinstance(content, dict):
         raise InputError(f"{path}: expected a YAML mapping, received {type(content).__name__}")
+    keys = [str(key.value) for key, _ in root.value]
+    twice = sorted({key for key in keys if keys.count(key) > 1})
+    if twice:  # PyYAML takes the last one
+        raise InputError(f"{path}: expected each setting once, received {', '.join(twice)} twice")
     return content

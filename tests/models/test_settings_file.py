@@ -62,3 +62,10 @@ def test_what_is_no_mapping_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "c.yaml").write_text(text)
     with pytest.raises(InputError, match=r"c\.yaml: expected a YAML"):
         read_settings(tmp_path / "c.yaml")
+
+
+def test_a_setting_given_twice_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "settings.yaml"
+    path.write_text("seed: 1\nmodel: unet\nseed: 2\n")
+    with pytest.raises(InputError, match=r"settings\.yaml: expected each setting once, received seed twice"):
+        read_settings(path)

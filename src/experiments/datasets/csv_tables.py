@@ -29,7 +29,7 @@ def read_table(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
     Raises
     ------
     InputError
-        If the file is missing, is no text, or lacks a column.
+        If the file is missing, is no text, lacks a column or has one twice, or a row has more cells than columns.
     """
     if not path.is_file():
         raise InputError(f"{path}: expected a table with columns {', '.join(columns)}, found no file")
@@ -47,4 +47,15 @@ def read_table(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
         raise InputError(
             f"{path}: expected columns {', '.join(columns)}, received {', '.join(found) or 'none'}"
         )
+    twice = sorted({name for name in found if name and found.count(name) > 1})
+    if twice:
+        raise InputError(f"{path}: expected each column once, received {', '.join(twice)} twice")
+    for row in rows:
+        # More cells than columns come of decimal commas, which move all that follows into the wrong column.
+        more: object = row.get(None)  # type: ignore[call-overload]
+        if isinstance(more, list) and any(cell.strip() for cell in more):
+            raise InputError(
+                f"{path}: expected {len(found)} cells a row, received {len(found) + len(more)} in the row of "
+                f"{row[found[0]]!r}"
+            )
     return [{name: same_name((row[name] or "").strip()) for name in found} for row in rows]

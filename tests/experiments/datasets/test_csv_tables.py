@@ -19,6 +19,8 @@ def test_rows_by_column_with_blanks_cut_and_missing_cells_empty(tmp_path) -> Non
         (None, "expected a table with columns name, value, found no file"),
         (b"", "expected columns name, value, received none"),
         (b"name,other\n1,2\n", "expected columns name, value, received name, other"),
+        (b"name,value,value\n1,2,3\n", "expected each column once, received value twice"),
+        (b"name,value\na,1,5\n", "expected 2 cells a row, received 3 in the row of 'a'"),
         (
             b"\x89PNG\r\n\x1a\n\xff\xfe",
             "expected a table in UTF-8, received a file that can't be read as one",

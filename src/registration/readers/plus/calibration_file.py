@@ -143,14 +143,20 @@ def read_yaml(path: Path) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If the file cannot be read or holds no mapping.
+        If the file cannot be read, holds no mapping, or has a key twice.
     """
     try:
-        content = yaml.safe_load(read_text(path))
+        text = read_text(path)
+        root = yaml.compose(text, Loader=yaml.SafeLoader)
+        content = yaml.safe_load(text)
     except yaml.YAMLError as failure:
         raise InputError(f"{path}: expected YAML, found text that does not parse") from failure
     if not isinstance(content, dict):
         raise InputError(f"{path}: expected a mapping of keys to values, found {type(content).__name__}")
+    keys = [str(key.value) for key, _ in root.value]
+    twice = sorted({key for key in keys if keys.count(key) > 1})
+    if twice:  # PyYAML takes the last one
+        raise InputError(f"{path}: expected each key once, found {', '.join(twice)} twice")
     return content
 
 

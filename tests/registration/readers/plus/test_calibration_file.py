@@ -9,7 +9,7 @@ import pytest
 from sweeps import CALIBRATION
 
 from registration.errors import InputError
-from registration.readers.plus.calibration_file import calibration_yaml, read_calibration
+from registration.readers.plus.calibration_file import calibration_yaml, read_calibration, read_yaml
 from registration.sweep import ProbeCalibration
 
 
@@ -78,3 +78,10 @@ def test_xml_without_the_chain_is_refused(tmp_path: Path) -> None:
     path.write_text("<PlusConfiguration/>")
     with pytest.raises(InputError, match=r"set\.xml: transform ImageToProbe: expected a chain"):
         read_calibration(path)
+
+
+def test_a_key_given_twice_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "sweep.yaml"
+    path.write_text("units: mm\nunits: m\n")
+    with pytest.raises(InputError, match=r"sweep\.yaml: expected each key once, found units twice"):
+        read_yaml(path)
