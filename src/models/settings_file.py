@@ -82,7 +82,7 @@ def read_settings(path: Path) -> dict[str, Any]:
         content, root = parse_settings(text), yaml.compose(text, Loader=_CoreLoader)
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise InputError(f"{path}: expected a YAML file with a training's settings, found none") from error
-    if not isinstance(content, dict):
+    if not isinstance(content, dict) or root is None:
         raise InputError(f"{path}: expected a YAML mapping, received {type(content).__name__}")
     keys = [str(key.value) for key, _ in root.value]
     twice = sorted({key for key in keys if keys.count(key) > 1})

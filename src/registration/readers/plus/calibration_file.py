@@ -151,7 +151,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
         content = yaml.safe_load(text)
     except yaml.YAMLError as failure:
         raise InputError(f"{path}: expected YAML, found text that does not parse") from failure
-    if not isinstance(content, dict):
+    if not isinstance(content, dict) or root is None:
         raise InputError(f"{path}: expected a mapping of keys to values, found {type(content).__name__}")
     keys = [str(key.value) for key, _ in root.value]
     twice = sorted({key for key in keys if keys.count(key) > 1})
