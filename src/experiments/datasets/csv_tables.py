@@ -52,7 +52,7 @@ def read_table(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
         raise InputError(f"{path}: expected each column once, received {', '.join(twice)} twice")
     for row in rows:
         # More cells than columns come of decimal commas, which move all that follows into the wrong column.
-        more: object = row.get(None)  # type: ignore[call-overload]
+        more: object = row.get(None)
         if isinstance(more, list) and any(cell.strip() for cell in more):
             raise InputError(
                 f"{path}: expected {len(found)} cells a row, received {len(found) + len(more)} in the row of "
