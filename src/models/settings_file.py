@@ -84,7 +84,7 @@ def read_settings(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: expected a YAML file with a training's settings, found none") from error
     if not isinstance(content, dict) or root is None:
         raise InputError(f"{path}: expected a YAML mapping, received {type(content).__name__}")
-    keys = [str(key.value) for key, _ in root.value]
+    keys = [str(key.value) for key, _ in root.value] if root is not None else []
     twice = sorted({key for key in keys if keys.count(key) > 1})
     if twice:  # PyYAML takes the last one
         raise InputError(f"{path}: expected each setting once, received {', '.join(twice)} twice")

@@ -153,7 +153,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: expected YAML, found text that does not parse") from failure
     if not isinstance(content, dict) or root is None:
         raise InputError(f"{path}: expected a mapping of keys to values, found {type(content).__name__}")
-    keys = [str(key.value) for key, _ in root.value]
+    keys = [str(key.value) for key, _ in root.value] if root is not None else []
     twice = sorted({key for key in keys if keys.count(key) > 1})
     if twice:  # PyYAML takes the last one
         raise InputError(f"{path}: expected each key once, found {', '.join(twice)} twice")
