@@ -49,10 +49,10 @@ LABELS = {
 METHODS = {
     "multistart": "Multi-start ICP",
     "single_icp": "ICP",
-    "single_icp_centred": "ICP, centred",
+    "fpfh_ransac": "FPFH + RANSAC",
     "single_icp_plane": "ICP, point-to-plane",
     "gicp": "GICP",
-    "fpfh_ransac": "FPFH + RANSAC",
+    "single_icp_centred": "ICP, centred",
     "fpfh_fgr": "FPFH + FGR",
     "kiss_matcher": "KISS-Matcher",
     "multistart_no_centerline": "No centerline",
