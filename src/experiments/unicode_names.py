@@ -1,8 +1,7 @@
-"""Names of files and cases: equal where a person reads them as equal, and in the order in which a person counts."""
+"""Names of files and cases, equal where a person reads them as equal."""
 
 from __future__ import annotations
 
-import re
 import unicodedata
 from collections.abc import Iterable
 
@@ -61,19 +60,3 @@ def text_names(setting: str, names: Iterable[object]) -> tuple[str, ...]:
                 "write the name in quotes"
             )
     return tuple(same_name(str(name)) for name in given)
-
-
-def natural_key(name: str) -> list[tuple[int, int | str]]:
-    """Make a sort key by which frame_10 comes after frame_2, and numbers come before letters.
-
-    Parameters
-    ----------
-    name : str
-        A name.
-
-    Returns
-    -------
-    list of tuple[int, int or str]
-        The key.
-    """
-    return [(0, int(part)) if part.isdecimal() else (1, part) for part in re.split(r"(\d+)", name)]

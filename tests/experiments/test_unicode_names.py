@@ -3,17 +3,12 @@ import unicodedata
 import pytest
 
 from experiments.errors import InputError
-from experiments.unicode_names import natural_key, same_name, text_names
+from experiments.unicode_names import same_name, text_names
 
 
 def test_names_that_look_alike_are_the_same() -> None:
     plain = "Fr\u00e4n\u00e7oise_\u00e9"
     assert same_name(unicodedata.normalize("NFD", plain)) == same_name(plain) == plain
-
-
-def test_numbers_in_names_are_compared_as_numbers() -> None:
-    names = ["frame_10", "frame_2", "a", "frame_\u00b2", "10", "9"]
-    assert sorted(names, key=natural_key) == ["9", "10", "a", "frame_2", "frame_10", "frame_\u00b2"]
 
 
 def test_names_of_a_setting_are_text_or_whole_numbers() -> None:

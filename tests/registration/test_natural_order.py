@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from registration.errors import InputError
-from registration.natural_order import natural_order
+from registration.natural_order import natural_key, natural_order
 
 
 def test_numbers_compare_as_numbers_whatever_the_case() -> None:
@@ -33,3 +33,8 @@ def test_an_ambiguous_order_is_refused(names: list[str]) -> None:
 
 def test_decimals_of_equal_length_have_one_order() -> None:
     assert natural_order(["1.25", "0.50", "0.75"], "a") == ["0.50", "0.75", "1.25"]
+
+
+def test_numbers_in_names_are_compared_as_numbers() -> None:
+    names = ["frame_10", "frame_2", "a", "frame_\u00b2", "10", "9"]
+    assert sorted(names, key=natural_key) == ["9", "10", "a", "frame_2", "frame_10", "frame_\u00b2"]

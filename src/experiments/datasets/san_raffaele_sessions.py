@@ -15,7 +15,8 @@ from experiments.datasets.pairing import REFUSE, Pairing, pair
 from experiments.datasets.pixel_cache import read_pairs
 from experiments.datasets.simulated import SimulatedSubstitute
 from experiments.errors import InputError
-from experiments.unicode_names import natural_key, same_name
+from experiments.unicode_names import same_name
+from registration.natural_order import natural_key
 
 COLUMNS = ("session", "subject", "date", "scanner", "excluded")
 YES, NO = ("1", "yes", "true"), ("", "0", "no", "false")

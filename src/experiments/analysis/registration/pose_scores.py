@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from registration.benchmark.alternative_pose import SecondPose, second_pose
 from registration.benchmark.cases import BenchmarkCase, CaseTruth
 from registration.benchmark.scoring import PoseScore, score_pose
 from registration.rigid.result import ACCEPTED, FAILED, NOT_JUDGED, VERDICTS
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 NOT_DEFINED = float("nan")
 
@@ -215,3 +218,20 @@ def _number(value: Any) -> float:
 
 def _pose(value: Any) -> np.ndarray:
     return transforms.require_rigid(np.array(value, dtype=np.float64).reshape(4, 4), "candidates")
+
+
+def judges(cases: pd.DataFrame) -> bool:
+    """Tell whether the method judges its own results; one that gave no result at all does not.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of the trials of one method.
+
+    Returns
+    -------
+    bool
+        True for a method that judges.
+    """
+    own = cases.loc[cases["error"] == "", "verdict"]
+    return bool((own != NOT_JUDGED).any())

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from experiments import files
@@ -23,6 +20,7 @@ from registration.geometry.mesh_quality import mesh_quality
 from registration.geometry.shapes import Centerline, Mesh
 from registration.io.centerlines import write_centerline
 from registration.io.patient_space import write_model
+from registration.pipeline import timed
 
 WHERE = "surface.ply and surface.stl hold the model in mm in LPS; open scene.html in a browser to look at it."
 LPS_NOTE = "LPS: x points to the patient's left, y to the back, z to the head."
@@ -110,15 +108,15 @@ def run(
     path = _path(input)
     timing: dict[str, float] = {}
     progress.note(f"reading {path.name}")
-    with _timed(timing, "surface_s"):
+    with timed(timing, "surface_s"):
         source = read_model(path, label_surface, _label(label), space, units, nifti_form)
     progress.note(f"centerline of {len(source.mesh.triangles)} triangles")
-    with _timed(timing, "centerline_s"):
+    with timed(timing, "centerline_s"):
         lines, refusal = _centerline(source.mesh, centerline)
-    with _timed(timing, "quality_s"):
+    with timed(timing, "quality_s"):
         quality = mesh_quality(source.mesh)
     model = CtModel(path, source, lines, refusal, quality, timing)
-    with _timed(timing, "files_s"):
+    with timed(timing, "files_s"):
         for suffix in ("ply", "stl"):
             write_model(workspace / f"surface.{suffix}", source.mesh, "lps")
         if lines is not None:
@@ -163,10 +161,3 @@ def _scene(model: CtModel) -> Scene:
     layers = [SurfaceLayer("surface", model.source.mesh)]
     lines = [] if model.centerline is None else [LineLayer.of("centerline", model.centerline)]
     return Scene([*layers, *lines], f"CT model of {model.path.name}", (LPS_NOTE, *remarks(model)))
-
-
-@contextmanager
-def _timed(timing: dict[str, float], name: str) -> Iterator[None]:
-    begin = time.perf_counter()
-    yield
-    timing[name] = time.perf_counter() - begin

@@ -11,7 +11,8 @@ import numpy as np
 
 from experiments.datasets.images.image_files import image_files, read_mask_values
 from experiments.errors import InputError
-from experiments.unicode_names import natural_key, same_name
+from experiments.unicode_names import same_name
+from registration.natural_order import natural_key
 from registration.readers.folder import frame_names
 
 if TYPE_CHECKING:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from experiments.analysis.registration.pose_scores import judges
 from experiments.studies.robustness.design import CROSSED
 from experiments.studies.robustness.metrics import (
     CAPTURE_RATE,
     CAPTURE_TRIALS,
     groups,
     inside,
-    judges,
     lies,
     share,
 )

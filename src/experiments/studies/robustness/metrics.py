@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.analysis.registration.pose_scores import judges
 from experiments.statistics import Proportion, wilson_interval
 from experiments.studies.robustness.design import CROSSED
 from registration.metrics.surface_distance import SUCCESS_RMSE_MM, SUCCESS_TRE_MM
-from registration.rigid.result import NOT_JUDGED
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -58,23 +58,6 @@ def rate_metrics(cases: pd.DataFrame) -> dict[str, float]:
         "trials_failed": float((cases["error"] != "").sum()),
         "trials_low_rmse_wrong": float(lies(cases).sum()),
     }
-
-
-def judges(cases: pd.DataFrame) -> bool:
-    """Tell whether the method judges its own results; one that gave no result at all does not.
-
-    Parameters
-    ----------
-    cases : pandas.DataFrame
-        Rows of the trials of one method.
-
-    Returns
-    -------
-    bool
-        True for a method that judges.
-    """
-    own = cases.loc[cases["error"] == "", "verdict"]
-    return bool((own != NOT_JUDGED).any())
 
 
 def share(values: Any) -> Proportion | None:

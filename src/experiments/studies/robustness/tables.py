@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from experiments.analysis.registration.pose_scores import judges
 from experiments.statistics import summary
 from experiments.studies.robustness.comparison import by_anatomy, comparison
 from experiments.studies.robustness.design import CROSSED
@@ -13,7 +14,6 @@ from experiments.studies.robustness.metrics import (
     capture_range_deg,
     crossed,
     groups,
-    judges,
     rate_metrics,
 )
 

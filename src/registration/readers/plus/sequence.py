@@ -12,7 +12,6 @@ import numpy as np
 from registration.errors import InputError
 
 FRAME_FIELD = re.compile(r"^Seq_Frame(\d+)_(\S+)$")
-ORIENTATION_KEYS = {"UltrasoundImageOrientation", "ultrasound image orientation"}
 
 # Letters of PLUS's image orientations: which way the first and second axis run (Marked or Unmarked side, Far from
 # or Near to the transducer). A third letter (Ascending, Descending) speaks of stacking in volumes, not of frames.

@@ -8,13 +8,13 @@ import pandas as pd
 import pytest
 from robustness_rows import FAR, SILENT, binned, row
 
+from experiments.analysis.registration.pose_scores import judges
 from experiments.studies.robustness.metrics import (
     by_bin,
     capture_range_deg,
     crossed,
     groups,
     inside,
-    judges,
     lies,
     methods,
     rate_metrics,

@@ -11,10 +11,10 @@ from experiments.analysis.registration.benchmark.tables import (
     compare_methods,
     doubted,
     each_method,
-    judges,
     over_cautious,
     success_interval,
 )
+from experiments.analysis.registration.pose_scores import judges
 from registration.metrics.surface_distance import SUCCESS_TRE_MM
 from registration.rigid.result import ACCEPTED, FAILED
 

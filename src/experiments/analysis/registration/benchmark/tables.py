@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.analysis.registration.pose_scores import judges
 from experiments.analysis.registration.risk_coverage import risk_coverage
 from experiments.statistics import Bootstrap, Interval, holm, mcnemar, summary, wilson_interval
 from registration.rigid.result import ACCEPTED, NOT_JUDGED
@@ -76,23 +77,6 @@ def benchmark_metrics(cases: pd.DataFrame) -> dict[str, float]:
         found["accepted_failures"] = float((~accepted[RIGHT].astype(bool)).sum())
         found["over_cautious"] = float(len(over_cautious(cases)))
     return found
-
-
-def judges(cases: pd.DataFrame) -> bool:
-    """Tell whether a method has acceptance criteria, that is, says itself which of its results are right.
-
-    Parameters
-    ----------
-    cases : pandas.DataFrame
-        Rows of one method.
-
-    Returns
-    -------
-    bool
-        True if every result has a verdict; False also if there is no result at all.
-    """
-    own = cases.loc[cases["error"] == "", "verdict"]
-    return bool((own != NOT_JUDGED).any())
 
 
 def over_cautious(cases: pd.DataFrame) -> pd.DataFrame:
