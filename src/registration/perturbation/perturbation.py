@@ -1,9 +1,9 @@
 """Controlled perturbations of a registration problem whose result is known.
 
 The moving surface is placed at its true pose first, in the fixed frame, and perturbed there: angle and translation
-are the offset from the truth. Axis uniform on the sphere, angle uniform up to a maximum, about the cloud's centroid; direction uniform, length
-uniform up to a maximum. Moving and fixed clouds are drawn independently, each with noise of its own. The moving cloud
-comes in frames, slabs across the vessel, of which some may be missing.
+are the offset from the truth. Axis uniform on the sphere, angle uniform up to a maximum, about the cloud's centroid;
+direction uniform, length uniform up to a maximum. Moving and fixed clouds are drawn independently, each with noise of
+its own. The moving cloud comes in frames, slabs across the vessel, of which some may be missing.
 """
 
 from __future__ import annotations
@@ -192,8 +192,9 @@ class Perturbation:
     ) -> Trial:
         """Draw one problem, the same whatever was drawn before and whichever method solves it.
 
-        Piece, frames, roll and flip follow the principal axis of the moving surface at its true pose. The pose, both clouds and the loss of frames have random streams of their own, so that the poses of a
-        seed do not depend on overlap, noise, losses or number of points.
+        Piece, frames, roll and flip follow the principal axis of the moving surface at its true pose. The pose,
+        both clouds and the loss of frames have random streams of their own, so that the poses of a seed do not
+        depend on overlap, noise, losses or number of points.
 
         Parameters
         ----------
