@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 from numpy.typing import ArrayLike
 
+from registration import transforms
 from registration.errors import InputError
 
 # A cloud whose second principal spread is below this share of its first is a line (or a point) for every purpose
@@ -89,6 +90,26 @@ class Mesh:
 
 # What is registered: a mesh, or the points of a cloud (n, 3) in mm.
 Surface = Mesh | Float64[np.ndarray, "_ 3"]
+
+
+def transformed(surface: Surface, A_T_B: Float64[np.ndarray, "4 4"]) -> Surface:
+    """Transform a surface into another coordinate frame.
+
+    Parameters
+    ----------
+    surface : Surface
+        Mesh or points in frame B in mm.
+    A_T_B : ndarray, shape (4, 4)
+        Rigid transform from frame B to A.
+
+    Returns
+    -------
+    Surface
+        The same mesh or points in frame A.
+    """
+    if isinstance(surface, Mesh):
+        return Mesh(transforms.apply(A_T_B, surface.vertices_mm), surface.triangles)
+    return transforms.apply(A_T_B, surface)
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,9 @@
 """Controlled perturbations of a registration problem whose result is known.
 
-Axis uniform on the sphere, angle uniform up to a maximum, about the cloud's centroid; direction uniform, length
-uniform up to a maximum. Moving and fixed clouds are drawn independently, each with noise of its own. The moving cloud
-comes in frames, slabs across the vessel, of which some may be missing.
+The moving surface is placed at its true pose first, in the fixed frame, and perturbed there: angle and translation
+are the offset from the truth. Axis uniform on the sphere, angle uniform up to a maximum, about the cloud's centroid;
+direction uniform, length uniform up to a maximum. Moving and fixed clouds are drawn independently, each with noise of
+its own. The moving cloud comes in frames, slabs across the vessel, of which some may be missing.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from jaxtyping import Bool, Float64, Int64
 from registration import transforms
 from registration.checks import require_at_least, require_count, require_positive
 from registration.errors import InputError
-from registration.geometry.shapes import Mesh, Surface
+from registration.geometry.shapes import Mesh, Surface, transformed
 from registration.geometry.vessel_axis import AlongVessel
 from registration.perturbation.frame_dropout import ALTERNATING, in_kept_frames, loss_of
 from registration.perturbation.random_pose import ANY, ROTATIONS, PoseRange
@@ -82,13 +83,14 @@ class Trial:
     Parameters
     ----------
     moving_mm : ndarray, shape (m, 3)
-        Moving points in mm.
+        Moving points after the perturbation in mm.
     fixed_mm : ndarray, shape (n, 3)
         Fixed points in mm.
     fixed_T_moving : ndarray, shape (4, 4)
-        True pose.
+        True pose of ``moving_mm``, the inverse of the perturbation.
     angle_deg, translation_mm : float
-        Size of the perturbation in degrees and in mm.
+        Rotation about the moving cloud's centroid in degrees, and translation of that centroid in mm, from the
+        true pose.
     outlier : ndarray of bool, shape (m,)
         Moving points that are outliers and belong to no surface.
     frame : ndarray of int, shape (m,)
@@ -190,17 +192,18 @@ class Perturbation:
     ) -> Trial:
         """Draw one problem, the same whatever was drawn before and whichever method solves it.
 
-        The pose, both clouds and the loss of frames have random streams of their own, so that the poses of a
-        seed do not depend on overlap, noise, losses or number of points.
+        Piece, frames, roll and flip follow the principal axis of the moving surface at its true pose. The pose,
+        both clouds and the loss of frames have random streams of their own, so that the poses of a seed do not
+        depend on overlap, noise, losses or number of points.
 
         Parameters
         ----------
         moving : Surface
-            Surface that the moving cloud is drawn from.
+            Surface that the moving cloud is drawn from, in a coordinate frame of its own.
         fixed : Surface
             Surface that the fixed cloud is drawn from.
         fixed_T_moving : ndarray, shape (4, 4)
-            True pose before the perturbation; the identity if both are one surface.
+            True pose of ``moving``; the identity if both are one surface.
         piece : Piece
             Part of the vessel that the moving cloud covers.
         seed : int
@@ -223,23 +226,24 @@ class Perturbation:
         # Kinds of rotation do not share clouds: a method that any pose suits would only repeat itself.
         source = np.random.SeedSequence((seed, trial, ROTATIONS.index(self.rotation)))
         streams = [np.random.default_rng(child) for child in source.spawn(4)]
-        along = AlongVessel.of(moving)
+        placed = transformed(moving, fixed_T_moving)
+        along = AlongVessel.of(placed)
         pose = self.poses.draw(along.axis, trial, streams[0])
-        drawn_mm = draw(moving, self.moving_points, piece, streams[1])
+        drawn_mm = draw(placed, self.moving_points, piece, streams[1])
         frame = along.slab(drawn_mm, self.sweep_frames)
         fixed_mm = draw(fixed, self.fixed_points, Piece(), streams[2])
         loss = loss_of(self.missing, trial)
         kept = in_kept_frames(frame, self.missing_share, loss, streams[3])
-        moving_mm = self._disturb(drawn_mm, streams[1])[kept]
+        true_mm = self._disturb(drawn_mm, streams[1])[kept]
         fixed_mm = fixed_mm + self.noise_mm * streams[2].standard_normal(fixed_mm.shape)
-        moved_T_moving = transforms.compose(
+        moved_T_fixed = transforms.compose(
             transforms.translation(pose.shift_mm),
-            transforms.rotate_about(pose.rotation, moving_mm.mean(axis=0)),
+            transforms.rotate_about(pose.rotation, true_mm.mean(axis=0)),
         )
         return Trial(
-            moving_mm=transforms.apply(moved_T_moving, moving_mm),
+            moving_mm=transforms.apply(moved_T_fixed, true_mm),
             fixed_mm=fixed_mm,
-            fixed_T_moving=transforms.compose(fixed_T_moving, transforms.invert_rigid(moved_T_moving)),
+            fixed_T_moving=transforms.invert_rigid(moved_T_fixed),
             angle_deg=pose.angle_deg,
             translation_mm=pose.translation_mm,
             outlier=(np.arange(len(drawn_mm)) < self._outliers(len(drawn_mm)))[kept],

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from experiments.analysis.variants import names_of_files, told_apart, varying_choices
+from experiments.analysis.variants import distinct_names, names_of_files, varying_choices
 from experiments.outcome import JobResult
 
 
@@ -16,7 +16,7 @@ def result(choices: dict[str, str], **config: Any) -> JobResult:
 def test_only_choices_that_vary_under_a_name_become_part_of_it() -> None:
     results = [result({"augmentation": name, "trainer": "cpu"}) for name in ("none", "strong")]
     results.append(result({"augmentation": "none", "trainer": "cpu"}))
-    assert told_apart(results, ["unet", "unet", "other"]) == [
+    assert distinct_names(results, ["unet", "unet", "other"]) == [
         "unet augmentation=none",
         "unet augmentation=strong",
         "other",
@@ -27,7 +27,7 @@ def test_repetitions_and_how_a_job_is_run_tell_nothing_apart() -> None:
     results = [
         result({"seed": str(k), "resume": str(k), "dataset.cache": str(k), "workers": str(k)}) for k in (0, 1)
     ]
-    assert told_apart(results, ["unet", "unet"], ("seed",)) == ["unet", "unet"]
+    assert distinct_names(results, ["unet", "unet"], ("seed",)) == ["unet", "unet"]
 
 
 def test_a_seed_of_the_data_is_no_repetition() -> None:

@@ -15,6 +15,7 @@ from registration.geometry.shapes import (
     principal_frame,
     require_cloud,
     surface_frame,
+    transformed,
 )
 
 # Two right triangles in oblique planes: 3-4-5 (area 6) and 6-8-10 (area 24).
@@ -22,6 +23,15 @@ TWO = Mesh(
     np.array([[0.0, 0, 0], [3, 0, 0], [0, 4, 0], [10, 0, 0], [10, 6, 0], [10, 0, 8]]),
     np.array([[0, 1, 2], [3, 4, 5]]),
 )
+
+
+def test_a_mesh_and_points_are_transformed_alike() -> None:
+    quarter_turn = np.array([[0.0, -1, 0, 5], [1, 0, 0, 0], [0, 0, 1, -2], [0, 0, 0, 1]])
+    moved = transformed(TWO, quarter_turn)
+    assert isinstance(moved, Mesh)
+    np.testing.assert_array_equal(moved.triangles, TWO.triangles)
+    np.testing.assert_allclose(moved.vertices_mm[[1, 4]], [[5, 3, -2], [-1, 10, -2]])
+    np.testing.assert_allclose(transformed(TWO.vertices_mm, quarter_turn), moved.vertices_mm)
 
 
 def test_areas_by_hand() -> None:

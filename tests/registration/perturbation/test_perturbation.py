@@ -12,9 +12,11 @@ from vessels import bent_tube
 
 from registration import transforms
 from registration.errors import InputError
-from registration.geometry.shapes import Mesh, surface_frame
-from registration.metrics.surface_distance import SurfaceDistance
+from registration.geometry.shapes import Mesh, Surface, surface_frame, transformed
+from registration.geometry.vessel_axis import AlongVessel
+from registration.metrics.surface_distance import SurfaceDistance, pose_error
 from registration.perturbation.perturbation import Perturbation, Piece, draw
+from registration.rigid.comparators import SingleStartICP
 
 TUBE = bent_tube()
 EXACT = Perturbation(180.0, 10.0, 0.0, 0.0, moving_points=400, fixed_points=700)
@@ -35,11 +37,68 @@ def test_the_pose_that_comes_with_a_trial_undoes_it() -> None:
     assert distance(drawn.moving_mm).max() > 1
 
 
-def test_the_pose_before_the_perturbation_is_kept() -> None:
-    before = transforms.from_rotation(Rotation.from_rotvec([0.0, 2.0, 0.4]), np.array([50.0, 0, -9]))
-    placed = Mesh(transforms.apply(transforms.invert_rigid(before), TUBE.vertices_mm), TUBE.triangles)
-    drawn = EXACT(placed, TUBE, before, Piece(), seed=0, trial=0)
-    assert SurfaceDistance(TUBE)(transforms.apply(drawn.fixed_T_moving, drawn.moving_mm)).max() < 1e-4
+# A moving surface as it comes from a tracked sweep: far from the model, in a frame of its own.
+TRUTH = transforms.from_rotation(Rotation.from_rotvec([0.3, 2.7, 0.4]), np.array([150.0, -90, 210]))
+ELSEWHERE = transformed(TUBE, transforms.invert_rigid(TRUTH))
+
+
+def elsewhere(perturbation: Perturbation = EXACT, piece: Piece = Piece(), number: int = 5):
+    return perturbation(ELSEWHERE, TUBE, TRUTH, piece, seed=3, trial=number)
+
+
+def test_angle_and_translation_are_the_offset_from_the_truth() -> None:
+    for number in range(5):
+        drawn = elsewhere(number=number)
+        true_mm = transforms.apply(drawn.fixed_T_moving, drawn.moving_mm)
+        assert SurfaceDistance(TUBE)(true_mm).max() < 1e-4
+        angle_rad = Rotation.from_matrix(drawn.fixed_T_moving[:3, :3]).magnitude()
+        assert np.rad2deg(angle_rad) == pytest.approx(drawn.angle_deg, abs=1e-6)
+        offset_mm = np.linalg.norm(drawn.moving_mm.mean(axis=0) - true_mm.mean(axis=0))
+        assert offset_mm == pytest.approx(drawn.translation_mm, abs=1e-9)
+
+
+def test_the_frame_that_a_moving_surface_comes_in_changes_nothing() -> None:
+    """Its pieces, frames, rolls and flips are those of the vessel at its true pose."""
+    for kind in ("any", "roll", "flip"):
+        perturbation = dataclasses.replace(EXACT, rotation=kind, missing_share=0.2, sweep_frames=10)
+        here, there = trial(perturbation, Piece(0.4, "end")), elsewhere(perturbation, Piece(0.4, "end"))
+        np.testing.assert_allclose(there.moving_mm, here.moving_mm, atol=1e-9)
+        np.testing.assert_allclose(there.fixed_T_moving, here.fixed_T_moving, atol=1e-9)
+        np.testing.assert_array_equal(there.frame, here.frame)
+        np.testing.assert_array_equal(there.fixed_mm, here.fixed_mm)
+
+
+def test_a_single_start_next_to_the_truth_succeeds() -> None:
+    near = dataclasses.replace(EXACT, angle_max_deg=2.0, translation_max_mm=1.0)
+    drawn = elsewhere(near)
+    found = SingleStartICP()(drawn.moving_mm, drawn.fixed_mm)
+    targets_mm = TUBE.vertices_mm[::50]
+    assert pose_error(found.fixed_T_moving, drawn.fixed_T_moving, targets_mm).tre_mm < 0.5
+
+
+@pytest.mark.parametrize("surface", [TUBE, TUBE.sample(900, np.random.default_rng(8))])
+def test_a_surface_perturbed_against_itself_is_drawn_as_ever(surface: Surface) -> None:
+    """Bit by bit: results of earlier versions stay comparable."""
+    for number, kind in enumerate(("any", "roll", "flip")):
+        settings = Perturbation(180.0, 10.0, 0.4, 0.1, 400, 500, rotation=kind)
+        drawn = trial(settings, Piece(0.6, "end"), number=5, surface=surface)
+        streams = [np.random.default_rng(s) for s in np.random.SeedSequence((3, 5, number)).spawn(4)]
+        pose = settings.poses.draw(AlongVessel.of(surface).axis, 5, streams[0])
+        moving_mm = draw(surface, 400, Piece(0.6, "end"), streams[1])
+        fixed_mm = draw(surface, 500, Piece(), streams[2])
+        low_mm, high_mm = moving_mm.min(axis=0), moving_mm.max(axis=0)
+        moving_mm = moving_mm + 0.4 * streams[1].standard_normal(moving_mm.shape)
+        margin_mm, strays = 0.5 * (high_mm - low_mm), round(0.1 * len(moving_mm))
+        moving_mm[:strays] = streams[1].uniform(low_mm - margin_mm, high_mm + margin_mm, size=(strays, 3))
+        moved_T_moving = transforms.compose(
+            transforms.translation(pose.shift_mm),
+            transforms.rotate_about(pose.rotation, moving_mm.mean(axis=0)),
+        )
+        np.testing.assert_array_equal(drawn.moving_mm, transforms.apply(moved_T_moving, moving_mm))
+        np.testing.assert_array_equal(
+            drawn.fixed_mm, fixed_mm + 0.4 * streams[2].standard_normal(fixed_mm.shape)
+        )
+        np.testing.assert_array_equal(drawn.fixed_T_moving, transforms.invert_rigid(moved_T_moving))
 
 
 def test_angle_axis_and_translation_are_uniform() -> None:

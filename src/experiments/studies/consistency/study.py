@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments.analysis.variants import told_apart
+from experiments.analysis.variants import distinct_names
 from experiments.errors import InputError, require_count
 from experiments.outcome import JobResult, Outcome, Progress
 from experiments.paths import PathSetting
@@ -211,7 +211,7 @@ def summarise(results: list[JobResult]) -> Outcome:
         return Outcome(findings=("No job has sweeps to compare.",))
     # Sweeps of one phantom that were made or reconstructed otherwise are not repeats of each other.
     tables_of = [result.cases for result in kept if result.cases is not None]
-    phantoms = told_apart(kept, [str(rows["phantom"].iloc[0]) for rows in tables_of], ("phantoms",))
+    phantoms = distinct_names(kept, [str(rows["phantom"].iloc[0]) for rows in tables_of], ("phantoms",))
     cases = pd.concat(
         [rows.assign(phantom=phantom) for rows, phantom in zip(tables_of, phantoms, strict=True)],
         ignore_index=True,

@@ -15,7 +15,7 @@ from experiments.analysis.registration.benchmark.cases import (
 from experiments.analysis.registration.benchmark.figures import benchmark_figures
 from experiments.analysis.registration.benchmark.findings import describe_benchmark
 from experiments.analysis.registration.benchmark.tables import benchmark_metrics, benchmark_tables
-from experiments.analysis.variants import told_apart
+from experiments.analysis.variants import distinct_names
 from experiments.errors import InputError, require_count
 from experiments.inputs.surfaces import one_method
 from experiments.outcome import InputData, JobResult, Outcome, Progress
@@ -172,7 +172,7 @@ def summarise(results: list[JobResult]) -> Outcome:
         return Outcome(findings=("No job has cases to summarise.",))
     tables = [result.cases for result in kept if result.cases is not None]
     # A method with other settings is another method.
-    methods = told_apart(kept, [str(rows["method"].iloc[0]) for rows in tables], ("subset",))
+    methods = distinct_names(kept, [str(rows["method"].iloc[0]) for rows in tables], ("subset",))
     known = [rows.assign(method=method) for rows, method in zip(tables, methods, strict=True)]
     subsets = {str(cases["subset"].iloc[0]) for cases in known}
     if len(subsets) > 1:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from experiments.statistics import Bootstrap, SignedRank, by_unit, holm, mcnemar
-from experiments.studies.robustness.metrics import PROBLEM, methods
+from experiments.studies.robustness.design import CONDITION
+from experiments.studies.robustness.grouping import PROBLEM, by_condition, methods
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -15,7 +16,7 @@ REFERENCE = "multistart"
 
 
 def comparison(cases: pd.DataFrame) -> pd.DataFrame:
-    """Compare each method with the reference: success on the same problems, and the tests.
+    """Compare each method with the reference: success on the same problems of one condition, and the tests.
 
     With several anatomies McNemar's test counts each anatomy's surplus of problems won, and the signed-rank
     test compares success rates by anatomy; both adjusted by Holm. With a single anatomy nothing can be said
@@ -30,15 +31,20 @@ def comparison(cases: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        One row per method other than the reference.
+        One row per condition and method other than the reference.
     """
     import pandas as pd
 
     names = methods(cases)
     reference = REFERENCE if REFERENCE in names else names[0]
     anatomies = cases["anatomy"].nunique()
-    rows = [_compared(cases, reference, other, alone=anatomies == 1) for other in names if other != reference]
-    found = pd.DataFrame([row for row in rows if row is not None])
+    rows = [
+        _told(condition) | row
+        for condition, part in by_condition(cases)
+        for other in names
+        if other != reference and (row := _compared(part, reference, other, alone=anatomies == 1)) is not None
+    ]
+    found = pd.DataFrame(rows)
     for name in ("mcnemar_p", "signed_rank_p"):
         if name in found and anatomies > 1:
             found[f"{name}_holm"] = holm(found[name])
@@ -56,31 +62,38 @@ def by_anatomy(cases: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        One row per method: mean, its bootstrap interval with the anatomy as the unit, and the worst anatomy;
-        no rows for a single anatomy, which says nothing about others.
+        One row per condition and method: mean, its bootstrap interval with the anatomy as the unit, and the
+        worst anatomy; no rows for a single anatomy, which says nothing about others.
     """
     import pandas as pd
 
     if len(cases["anatomy"].unique()) < 2:
         return pd.DataFrame()
-    rows = []
-    for name in methods(cases):
-        own = cases[cases["method"] == name].astype({"success_tre": float})
-        rates = by_unit(own, "success_tre", "anatomy")
-        interval = Bootstrap()(rates)
-        rows.append(
-            {
-                "method": name,
-                "anatomies": interval.units,
-                "trials": len(own),
-                "success_tre_rate": interval.estimate,
-                "success_tre_rate_low": interval.low,
-                "success_tre_rate_high": interval.high,
-                "worst_anatomy": str(rates.idxmin()),
-                "worst_rate": float(rates.min()),
-            }
-        )
+    rows = [
+        _told(condition) | _over_anatomies(name, part[part["method"] == name])
+        for condition, part in by_condition(cases)
+        for name in methods(part)
+    ]
     return pd.DataFrame(rows)
+
+
+def _told(condition: str) -> dict[str, object]:
+    return {CONDITION: condition} if condition else {}
+
+
+def _over_anatomies(name: str, cases: pd.DataFrame) -> dict[str, object]:
+    rates = by_unit(cases.astype({"success_tre": float}), "success_tre", "anatomy")
+    interval = Bootstrap()(rates)
+    return {
+        "method": name,
+        "anatomies": interval.units,
+        "trials": len(cases),
+        "success_tre_rate": interval.estimate,
+        "success_tre_rate_low": interval.low,
+        "success_tre_rate_high": interval.high,
+        "worst_anatomy": str(rates.idxmin()),
+        "worst_rate": float(rates.min()),
+    }
 
 
 def _compared(cases: pd.DataFrame, reference: str, other: str, *, alone: bool) -> dict[str, object] | None:

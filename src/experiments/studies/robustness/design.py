@@ -22,6 +22,8 @@ FACTORS: Mapping[str, tuple[str, ...]] = {
     "outlier_share": ("outlier_share",),
     "missing_share": ("missing_share",),
 }
+# Column of the settings of the trials in which the jobs of a sweep differ; none where they do not.
+CONDITION = "condition"
 # What a row's place says of a whole vessel.
 WHOLE = "whole"
 

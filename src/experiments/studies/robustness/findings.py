@@ -7,14 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.analysis.registration.pose_scores import judges
 from experiments.studies.robustness.design import CROSSED
-from experiments.studies.robustness.metrics import (
-    CAPTURE_RATE,
-    CAPTURE_TRIALS,
-    groups,
-    inside,
-    lies,
-    share,
-)
+from experiments.studies.robustness.grouping import by_condition, groups
+from experiments.studies.robustness.metrics import CAPTURE_RATE, CAPTURE_TRIALS, inside, lies, share
 from experiments.studies.robustness.tables import PIECE, capture_ranges
 from registration.metrics.surface_distance import SUCCESS_RMSE_MM, SUCCESS_TRE_MM
 
@@ -24,6 +18,8 @@ if TYPE_CHECKING:
 
 def describe(cases: pd.DataFrame) -> tuple[str, ...]:
     """State the findings for each method on each piece, for each that judges itself, and what holds for all.
+
+    Where the trials have conditions, each is stated on its own.
 
     Parameters
     ----------
@@ -37,17 +33,30 @@ def describe(cases: pd.DataFrame) -> tuple[str, ...]:
     """
     turned, varied = cases[cases["factor"] == CROSSED], cases[cases["factor"] != CROSSED]
     return (
-        *(sentence for key, group in groups(turned, PIECE) for sentence in _success(key, group)),
-        *(_levels(key, group) for key, group in groups(varied, ("method", "factor"))),
-        *_judged(cases),
+        *(
+            sentence
+            for condition, part in by_condition(turned)
+            for key, group in groups(part, PIECE)
+            for sentence in _success(condition, key, group)
+        ),
+        *(
+            _levels(condition, key, group)
+            for condition, part in by_condition(varied)
+            for key, group in groups(part, ("method", "factor"))
+        ),
+        *(sentence for condition, part in by_condition(cases) for sentence in _judged(condition, part)),
         *_captured(turned),
         *_caveats(cases),
     )
 
 
-def _success(key: tuple[Any, ...], cases: pd.DataFrame) -> Iterator[str]:
+def _under(method: str, condition: str) -> str:
+    return f"{method}, {condition}," if condition else method
+
+
+def _success(condition: str, key: tuple[Any, ...], cases: pd.DataFrame) -> Iterator[str]:
     method, overlap, place = key
-    where = f"{method} at overlap {overlap:g}" + ("" if overlap == 1 else f" ({place})")
+    where = f"{_under(method, condition)} at overlap {overlap:g}" + ("" if overlap == 1 else f" ({place})")
     right, small = share(cases["success_tre"]), share(cases["success"])
     assert right is not None and small is not None
     yield (
@@ -75,23 +84,25 @@ def _of(values: Any) -> str:
     return f"{rate.successes} of {rate.trials} ({rate.rate:.1%}, {bounds})"
 
 
-def _levels(key: tuple[Any, ...], cases: pd.DataFrame) -> str:
+def _levels(condition: str, key: tuple[Any, ...], cases: pd.DataFrame) -> str:
     method, factor = key
     rates = [
         f"{level:g}: {group['success_tre'].sum()} of {len(group)}"
         for (level,), group in groups(cases, ("level",))
     ]
-    return f"{method} by {factor}, trials within {SUCCESS_TRE_MM:g} mm: {', '.join(rates)}."
+    return (
+        f"{_under(method, condition)} by {factor}, trials within {SUCCESS_TRE_MM:g} mm: {', '.join(rates)}."
+    )
 
 
-def _judged(cases: pd.DataFrame) -> Iterator[str]:
+def _judged(condition: str, cases: pd.DataFrame) -> Iterator[str]:
     """Acceptance and coverage of methods that judge their results; which ones do not."""
     for (method,), group in groups(cases, ("method",)):
         if not judges(group):
-            yield f"{method}: its results are not judged."
+            yield f"{method}{', ' * bool(condition)}{condition}: its results are not judged."
             continue
         taken = group[group["accepted"]]
-        said = f"{method} accepted {len(taken)} of its {len(group)} results"
+        said = f"{_under(method, condition)} accepted {len(taken)} of its {len(group)} results"
         if not len(taken):
             yield f"{said}."
             continue
@@ -119,15 +130,16 @@ def _captured(turned: pd.DataFrame) -> Iterator[str]:
             f"No capture range: a bin of angles has {fewest} {'trial' if fewest == 1 else 'trials'}, at least "
             f"{CAPTURE_TRIALS} are needed for a rate of {CAPTURE_RATE:.0%}."
         )
-    for (method,), group in groups(known, ("method",)) if len(known) else ():
-        ends = sorted(group["capture_range_deg"].unique())
-        where = f"up to {ends[0]:g} degrees"
-        if len(ends) > 1:
-            where += f" on its worst piece and {ends[-1]:g} on its best"
-        yield (
-            f"{method} captures rotations {where} (at least {CAPTURE_RATE:.0%} success in every bin of angles up to "
-            f"there, in these trials; {group['trials_a_bin'].min()} trials a bin at least)."
-        )
+    for condition, part in by_condition(known) if len(known) else ():
+        for (method,), group in groups(part, ("method",)):
+            ends = sorted(group["capture_range_deg"].unique())
+            where = f"up to {ends[0]:g} degrees"
+            if len(ends) > 1:
+                where += f" on its worst piece and {ends[-1]:g} on its best"
+            yield (
+                f"{_under(method, condition)} captures rotations {where} (at least {CAPTURE_RATE:.0%} success in every "
+                f"bin of angles up to there, in these trials; {group['trials_a_bin'].min()} trials a bin at least)."
+            )
 
 
 def _caveats(cases: pd.DataFrame) -> Iterator[str]:

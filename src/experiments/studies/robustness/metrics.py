@@ -1,15 +1,13 @@
-"""Rates of the robustness study over any of its trials, and the groups that tables and figures go through."""
+"""Rates of the robustness study over any of its trials."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from experiments.analysis.registration.pose_scores import judges
 from experiments.statistics import Proportion, wilson_interval
-from experiments.studies.robustness.design import CROSSED
 from registration.metrics.surface_distance import SUCCESS_RMSE_MM, SUCCESS_TRE_MM
 
 if TYPE_CHECKING:
@@ -19,8 +17,6 @@ if TYPE_CHECKING:
 CAPTURE_RATE = 0.95
 # From fewer trials a bin says nothing of such a rate: all of nine right have a Wilson interval from 70 %.
 CAPTURE_TRIALS = 10
-# The same problem for every method.
-PROBLEM = ("anatomy", "factor", "level", "rotation", "overlap", "place", "trial")
 
 
 def rate_metrics(cases: pd.DataFrame) -> dict[str, float]:
@@ -113,57 +109,6 @@ def lies(cases: pd.DataFrame) -> np.ndarray:
         (cases["rmse_mm"] <= SUCCESS_RMSE_MM) & ~(cases["tre_mm"] <= SUCCESS_TRE_MM)
     ).to_numpy()
     return wrong
-
-
-def groups(cases: pd.DataFrame, columns: Sequence[str]) -> Iterator[tuple[tuple[Any, ...], pd.DataFrame]]:
-    """Group the trials by the values of some columns.
-
-    Parameters
-    ----------
-    cases : pandas.DataFrame
-        Rows of the trials.
-    columns : sequence of str
-        Names of the columns.
-
-    Returns
-    -------
-    iterator of tuple[tuple of Any, pandas.DataFrame]
-        The values of ``columns``, in the order in which they first occur, each with its trials.
-    """
-    for values, group in cases.groupby(list(columns), sort=False, dropna=False):
-        yield values if isinstance(values, tuple) else (values,), group
-
-
-def crossed(cases: pd.DataFrame) -> pd.DataFrame:
-    """Select the trials in which rotation and overlap are crossed.
-
-    Parameters
-    ----------
-    cases : pandas.DataFrame
-        Rows of the trials.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Rows of these trials.
-    """
-    return cases[cases["factor"] == CROSSED]
-
-
-def methods(cases: pd.DataFrame) -> list[str]:
-    """List the methods in the order in which they first occur.
-
-    Parameters
-    ----------
-    cases : pandas.DataFrame
-        Rows of the trials.
-
-    Returns
-    -------
-    list of str
-        Names of the methods.
-    """
-    return [str(name) for name in cases["method"].drop_duplicates()]
 
 
 def by_bin(cases: pd.DataFrame) -> pd.DataFrame:

@@ -12,8 +12,7 @@ from experiments.errors import InputError
 from experiments.inputs.surfaces import read_mm, read_pose, refuse_metres, require_path
 from experiments.outcome import InputData
 from registration import errors as registration_errors
-from registration import transforms
-from registration.geometry.shapes import Mesh, Surface
+from registration.geometry.shapes import Mesh, Surface, transformed
 from registration.geometry.vessel_axis import AlongVessel
 from registration.io.surfaces import read_centerline
 from registration.metrics.targets import MAX_TARGETS, target_points
@@ -119,13 +118,12 @@ def covered_targets(problem: Problem, piece: Piece) -> np.ndarray:
         True for the targets that the piece covers.
     """
     along = AlongVessel.of(problem.fixed)
-    moving = problem.moving
+    moving = transformed(problem.moving, problem.fixed_T_moving)
     whole_mm = moving.vertices_mm if isinstance(moving, Mesh) else moving
     # Vertices reach to the very ends, samples are there where a coarse mesh has no vertex.
     inside_mm = whole_mm[piece.contains(whole_mm, moving)]
     drawn_mm = draw(moving, COVERING_POINTS, piece, np.random.default_rng(TARGET_SEED))
-    placed_mm = transforms.apply(problem.fixed_T_moving, np.concatenate([inside_mm, drawn_mm]))
-    covered_mm = along.position_mm(placed_mm)
+    covered_mm = along.position_mm(np.concatenate([inside_mm, drawn_mm]))
     at_mm = along.position_mm(problem.targets_mm)
     return (at_mm >= covered_mm.min()) & (at_mm <= covered_mm.max())
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,12 +10,20 @@ import numpy as np
 from experiments.reporting.labels import axis_label, method_label, method_styles
 from experiments.studies.robustness.design import CROSSED, WHOLE
 from experiments.studies.robustness.error_figures import error_boxes, residual_against_error, runtimes
-from experiments.studies.robustness.metrics import by_bin, crossed, groups, methods
+from experiments.studies.robustness.grouping import (
+    by_condition,
+    crossed,
+    groups,
+    methods,
+    with_condition,
+)
+from experiments.studies.robustness.metrics import by_bin
 from experiments.studies.robustness.style import (
     MAX_SHOWN_MM,
     draw_rates,
     legend_above,
     log_axis,
+    panel_title,
     piece_title,
     rate_axis,
 )
@@ -69,24 +78,25 @@ def figures(cases: pd.DataFrame) -> dict[str, Figure]:
 
 
 def _success_by_angle(turned: pd.DataFrame, label: str) -> Figure:
-    """A panel for each piece, a line for each method; flips stand apart at the right."""
+    """A panel for each condition and piece, a line for each method; flips stand apart at the right."""
     from matplotlib.figure import Figure
 
     names = methods(turned)
-    overlaps = list(turned["overlap"].drop_duplicates())
+    rows = [key for key, _ in groups(turned, with_condition(turned, ("overlap",)))]
     places = [place for place in turned["place"].drop_duplicates() if place != WHOLE] or [WHOLE]
-    size = (max(4.3 * len(places), 6.4) + 0.4, max(2.4 * len(overlaps), 3.0) + 0.9)
+    size = (max(4.3 * len(places), 6.4) + 0.4, max(2.4 * len(rows), 3.0) + 0.9)
     figure = Figure(figsize=size, layout="constrained")
-    grid = figure.subplots(len(overlaps), len(places), squeeze=False, sharey=True)
+    grid = figure.subplots(len(rows), len(places), squeeze=False, sharey=True)
     for axes in grid.flat:
         axes.set_visible(False)
-    for (overlap, place), piece in groups(turned, ("overlap", "place")):
-        axes = grid[overlaps.index(overlap)][0 if place == WHOLE else places.index(place)]
+    for (*row, place), piece in groups(turned, with_condition(turned, ("overlap", "place"))):
+        *condition, overlap = row
+        axes = grid[rows.index(tuple(row))][0 if place == WHOLE else places.index(place)]
         axes.set_visible(True)
         _angles(axes, piece, names)
-        axes.set_title(piece_title(overlap, place), fontsize="medium")
+        axes.set_title(piece_title(overlap, place, *condition), fontsize="medium")
         axes.set_xlabel(label)
-    figure.supylabel(f"{RATE_LABEL} (Wilson 95 %)", fontsize="medium" if len(overlaps) > 1 else "small")
+    figure.supylabel(f"{RATE_LABEL} (Wilson 95 %)", fontsize="medium" if len(rows) > 1 else "small")
     legend_above(figure, grid[0][0])
     return figure
 
@@ -131,41 +141,55 @@ def _angles(axes: Axes, piece: pd.DataFrame, names: list[str]) -> None:
 
 
 def _success_curve(turned: pd.DataFrame) -> Figure:
-    """The share of trials within any distance of the truth, a panel for each overlap."""
+    """The share of trials within any distance of the truth, a panel for each overlap, a row for each condition."""
     from matplotlib.figure import Figure
 
     names = methods(turned)
-    parts = list(groups(turned, ("overlap",)))
-    figure = Figure(figsize=(3.2 * len(parts) + 0.6, 3.4), layout="constrained")
-    row = figure.subplots(1, len(parts), squeeze=False, sharey=True)[0]
-    for axes, ((overlap,), part) in zip(row, parts, strict=True):
-        for name, look in method_styles(names).items():
-            errors_mm = np.sort(part.loc[part["method"] == name, "tre_mm"].to_numpy())
-            if len(errors_mm):
-                shares = np.arange(len(errors_mm) + 1) / len(errors_mm)
-                at_mm = [0.0, *errors_mm.clip(max=2 * MAX_THRESHOLD_MM), 2 * MAX_THRESHOLD_MM]
-                axes.step(
-                    at_mm, [*shares, shares[-1]], where="post", color=look["color"], label=method_label(name)
-                )
-        axes.axvline(SUCCESS_TRE_MM, color="grey", linestyle=":")
-        axes.set(
-            title=f"Overlap {overlap:g}", xlabel=f"{axis_label('tre_mm')} at most", xlim=(0, MAX_THRESHOLD_MM)
-        )
-        rate_axis(axes)
-    row[0].set_ylabel("Share of trials")
-    legend_above(figure, row[0])
+    overlaps = list(turned["overlap"].drop_duplicates())
+    rows = [condition for condition, _ in by_condition(turned)]
+    size = (3.2 * len(overlaps) + 0.6, 3.0 * len(rows) + 0.4)
+    figure = Figure(figsize=size, layout="constrained")
+    grid = figure.subplots(len(rows), len(overlaps), squeeze=False, sharey=True)
+    for row, (condition, turned_alike) in zip(grid, by_condition(turned), strict=True):
+        for axes in row:
+            axes.set_visible(False)
+        for (overlap,), part in groups(turned_alike, ("overlap",)):
+            axes = row[overlaps.index(overlap)]
+            axes.set_visible(True)
+            _curves(axes, part, names)
+            axes.set(
+                title=panel_title(f"Overlap {overlap:g}", condition),
+                xlabel=f"{axis_label('tre_mm')} at most",
+                xlim=(0, MAX_THRESHOLD_MM),
+            )
+        row[0].set_ylabel("Share of trials")
+    legend_above(figure, grid[0][0])
     return figure
 
 
+def _curves(axes: Axes, part: pd.DataFrame, names: Sequence[str]) -> None:
+    for name, look in method_styles(names).items():
+        errors_mm = np.sort(part.loc[part["method"] == name, "tre_mm"].to_numpy())
+        if len(errors_mm):
+            shares = np.arange(len(errors_mm) + 1) / len(errors_mm)
+            at_mm = [0.0, *errors_mm.clip(max=2 * MAX_THRESHOLD_MM), 2 * MAX_THRESHOLD_MM]
+            axes.step(
+                at_mm, [*shares, shares[-1]], where="post", color=look["color"], label=method_label(name)
+            )
+    axes.axvline(SUCCESS_TRE_MM, color="grey", linestyle=":")
+    rate_axis(axes)
+
+
 def _factors(varied: pd.DataFrame) -> Figure:
-    """A column for each factor: success above, the median error below."""
+    """A column for each condition and factor: success above, the median error below."""
     from matplotlib.figure import Figure
 
     names = methods(varied)
-    parts = list(groups(varied, ("factor",)))
+    parts = list(groups(varied, with_condition(varied, ("factor",))))
     figure = Figure(figsize=(max(3.1 * len(parts), 6.4) + 0.6, 5.2), layout="constrained")
     grid = figure.subplots(2, len(parts), squeeze=False, sharey="row", sharex="col")
-    for (above, below), ((factor,), part) in zip(grid.T, parts, strict=True):
+    for (above, below), ((*condition, factor), part) in zip(grid.T, parts, strict=True):
+        above.set_title(panel_title("", " ".join(condition)), fontsize="medium")
         for name, look in method_styles(names).items():
             levels = part[part["method"] == name].groupby("level")
             if not len(levels):
@@ -195,14 +219,31 @@ def _factors(varied: pd.DataFrame) -> Figure:
 def _risk_coverage(cases: pd.DataFrame) -> Figure:
     """Success among the results that a method is surest of, against their share; the dot is where it accepts.
 
-    Results are ranked as the verdict does: accepted ones first, then by the upper end of the predicted error.
+    Results are ranked as the verdict does: accepted ones first, then by the upper end of the predicted error. A panel
+    for each condition.
     """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(5.6, 3.8), layout="constrained")
-    axes = figure.subplots()
-    for name, look in method_styles(methods(cases)).items():
-        group = cases[cases["method"] == name]
+    parts = by_condition(cases)
+    figure = Figure(figsize=(5.6, 3.4 * len(parts) + 0.4), layout="constrained")
+    column = figure.subplots(len(parts), 1, squeeze=False)[:, 0]
+    names = methods(cases)
+    for axes, (condition, part) in zip(column, parts, strict=True):
+        _ranked(axes, part, names)
+        axes.set(
+            title=panel_title("", condition),
+            xlabel=f"{axis_label('acceptance_rate')} (dot: by verdict)",
+            ylabel=f"{RATE_LABEL}, of accepted",
+        )
+        axes.set_xlim(0, 1.02)
+        axes.grid(alpha=0.25)
+    legend_above(figure, column[0])
+    return figure
+
+
+def _ranked(axes: Axes, part: pd.DataFrame, names: Sequence[str]) -> None:
+    for name, look in method_styles(names).items():
+        group = part[part["method"] == name]
         if not group["tre_high_mm"].notna().any():
             continue
         ranked = group.sort_values(["accepted", "tre_high_mm"], ascending=[False, True])[
@@ -213,8 +254,3 @@ def _risk_coverage(cases: pd.DataFrame) -> Figure:
         axes.plot(counts / len(ranked), rates, color=look["color"], label=method_label(name))
         if taken := int(group["accepted"].sum()):
             axes.plot(taken / len(ranked), rates[taken - 1], **look)
-    axes.set(xlabel=f"{axis_label('acceptance_rate')} (dot: by verdict)", ylabel=f"{RATE_LABEL}, of accepted")
-    axes.set_xlim(0, 1.02)
-    axes.grid(alpha=0.25)
-    legend_above(figure, axes)
-    return figure

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 MIN_SHOWN_MM, MAX_SHOWN_MM = 1e-2, 1e3
 
 
-def piece_title(overlap: float, place: str) -> str:
+def piece_title(overlap: float, place: str, condition: str = "") -> str:
     """Name the panel of a piece.
 
     Parameters
@@ -27,13 +27,33 @@ def piece_title(overlap: float, place: str) -> str:
         Share of the vessel's extent that the moving cloud covers.
     place : str
         Place of the piece along the vessel.
+    condition : str, optional
+        Condition of the trials; empty where all have the same.
 
     Returns
     -------
     str
         The title.
     """
-    return "Overlap 1" if place == WHOLE else f"Overlap {overlap:g}, {place}"
+    return panel_title("Overlap 1" if place == WHOLE else f"Overlap {overlap:g}, {place}", condition)
+
+
+def panel_title(text: str, condition: str) -> str:
+    """Add the condition of the trials to the title of a panel.
+
+    Parameters
+    ----------
+    text : str
+        Title within a condition; it may be empty.
+    condition : str
+        Condition of the trials; empty where all have the same.
+
+    Returns
+    -------
+    str
+        The title.
+    """
+    return ", ".join(filter(None, (text, condition)))
 
 
 def draw_rates(

@@ -9,13 +9,8 @@ from experiments.analysis.registration.pose_scores import judges
 from experiments.statistics import summary
 from experiments.studies.robustness.comparison import by_anatomy, comparison
 from experiments.studies.robustness.design import CROSSED
-from experiments.studies.robustness.metrics import (
-    by_bin,
-    capture_range_deg,
-    crossed,
-    groups,
-    rate_metrics,
-)
+from experiments.studies.robustness.grouping import crossed, groups, with_condition
+from experiments.studies.robustness.metrics import by_bin, capture_range_deg, rate_metrics
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,7 +19,7 @@ PIECE = ("method", "overlap", "place")
 
 
 def tables(cases: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """Make all tables for which there are trials.
+    """Make all tables for which there are trials, each with rows of its own for every condition.
 
     Parameters
     ----------
@@ -39,20 +34,21 @@ def tables(cases: pd.DataFrame) -> dict[str, pd.DataFrame]:
     import pandas as pd
 
     turned, varied = crossed(cases), cases[cases["factor"] != CROSSED]
+    piece = with_condition(cases, PIECE)
     found: dict[str, pd.DataFrame] = {}
     if len(turned):
         found["robustness"] = pd.DataFrame(
-            [_errors(group, PIECE, key) for key, group in groups(turned, PIECE)]
+            [_errors(group, piece, key) for key, group in groups(turned, piece)]
         )
-        judged = [(key, group) for key, group in groups(turned, PIECE) if judges(group)]
+        judged = [(key, group) for key, group in groups(turned, piece) if judges(group)]
         if judged:
-            found["verdicts"] = pd.DataFrame([_verdicts(group, PIECE, key) for key, group in judged])
+            found["verdicts"] = pd.DataFrame([_verdicts(group, piece, key) for key, group in judged])
         predicted = turned.groupby("method")["tre_high_mm"].transform("count") > 0
         if predicted.any():
             found["tre_intervals"] = pd.DataFrame(
-                [_intervals(group, PIECE, key) for key, group in groups(turned[predicted], PIECE)]
+                [_intervals(group, piece, key) for key, group in groups(turned[predicted], piece)]
             )
-        rotation = ("method", "rotation")
+        rotation = with_condition(cases, ("method", "rotation"))
         if len(turned["rotation"].unique()) > 1:
             found["rotations"] = pd.DataFrame(
                 [_errors(group, rotation, key) for key, group in groups(turned, rotation)]
@@ -60,8 +56,8 @@ def tables(cases: pd.DataFrame) -> dict[str, pd.DataFrame]:
         if len(ranges := capture_ranges(turned)):
             found["capture_range"] = ranges
     if len(varied):
-        level = ("method", "factor", "level")
-        found["factors"] = pd.DataFrame([_levels(group, key) for key, group in groups(varied, level)])
+        level = with_condition(cases, ("method", "factor", "level"))
+        found["factors"] = pd.DataFrame([_levels(group, level, key) for key, group in groups(varied, level)])
     if len(units := by_anatomy(cases)):
         found["anatomies"] = units
     if len(compared := comparison(cases)):
@@ -80,11 +76,11 @@ def capture_ranges(turned: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        One row per method, piece and kind of rotation, with the fewest trials that a bin had.
+        One row per condition, method, piece and kind of rotation, with the fewest trials that a bin had.
     """
     import pandas as pd
 
-    columns = (*PIECE, "rotation")
+    columns = with_condition(turned, (*PIECE, "rotation"))
     rows = []
     for key, group in groups(turned.dropna(subset="angle_from_deg"), columns):
         bins = by_bin(group)
@@ -138,11 +134,11 @@ def _intervals(cases: pd.DataFrame, columns: tuple[str, ...], key: tuple[Any, ..
     }
 
 
-def _levels(cases: pd.DataFrame, key: tuple[Any, ...]) -> dict[str, object]:
+def _levels(cases: pd.DataFrame, columns: tuple[str, ...], key: tuple[Any, ...]) -> dict[str, object]:
     rates = rate_metrics(cases)
     errors = _summaries(cases, "tre_mm")
     return {
-        **dict(zip(("method", "factor", "level"), key, strict=True)),
+        **dict(zip(columns, key, strict=True)),
         "trials": len(cases),
         **{name: rates[name] for name in _bounded("success_tre_rate")},
         "acceptance_rate": rates["acceptance_rate"],

@@ -12,11 +12,8 @@ from experiments.analysis.registration.pose_scores import judges
 from experiments.studies.robustness.metrics import (
     by_bin,
     capture_range_deg,
-    crossed,
-    groups,
     inside,
     lies,
-    methods,
     rate_metrics,
 )
 
@@ -88,17 +85,6 @@ def test_the_capture_range_ends_before_the_first_bin_that_falls_short() -> None:
 def test_bins_are_sorted_and_counted() -> None:
     bins = by_bin(pd.DataFrame(binned("a", [1, 3], 4)[::-1]))
     assert bins[["angle_from_deg", "successes", "trials"]].to_numpy().tolist() == [[0, 1, 4], [15, 3, 4]]
-
-
-def test_groups_keep_their_order_and_levels_that_are_no_number() -> None:
-    cases = pd.DataFrame([row("b"), row("a"), row("b", factor="noise_mm", level=0.5)])
-    assert methods(cases) == ["b", "a"]
-    assert [(key[0], len(group)) for key, group in groups(cases, ("method", "level"))] == [
-        ("b", 1),
-        ("a", 1),
-        ("b", 1),
-    ]
-    assert len(crossed(cases)) == 2
 
 
 def test_a_method_that_does_not_judge_has_no_acceptance() -> None:

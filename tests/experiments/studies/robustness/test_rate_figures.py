@@ -96,3 +96,37 @@ def test_the_risk_curve_takes_accepted_results_first() -> None:
     assert [float(value) for value in (dot.get_xdata()[0], dot.get_ydata()[0])] == [0.75, 2 / 3]
     silent = pd.DataFrame([row(tre_low_mm=math.nan, tre_high_mm=math.nan)])
     assert "risk_coverage" not in figures(silent)
+
+
+def test_conditions_have_panels_of_their_own_under_one_method_name(tmp_path: Path) -> None:
+    rows = [
+        *binned("multistart", [4, 4], overlap=1.0),
+        *binned("single_icp", [4, 0], overlap=1.0),
+        *(row(name, factor="noise_mm", level=float(level))
+          for name in ("multistart", "single_icp") for level in (0, 1)),
+    ]  # fmt: skip
+    near, far = pd.DataFrame(rows), pd.DataFrame(rows).assign(tre_mm=FAR, success_tre=False)
+    drawn = figures(
+        pd.concat(
+            [near.assign(condition="noise_mm=0"), far.assign(condition="noise_mm=1")], ignore_index=True
+        )
+    )
+    for name, panels in {
+        "success_by_angle": 2,
+        "errors": 4,
+        "success_curve": 2,
+        "factors": 4,
+        "rmse_tre": 4,
+        "runtime": 1,
+        "risk_coverage": 2,
+    }.items():
+        assert len(visible(drawn[name])) == panels, name
+        drawn[name].savefig(tmp_path / f"{name}.png", dpi=40)
+    above, below = visible(drawn["success_by_angle"])
+    assert [above.get_title(), below.get_title()] == ["Overlap 1, noise_mm=0", "Overlap 1, noise_mm=1"]
+    assert lines(above)["ICP"][1].tolist() == [1.0, 0.0]
+    assert lines(below)["ICP"][1].tolist() == [0.0, 0.0]
+    legend = drawn["success_by_angle"].legends[0].get_texts()
+    assert [text.get_text() for text in legend] == ["Multi-start ICP", "ICP"]
+    labels = [label.get_text() for label in drawn["runtime"].axes[0].get_yticklabels()]
+    assert labels == [f"{name}, noise_mm={level}" for level in (0, 1) for name in ("Multi-start ICP", "ICP")]

@@ -259,6 +259,35 @@ def test_a_cloud_of_the_users_with_its_truth(target: Path, tmp_path: Path) -> No
     assert [data.name for data in outcome.inputs] == ["tube.ply", "own.xyz", "truth.json"]
 
 
+def test_a_cloud_of_the_users_starts_as_far_from_its_truth_as_its_row_says(
+    target: Path, tmp_path: Path
+) -> None:
+    """A method that leaves the cloud where it is has the perturbation for an error; near the truth, ICP succeeds."""
+    truth = transforms.rotate_about(transforms.Rotation.from_rotvec([0.4, 2.0, 0.1]), np.array([5.0, 80, 3]))
+    own = transforms.apply(transforms.invert_rigid(truth), TUBE.sample(2000, np.random.default_rng(8)))
+    write_surface(tmp_path / "own.xyz", own)
+    (tmp_path / "truth.json").write_text(json.dumps({"fixed_T_moving": truth.tolist()}))
+    user: dict[str, Any] = {
+        "moving": str(tmp_path / "own.xyz"),
+        "moving_truth": str(tmp_path / "truth.json"),
+        "overlaps": [0.6],
+        "places": ["end"],
+    }
+    still = run(target, rigid={"told": Told(np.eye(4))}, **user).cases
+    assert still is not None
+    np.testing.assert_allclose(still["rotation_error_deg"], still["angle_deg"], atol=1e-4)
+    near = dataclasses.replace(PERTURBATION, angle_max_deg=3.0, translation_max_mm=1.0)
+    found = run(target, perturbation=near, **user).cases
+    assert found is not None
+    assert found["success_tre"].all()
+    # What the piece covers is what it covers of the target itself.
+    alone = run(target, rigid={"told": Told(np.eye(4))}, overlaps=[0.6], places=["end"], perturbation=near)
+    assert alone.cases is not None
+    own_start = run(target, rigid={"told": Told(np.eye(4))}, perturbation=near, **user).cases
+    assert own_start is not None
+    np.testing.assert_allclose(own_start["tre_covered_mm"], alone.cases["tre_covered_mm"], atol=0.15)
+
+
 def test_a_target_without_triangles_has_its_own_points_for_targets(tmp_path: Path) -> None:
     write_surface(tmp_path / "cloud.ply", TUBE.sample(2000, np.random.default_rng(0)))
     outcome = run(tmp_path / "cloud.ply", rigid={"multistart": MultiStartICP()}, trials=2)
