@@ -9,6 +9,7 @@ import base64
 import io
 import json
 from html import escape
+from string import Template
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,7 +26,8 @@ if TYPE_CHECKING:
 # So many outlines of image planes still let the path be seen.
 _MAX_PLANES = 40
 _JPEG_QUALITY = 80
-_BAR = {"title": "time_s", "len": 0.7, "y": 0.4, "thickness": 14}
+_BAR = {"title": axis_label("time_s"), "len": 0.7, "y": 0.4, "thickness": 14}
+_HEIGHTS = {"space": "560px", "intervals": "300px", "timeline": "260px"}
 _KEPT, _DROPPED, _CHOSEN = "#2a6f97", "#d1495b", "#f2a541"
 
 
@@ -65,33 +67,35 @@ def page(
     str
         The page as text.
     """
-    from plotly.offline import get_plotlyjs  # type: ignore[import-untyped]
-
     corners_mm = _corners_mm(sweep, posed)
     shown = _evenly(len(sweep.images), shown_frames)
     viewer = [
         _viewed(sweep, posed, reasons, corners_mm, frame, shown_px)
         for frame in progress.track(shown.tolist(), "frames", total=len(shown))
     ]
-    plots = {
-        "space": _space(sweep, corners_mm),
-        "intervals": _intervals(sweep),
-        "timeline": _timeline(sweep, reasons),
-    }
-    content = {
-        "name": escape(name),
-        "rows": "\n".join(
-            f"<tr><th>{escape(what)}</th><td>{escape(value)}</td></tr>" for what, value in table.values
-        ),
-        "plotly": get_plotlyjs(),
-        "frames": _script_json(viewer),
-        "plots": _script_json({key: json.loads(figure.to_json()) for key, figure in plots.items()}),
-        "last": str(max(0, len(viewer) - 1)),
-    }
-    filled = _TEMPLATE
-    for key, text in content.items():
-        filled = filled.replace(f"@@{key}@@", text)
-    return filled
+    rows = (f"<tr><th>{escape(what)}</th><td>{escape(value)}</td></tr>" for what, value in table.values)
+    return _PAGE.substitute(
+        name=escape(name),
+        rows="\n".join(rows),
+        frames=_script_json(viewer),
+        last=max(0, len(viewer) - 1),
+        # The first plot brings the script of plotly.js along.
+        space=_plot("space", _space(sweep, corners_mm), include_plotlyjs=True),
+        intervals=_plot("intervals", _intervals(sweep)),
+        timeline=_plot("timeline", _timeline(sweep, reasons)),
+    )
+
+
+def _plot(name: str, figure: Any, include_plotlyjs: bool = False) -> str:
+    """An element of the page with the figure in it."""
+    drawn: str = figure.to_html(
+        {"responsive": True, "displaylogo": False},
+        full_html=False,
+        include_plotlyjs=include_plotlyjs,
+        div_id=name,
+        default_height=_HEIGHTS[name],
+    )
+    return drawn
 
 
 def _evenly(count: int, most: int) -> np.ndarray:
@@ -192,7 +196,7 @@ def _intervals(sweep: TrackedSweep) -> Any:
         )
         centres_ms = (edges_ms[:-1] + edges_ms[1:]) / 2
         figure.add_bar(
-            x=centres_ms.tolist(), y=counts.tolist(), width=float(edges_ms[1] - edges_ms[0]),
+            x=centres_ms, y=counts, width=float(edges_ms[1] - edges_ms[0]),
             marker_color=_KEPT, row=1, col=column,
         )  # fmt: skip
         figure.update_xaxes(title=axis_label("interval_ms"), row=1, col=column)
@@ -211,14 +215,14 @@ def _timeline(sweep: TrackedSweep, reasons: np.ndarray) -> Any:
         chosen = reasons == reason
         label = f"dropped: {reason}" if reason else "frames with a pose"
         figure.add_scatter(
-            x=(sweep.image_times_s[chosen] - start_s).tolist(),
+            x=sweep.image_times_s[chosen] - start_s,
             y=[label] * int(chosen.sum()),
             mode="markers",
             name=label,
             marker={"color": _DROPPED if reason else _KEPT, "symbol": "line-ns-open", "size": 10},
         )
     figure.add_scatter(
-        x=(sweep.pose_times_s - start_s).tolist(),
+        x=sweep.pose_times_s - start_s,
         y=["poses"] * len(sweep.pose_times_s),
         mode="markers",
         name="poses",
@@ -230,16 +234,13 @@ def _timeline(sweep: TrackedSweep, reasons: np.ndarray) -> Any:
     return figure
 
 
-def _xyz(points_mm: np.ndarray) -> dict[str, list[float | None]]:
-    """Coordinates as plotly takes them, where None breaks a line."""
-    return {
-        axis: [None if np.isnan(value) else round(float(value), 3) for value in points_mm[:, index]]
-        for index, axis in enumerate("xyz")
-    }
+def _xyz(points_mm: np.ndarray) -> dict[str, np.ndarray]:
+    """Coordinates in single precision, which plotly stores in binary; NaN breaks a line."""
+    return dict(zip("xyz", points_mm.T.astype(np.float32), strict=True))
 
 
-_TEMPLATE = """<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><title>@@name@@</title>
+_PAGE = Template("""<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><title>$name</title>
 <style>
 body { font-family: system-ui, sans-serif; margin: 1.2rem; color: #222; max-width: 1500px; }
 h1 { font-size: 1.3rem; } h2 { font-size: 1.05rem; margin: 1.2rem 0 .4rem; }
@@ -248,24 +249,18 @@ th, td { padding: .15rem .8rem .15rem 0; vertical-align: top; }
 .pair { display: grid; grid-template-columns: minmax(320px, 1fr) minmax(420px, 1.4fr); gap: 1.2rem; }
 #picture { width: 100%; max-height: 520px; object-fit: contain; background: #000; }
 #scrub { width: 100%; } #label { font-variant-numeric: tabular-nums; }
-#space { height: 560px; } #intervals { height: 300px; } #timeline { height: 260px; }
 </style></head><body>
-<h1>@@name@@</h1>
-<table>@@rows@@</table>
+<h1>$name</h1>
+<table>$rows</table>
 <div class="pair">
 <div><h2>Frames</h2><img id="picture" alt="ultrasound frame">
-<input id="scrub" type="range" min="0" max="@@last@@" value="0" aria-label="frame"><div id="label"></div></div>
-<div><h2>Probe path and image planes (world, mm)</h2><div id="space"></div></div>
+<input id="scrub" type="range" min="0" max="$last" value="0" aria-label="frame"><div id="label"></div></div>
+<div><h2>Probe path and image planes (world, mm)</h2>$space</div>
 </div>
-<h2>Timing</h2><div id="intervals"></div>
-<h2>Frames kept and dropped</h2><div id="timeline"></div>
-<script>@@plotly@@</script>
+<h2>Timing</h2>$intervals
+<h2>Frames kept and dropped</h2>$timeline
 <script>
-const frames = @@frames@@;
-const plots = @@plots@@;
-for (const [name, plot] of Object.entries(plots)) {
-  Plotly.newPlot(name, plot.data, plot.layout, {responsive: true, displaylogo: false});
-}
+const frames = $frames;
 const scrub = document.getElementById("scrub");
 function show() {
   const frame = frames[Number(scrub.value)];
@@ -273,9 +268,9 @@ function show() {
   document.getElementById("picture").src = frame.picture;
   document.getElementById("label").textContent = frame.label;
   const [x, y, z] = frame.outline || [[], [], []];
-  Plotly.restyle("space", {x: [x], y: [y], z: [z]}, [plots.space.data.length - 1]);
+  Plotly.restyle("space", {x: [x], y: [y], z: [z]}, [document.getElementById("space").data.length - 1]);
 }
 scrub.addEventListener("input", show);
 show();
 </script></body></html>
-"""
+""")
