@@ -191,9 +191,9 @@ def _measured(found: Registered) -> dict[str, float]:
 
 def _gaps(found: Registered) -> tuple[str, ...]:
     """What the reconstruction lacks, in sentences."""
-    said = sentences(found.left_out.masks, found.left_out.surface)
+    left_out = sentences(found.left_out.masks, found.left_out.surface)
     if found.built is None:
-        return (*said, f"There is no surface: {found.refusal}.")
+        return (*left_out, f"There is no surface: {found.refusal}.")
     if found.built.centerline is None:
-        return (*said, f"There is no centerline: {found.built.refusal}.")
-    return said
+        return (*left_out, f"There is no centerline: {found.built.refusal}.")
+    return left_out
