@@ -34,7 +34,7 @@ class Reference:
 
     VMTK's lines begin and end at the centres of small spheres in the domes that close the vessel, which touch the dome
     alone: 2.1 mm inside the plane of the opening on the trunk, 0.3 mm outside and 0.1 mm inside on the branches, and
-    0.8 to 0.9 mm beside the middles of the openings. Where a dome's triangles put them is no property of the vessel.
+    0.8 to 0.9 mm away from the middles of the openings. Where a dome's triangles put them is no property of the vessel.
     """
 
     lines: Centerline
@@ -72,7 +72,7 @@ def main() -> None:
     given = parsed(parser, {"rows": 2})
     folder = data_folder(given.folder, "vmtk")
     if folder is not None:
-        centerlines_beside_vmtk(folder, given.rows)
+        centerlines_compared_with_vmtk(folder, given.rows)
 
 
 def meshes(folder: Path) -> tuple[Mesh, Mesh]:
@@ -88,7 +88,7 @@ def mesh_of(path: Path) -> Mesh:
     return surface
 
 
-def centerlines_beside_vmtk(folder: Path, rows: int = 6) -> None:
+def centerlines_compared_with_vmtk(folder: Path, rows: int = 6) -> None:
     """The aorta's centerline: ends given and found, noise on the vertices, and a hole in the wall."""
     closed, opened = meshes(folder)
     reference = Reference.of(folder, closed)
@@ -107,7 +107,7 @@ def centerlines_beside_vmtk(folder: Path, rows: int = 6) -> None:
 
 def heading() -> None:
     """What the columns are."""
-    print(f"aorta's centerline beside VMTK's (mm), where both run; to be met: {TARGETS}")
+    print(f"aorta's centerline compared with VMTK's (mm), where both run; to be met: {TARGETS}")
     print(
         "  length: whole as VMTK's lines end, then between our ends with VMTK's carried on to the wall, then where"
     )
@@ -115,15 +115,15 @@ def heading() -> None:
 
 
 def row(name: str, surface: Mesh, reference: Reference, ends_mm: np.ndarray | None = None) -> None:
-    """Find the centerline of a surface, and print it beside each of VMTK's lines."""
+    """Find the centerline of a surface, and compare it with each of VMTK's lines."""
     begin_s = time.perf_counter()
     found = CenterlineExtractor()(surface, ends_mm)
     seconds = time.perf_counter() - begin_s
     for number, (theirs, carried) in enumerate(
         zip(reference.lines.lines, reference.tip_to_tip.lines, strict=True)
     ):
-        told = _beside(found, theirs, carried)
-        print(f"  {name:24s} line {number} of {len(found.lines)}: {told}  {seconds:.2f} s for all")
+        compared = _compared(found, theirs, carried)
+        print(f"  {name:24s} line {number} of {len(found.lines)}: {compared}  {seconds:.2f} s for all")
 
 
 def noisy(mesh: Mesh) -> Mesh:
@@ -151,7 +151,7 @@ def line_distances_mm(found: Centerline, reference: Reference) -> tuple[np.ndarr
     return cKDTree(carried).query(ours)[0], cKDTree(ours).query(theirs)[0]
 
 
-def _beside(found: Centerline, theirs: Polyline, carried: Polyline) -> str:
+def _compared(found: Centerline, theirs: Polyline, carried: Polyline) -> str:
     ours = min(found.lines, key=lambda line: float(np.linalg.norm(line.points_mm[-1] - theirs.points_mm[-1])))
     place_mm, own_mm = np.arange(0.0, theirs.length_mm, 0.05), np.arange(0.0, ours.length_mm, 0.1)
     apart_mm, nearest = cKDTree(theirs.at(place_mm)).query(ours.at(own_mm))

@@ -1,4 +1,4 @@
-"""How long the boundary distances take beside their peers, on 512x512 vessel masks, and how far they differ."""
+"""How long the boundary distances take next to their peers, on 512x512 vessel masks, and how far they differ."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Images a second in a training step and in use, each network beside its peer of equal size in MONAI, in turn."""
+"""Images a second in a training step and in use, each network next to its peer of equal size in MONAI, in turn."""
 
 from __future__ import annotations
 

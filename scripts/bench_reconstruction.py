@@ -19,7 +19,7 @@ import numpy as np
 from bench_centerline import (
     NOISE_MM,
     Reference,
-    centerlines_beside_vmtk,
+    centerlines_compared_with_vmtk,
     heading,
     line_distances_mm,
     meshes,
@@ -79,7 +79,7 @@ def main() -> None:
     if folder is None:
         return
     if not given.quick:
-        centerlines_beside_vmtk(folder)
+        centerlines_compared_with_vmtk(folder)
     open_ends(folder)
     sweep = simulated(folder, aorta(folder, given.frames, given.size_px))
     accuracy(sweep)
@@ -159,7 +159,7 @@ def accuracy(sweep: Sweep) -> None:
 
 
 def swept_centerlines(sweep: Sweep) -> None:
-    """The centerline of a swept surface beside VMTK's: all frames, 30 % of them missing, and noise on the points."""
+    """The centerline of a swept surface next to VMTK's: all frames, 30 % of them missing, and noise on the points."""
     heading()
     rng = np.random.default_rng(0)
     kept = np.sort(rng.permutation(len(sweep.masks))[: round(0.7 * len(sweep.masks))])
@@ -174,7 +174,7 @@ def swept_centerlines(sweep: Sweep) -> None:
 
 
 def network_masks(folder: Path, model: Path) -> None:
-    """Surfaces and centerlines from a network's masks beside those from exact masks of the same frames."""
+    """Surfaces and centerlines from a network's masks next to those from exact masks of the same frames."""
     from models.predictor import Predictor
 
     maker = aorta(folder, PICTURES, PICTURE_PX)

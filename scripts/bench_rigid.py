@@ -1,4 +1,4 @@
-"""Seconds a trial of the multi-start registration beside one run of Open3D's ICP, on the same problems, in turn."""
+"""Seconds a trial of the multi-start registration next to one run of Open3D's ICP, on the same problems, in turn."""
 
 from __future__ import annotations
 

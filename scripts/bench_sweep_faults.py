@@ -1,10 +1,11 @@
 """What gaps and wrong masks in a sweep do to the reconstructed surface, with and without what is done against them.
 
-    python scripts/bench_sweep_faults.py [--judge] [--sweeps 6] [--frames 80] [--step-mm 0.75] [--quick]
+    python scripts/bench_sweep_faults.py [--held-out] [--sweeps 6] [--frames 80] [--step-mm 0.75] [--quick]
 
-Six simulated sweeps (anatomies for development, with --judge others) are reconstructed clean, with one gap of 4, 8 and
-16 frames, with a tenth of their masks wrong (a blob elsewhere, shifted, empty, the full frame, twice as large) and with
-both. Before: all masks, and only the largest piece. After: masks that disagree left out, and all pieces of the vessel.
+Six simulated sweeps (anatomies for development, with --held-out others) are reconstructed clean, with one gap of 4, 8
+and 16 frames, with a tenth of their masks wrong (a blob elsewhere, shifted, empty, the full frame, twice as large) and
+with both. Before: all masks, and only the largest piece. After: masks that disagree left out, and all pieces of the
+vessel.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from registration.reconstruction.taubin import TaubinSmoothing
 from registration.synchronisation import synchronise
 
 DEVELOPMENT = (("artery", 1), ("vein", 1), ("artificial", 1), ("random", 3), ("random", 7), ("random", 11))
-JUDGED = (
+HELD_OUT = (
     ("artery", 1000),
     ("vein", 1000),
     ("artificial", 1000),
@@ -80,7 +81,7 @@ class Sweep:
 def main() -> None:
     """Print a row for each sweep and fault, before and after."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--judge", action="store_true")
+    parser.add_argument("--held-out", action="store_true")
     parser.add_argument("--sweeps", type=int, default=6, help="the first so many of the six")
     parser.add_argument("--frames", type=int, default=80)
     parser.add_argument("--step-mm", type=float, default=0.75)
@@ -91,7 +92,7 @@ def main() -> None:
     print(
         f"{'sweep':15s} {'gap':>3s} {'wrong':>5s}  {'before':^29s}  {'after':^29s}  rejected (right, false) missed"
     )
-    for subset, seed in (JUDGED if given.judge else DEVELOPMENT)[: given.sweeps]:
+    for subset, seed in (HELD_OUT if given.held_out else DEVELOPMENT)[: given.sweeps]:
         sweep = simulated(subset, seed, given.frames, given.step_mm)
         for gap in GAPS:
             for share in (0.0, FAULTY_SHARE):

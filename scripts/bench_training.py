@@ -1,4 +1,4 @@
-"""Images a second in ``trainer.fit`` beside a bare torch loop of the same network, batches, augmentation and optimiser.
+"""Images a second of ``trainer.fit`` and of a bare torch loop of the same network, batches, augmentation and optimiser.
 
 Both train the same epochs in turn, so that what else the machine does meets both alike; on a busy machine the ratio
 of the processor time says more than that of the wall clock.

@@ -1,4 +1,4 @@
-"""Write a contact sheet of simulated frames, and one beside real frames when given a folder of them.
+"""Write a contact sheet of simulated frames, and one next to real frames when given a folder of them.
 
     python scripts/phantom_sheet.py --out sheet.png [--outline] [--real FOLDER]
 
@@ -65,7 +65,7 @@ def main() -> None:
     )
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--outline", action="store_true", help="draw the masks' borders")
-    parser.add_argument("--real", type=Path, help="folder of real frames to set beside")
+    parser.add_argument("--real", type=Path, help="folder of real frames to show next to them")
     parser.add_argument("--tile-px", type=int, default=320)
     options = parser.parse_args()
     sets = {subset: simulated(subset) for subset in SUBSETS}

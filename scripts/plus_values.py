@@ -1,4 +1,4 @@
-"""Write results/plus_values.md: values that the PLUS toolkit published for its test data, beside ours.
+"""Write results/plus_values.md: values that the PLUS toolkit published for its test data, next to ours.
 
 Usage: python scripts/plus_values.py FOLDER [OUT], where FOLDER holds the toolkit's files (such as
 SpinePhantomFreehand.igs.mha), by default $CTUS_TEST_DATA/plus.

@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 PACKAGES = ("experiments", "models", "registration")
+# Lines of a function's body, without signature and docstring: one that is longer does more than one thing.
+LONGEST_BODY = 40
 
 
 @dataclass(frozen=True)
@@ -156,6 +158,24 @@ def functions(modules: Mapping[str, Module]) -> list[tuple[int, str]]:
     )
 
 
+def function_bodies(modules: Mapping[str, Module]) -> list[tuple[int, str]]:
+    """The lines of every function from its first statement after the docstring on, and its name, longest first."""
+    return sorted(
+        (
+            (_body_lines(node), f"{name}.{node.name}")
+            for name, module in modules.items()
+            for node in ast.walk(module.tree)
+            if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef))
+        ),
+        reverse=True,
+    )
+
+
+def _body_lines(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
+    body = function.body[1:] if ast.get_docstring(function, clean=False) is not None else function.body
+    return (function.end_lineno or 0) - body[0].lineno + 1 if body else 0
+
+
 def code_lines(module: Module) -> int:
     """Lines that hold code: without docstrings, comments and blank lines."""
     docstrings: set[int] = set()
@@ -176,7 +196,8 @@ def summary(src: Path) -> dict[str, str]:
     graph = import_graph(modules)
     packages = package_graph(modules, graph)
     files = Counter(module.package for module in modules.values() if module.path.stem != "__init__")
-    (fullest, most), (longest, function) = files.most_common(1)[0], functions(modules)[0]
+    fullest, full = files.most_common(1)[0]
+    lengths, bodies = functions(modules), function_bodies(modules)
     tops = {
         top: sum(_between(modules, name, other, top) for name in graph for other in graph[name])
         for top in PACKAGES
@@ -185,16 +206,27 @@ def summary(src: Path) -> dict[str, str]:
         "modules": str(sum(files.values())),
         "folders": str(len(files)),
         "modules a folder (mean)": f"{sum(files.values()) / len(files):.1f}",
-        "fullest folder": f"{most} {fullest}",
+        "fullest folder": f"{full} {fullest}",
         **{f"imports between folders of {top}": str(count) for top, count in tops.items()},
         "circles of modules": str(len(circles(graph))),
         "circles of folders": str(len(circles(packages))),
         "imports of a study by another": str(len(study_imports(graph))),
         "lines": str(sum(module.lines for module in modules.values())),
         "lines of code": str(sum(code_lines(module) for module in modules.values())),
-        "longest function": f"{longest} {function.rpartition('.')[2]}",
-        "functions over 40 lines": str(sum(length > 40 for length, _ in functions(modules))),
+        "longest function, with docstring": _longest(lengths),
+        "longest function body": _longest(bodies),
+        f"functions over {LONGEST_BODY} lines, with docstring": str(_over(lengths)),
+        f"function bodies over {LONGEST_BODY} lines": str(_over(bodies)),
     }
+
+
+def _longest(lengths: list[tuple[int, str]]) -> str:
+    count, function = lengths[0]
+    return f"{count} {'.'.join(function.split('.')[-2:])}"
+
+
+def _over(lengths: list[tuple[int, str]]) -> int:
+    return sum(count > LONGEST_BODY for count, _ in lengths)
 
 
 def _between(modules: Mapping[str, Module], name: str, other: str, top: str) -> bool:

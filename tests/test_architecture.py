@@ -85,7 +85,9 @@ LAYERS: dict[str, list[list[str]]] = {
 # A module this short is joined to its user, unless it is the ground under many others.
 SHORTEST = 40
 SHORT = {"models.array_types", "models.atomic", "models.seeds", "experiments.paths", "registration.checks"}
-MOST_MODULES = 25
+MAX_MODULES = 25
+# Bodies that are longer than the others may be. The list only shrinks.
+LONG_BODIES = {"registration.rigid.assessment.assess"}
 
 
 def entry_of(module: str) -> tuple[int, str]:
@@ -148,7 +150,7 @@ def test_methods_read_no_files(package: str) -> None:
 
 def test_no_folder_is_too_full() -> None:
     count = Counter(module.package for name, module in MODULES.items() if not is_door(name))
-    assert {package: number for package, number in count.items() if number > MOST_MODULES} == {}
+    assert {package: number for package, number in count.items() if number > MAX_MODULES} == {}
 
 
 def test_no_four_modules_of_a_folder_share_a_prefix() -> None:
@@ -169,6 +171,13 @@ def test_no_module_is_a_crumb() -> None:
     assert {
         name: lines for name, lines in crumbs.items() if name not in SHORT and not name.endswith(".errors")
     } == {}
+
+
+def test_no_function_body_is_long() -> None:
+    long = {
+        name: lines for lines, name in structure.function_bodies(MODULES) if lines > structure.LONGEST_BODY
+    }
+    assert {name: lines for name, lines in long.items() if name not in LONG_BODIES} == {}
 
 
 def test_every_test_file_stands_where_its_module_does() -> None:

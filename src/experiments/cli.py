@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from experiments.running.run_sweep import SweepPoints
 
 HYDRA_VERSION_BASE = "1.3"
-# What a preset may set of Hydra's own: the values of a sweep. How its jobs are started is said by jobs=<number>.
+# What a preset may set of Hydra's own: the values of a sweep. How its jobs are started is set by jobs=<number>.
 NOT_CHOSEN = ("hydra/launcher", "hydra/sweeper")
-# Threads of torch that wait by spinning steal the core that the others work on: beside any other process a training
-# step takes several times as long. This must be said before torch is imported.
+# Threads of torch that wait by spinning steal the core that the others work on: with any other process running,
+# a training step takes several times as long. This must be set before torch is imported.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 

@@ -13,7 +13,7 @@ from registration.io.atomic import atomic_write
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file as a whole or not at all.
+    """Write a text file atomically.
 
     Parameters
     ----------
@@ -22,8 +22,8 @@ def write_text(path: Path, text: str) -> None:
     text : str
         Content, written as UTF-8.
     """
-    with atomic_write(path) as beside:
-        beside.write_text(text, encoding="utf-8")
+    with atomic_write(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
 
 
 @contextmanager

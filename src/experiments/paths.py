@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 # A setting that names a file or a folder that a job reads: what lies there is part of what the job computes. A study's
 # run, and the class of an option, say by this annotation (or by Path) which of their settings are such; a word that
-# the setting takes besides stands beside it as a Literal. Where results and caches go is no such setting.
+# the setting takes besides is listed with it as a Literal. Where results and caches go is no such setting.
 PathSetting: TypeAlias = str
 
 _PACKAGE = Path(__file__).resolve().parent

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import psutil
 
-# A run on another machine that has not said anything for this long is taken for dead.
+# A run on another machine that has sent no sign of life for this long counts as ended.
 SILENCE_S = 20 * 60.0
 # A process that lives beats every half minute.
 SHORT_SILENCE_S = 2 * 60.0
@@ -89,12 +89,12 @@ def _git_tags() -> dict[str, str]:
 
     def git(*words: str) -> str | None:
         try:
-            answer = subprocess.run(
+            finished = subprocess.run(
                 ["git", "-C", str(code.parent), *words], capture_output=True, text=True, timeout=10
             )
         except (OSError, subprocess.TimeoutExpired):
             return None
-        return answer.stdout.strip() if answer.returncode == 0 else None
+        return finished.stdout.strip() if finished.returncode == 0 else None
 
     # A package installed below somebody's own repository is not part of it.
     if git("ls-files", "--error-unmatch", code.name) is None or (commit := git("rev-parse", "HEAD")) is None:
@@ -142,8 +142,8 @@ def is_gone(tags: Mapping[str, str]) -> bool:
 
 def _in_this_pid_space(tags: Mapping[str, str]) -> bool:
     # Runs of earlier versions do not say it.
-    said = tags.get("ctus.pid_space", "")
-    return not said or said == _pid_space()
+    recorded = tags.get("ctus.pid_space", "")
+    return not recorded or recorded == _pid_space()
 
 
 def _number(text: str | None) -> float:

@@ -18,7 +18,7 @@ from models.errors import InputError as ModelsInputError
 from models.plugins import plugin_packages
 from models.value_types import require_settings
 
-# The packages whose frozen dataclasses a configuration may name, beside those of plugins.
+# The packages whose frozen dataclasses a configuration may name, in addition to those of plugins.
 PACKAGES = ("models", "registration", "experiments.datasets", "experiments.splits")
 
 

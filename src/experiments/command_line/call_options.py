@@ -1,4 +1,4 @@
-"""The options of a call (those that begin with dashes) beside its settings, read in any order."""
+"""The options of a call (those that begin with dashes), as opposed to its settings, read in any order."""
 
 from __future__ import annotations
 

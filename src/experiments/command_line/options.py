@@ -1,4 +1,4 @@
-"""Which options a call chooses, and their settings with the comments that stand beside them, read without Hydra."""
+"""Which options a call chooses, and their settings with the comments on their lines, read without Hydra."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Choices:
 
 
 def chosen(words: Sequence[str], folders: Sequence[Path]) -> Choices:
-    """Find the choices of a call, beside those of the defaults.
+    """Find the choices of a call in addition to those of the defaults.
 
     Parameters
     ----------
@@ -95,8 +95,8 @@ def option_text(group: str, option: str, package: str, folders: Sequence[Path]) 
         If there is no such option.
     """
     lines = _lines(group, option, folders)
-    whole = "@package _global_" in _read_text(group, option, folders)
-    if not package or whole:
+    is_global = "@package _global_" in _read_text(group, option, folders)
+    if not package or is_global:
         return "\n".join(lines)
     return "\n".join([f"{package}:", *(f"  {line}" if line else line for line in lines)])
 

@@ -1,4 +1,4 @@
-"""What the words of a call mean before Hydra reads them, and what is said of a word that means nothing."""
+"""What the words of a call mean before Hydra reads them, and the error for a word that means nothing."""
 
 from __future__ import annotations
 

@@ -140,7 +140,7 @@ class Carotid:
         pairing, counts = _paired(self)
         notes = pairing.notes(_folder(self))
         partial = "" if self.group_by == RECORDING else last_subject(counts)
-        return (*notes, f"The copy is not whole: {partial}.") if partial else notes
+        return (*notes, f"The copy is incomplete: {partial}.") if partial else notes
 
 
 def subject_groups(counts: Mapping[str, int]) -> dict[str, str]:

@@ -170,11 +170,11 @@ def pairing_of(sessions: Mapping[str, Pairing]) -> Pairing:
     Pairing
         One pairing, whose cases are named by session and frame.
     """
-    whole = Pairing({})
+    combined = Pairing({})
     for name, one in sessions.items():
         cases = {f"{name}_{frame}": files for frame, files in one.pairs.items()}
-        whole += Pairing(cases, one.images, one.masks, one.others)
-    return whole
+        combined += Pairing(cases, one.images, one.masks, one.others)
+    return combined
 
 
 def simulated_sessions(maker: SimulatedSubstitute) -> tuple[Session, ...]:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
+from string import Template
 from typing import Any
 
 import numpy as np
 
 from experiments import files
 from experiments.errors import InputError
+from experiments.reporting.labels import axis_label
 from experiments.reporting.scene_layers import (
     COLOR_AXIS,
     CloudLayer,
@@ -23,7 +23,7 @@ from experiments.reporting.scene_layers import (
 )
 
 # What one page holds of each kind. With the script of plotly.js (5 MB) this stays under 8 MB.
-MOST = {"triangles": 80_000, "points": 35_000, "points of lines": 10_000}
+MAX_SIZES = {"triangles": 80_000, "points": 35_000, "points of lines": 10_000}
 _COLORS = "Viridis"
 
 
@@ -58,7 +58,7 @@ class Scene:
     title: str
     notes: Sequence[str] = ()
     space: str = "ct (LPS)"
-    values_name: str = "distance_mm"
+    values_name: str = "Distance (mm)"
     values_range_mm: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
@@ -92,30 +92,29 @@ class Scene:
         str
             HTML with everything it needs, the script of plotly.js included.
         """
-        from plotly.offline import get_plotlyjs  # type: ignore[import-untyped]
+        import plotly.graph_objects as go  # type: ignore[import-untyped]
 
-        traces = [layer.trace(self._most(layer)) for layer in self.layers]
-        content = {
-            "title": escape(self.title),
-            "space": escape(self.space),
-            "notes": "\n".join(f"<p>{escape(note)}</p>" for note in (*self.notes, *self._thinning())),
-            "data": _script_json({"data": traces, "layout": self._layout()}),
-            "plotly": get_plotlyjs(),
-        }
-        # In one go, so that nothing in a title or a note is taken for a place to fill.
-        return re.sub(r"@@(\w+)@@", lambda place: content[place[1]], _TEMPLATE)
+        figure = go.Figure([layer.trace(self._max_size(layer)) for layer in self.layers], self._layout())
+        return _PAGE.substitute(
+            title=escape(self.title),
+            space=escape(self.space),
+            notes="\n".join(f"<p>{escape(note)}</p>" for note in (*self.notes, *self._decimation_notes())),
+            view=figure.to_html(
+                {"responsive": True, "displaylogo": False}, full_html=False, div_id="scene", validate=False
+            ),
+        )
 
-    def _most(self, layer: Layer) -> int:
+    def _max_size(self, layer: Layer) -> int:
         """A layer's share of what the page may hold of its kind."""
-        allowed = MOST[layer.unit]
+        allowed = MAX_SIZES[layer.unit]
         total = sum(other.size for other in self.layers if other.unit == layer.unit)
         return layer.size if total <= allowed else max(layer.size * allowed // total, 1)
 
-    def _thinning(self) -> list[str]:
+    def _decimation_notes(self) -> list[str]:
         return [
-            f"{layer.name}: shown with about {most:,} of {layer.size:,} {layer.unit}; the files hold all of them."
+            f"{layer.name}: shown with about {shown:,} of {layer.size:,} {layer.unit}; the files hold all of them."
             for layer in self.layers
-            if (most := self._most(layer)) < layer.size
+            if (shown := self._max_size(layer)) < layer.size
         ]
 
     def _layout(self) -> dict[str, Any]:
@@ -124,7 +123,7 @@ class Scene:
         margin_mm = 0.03 * float((high_mm - low_mm).max()) + 1e-6
         axes = {
             f"{axis}axis": {
-                "title": {"text": f"{axis}_mm"},
+                "title": {"text": axis_label(f"{axis}_mm")},
                 "range": [float(low_mm[at] - margin_mm), float(high_mm[at] + margin_mm)],
                 "backgroundcolor": "#f7f7f7",
                 "showbackground": True,
@@ -141,6 +140,8 @@ class Scene:
             "paper_bgcolor": "#ffffff",
             "font": {"color": "#222222", "size": 13},
             "uirevision": "kept",
+            # Plotly's own template would add what is not used here.
+            "template": "none",
         }
         if any(layer.has_values for layer in self.layers):
             scale: dict[str, Any] = {
@@ -153,30 +154,22 @@ class Scene:
         return layout
 
 
-def _script_json(value: Any) -> str:
-    """JSON that can stand inside a script element whatever text it holds."""
-    return json.dumps(value, allow_nan=False).replace("</", "<\\/")
-
-
 __all__ = ["CloudLayer", "Layer", "LineLayer", "Scene", "SurfaceLayer"]
 
-_TEMPLATE = """<!DOCTYPE html>
+_PAGE = Template("""<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
-<title>@@title@@</title>
+<title>$title</title>
 <style>
 html, body { height: 100%; } body { display: flex; flex-direction: column; margin: 0; background: #fff; color: #222;
   font-family: system-ui, sans-serif; }
-h1 { font-size: 1.2rem; margin: .7rem 1rem .2rem; } #scene { flex: 1; min-height: 420px; }
-#notes { margin: 0 1rem .6rem; font-size: .85rem; } #notes p { margin: .15rem 0; }
+h1 { font-size: 1.2rem; margin: .7rem 1rem .2rem; }
+/* The notes come first in the text, so that the view is drawn at the height that they leave. */
+#view { flex: 1; min-height: 420px; order: 1; } #view > div { height: 100%; }
+#notes { order: 2; margin: 0 1rem .6rem; font-size: .85rem; } #notes p { margin: .15rem 0; }
 </style></head><body>
-<h1>@@title@@</h1>
-<div id="scene"></div>
-<div id="notes">@@notes@@<p>Axes: @@space@@, in mm. Drag to turn, scroll to zoom; a click in the legend switches a
+<h1>$title</h1>
+<div id="notes">$notes<p>Axes: $space, in mm. Drag to turn, scroll to zoom; a click in the legend switches a
 layer, a double click leaves it alone.</p></div>
-<script>@@plotly@@</script>
-<script type="application/json" id="content">@@data@@</script>
-<script>
-const content = JSON.parse(document.getElementById("content").textContent);
-Plotly.newPlot("scene", content.data, content.layout, {responsive: true, displaylogo: false});
-</script></body></html>
-"""
+<div id="view">$view</div>
+</body></html>
+""")

@@ -1,8 +1,6 @@
-"""Data for pages of plotly.js: decimation of surfaces, binary arrays, and checks of finite values."""
+"""Data of a 3-D page: decimation of surfaces, bounds, and checks of finite values."""
 
 from __future__ import annotations
-
-import base64
 
 import numpy as np
 
@@ -15,7 +13,7 @@ from registration.geometry.shapes import Mesh
 QUADRIC_TIMES = 4
 
 
-def thinned(mesh: Mesh, values: np.ndarray | None, most: int) -> tuple[Mesh, np.ndarray | None]:
+def decimated(mesh: Mesh, values: np.ndarray | None, max_triangles: int) -> tuple[Mesh, np.ndarray | None]:
     """Decimate a mesh by edge collapse with quadric errors.
 
     Parameters
@@ -24,7 +22,7 @@ def thinned(mesh: Mesh, values: np.ndarray | None, most: int) -> tuple[Mesh, np.
         Surface in mm.
     values : ndarray, shape (v,), or None
         Values at the vertices.
-    most : int
+    max_triangles : int
         Approximate largest number of triangles; a smaller mesh is returned unchanged.
 
     Returns
@@ -38,71 +36,20 @@ def thinned(mesh: Mesh, values: np.ndarray | None, most: int) -> tuple[Mesh, np.
     ----------
     M. Garland and P. S. Heckbert, SIGGRAPH 1997.
     """
-    if len(mesh.triangles) <= most:
+    if len(mesh.triangles) <= max_triangles:
         return mesh, values
     from scipy.spatial import cKDTree
 
     body = triangle_body(mesh)
-    if len(mesh.triangles) > QUADRIC_TIMES * most:
+    if len(mesh.triangles) > QUADRIC_TIMES * max_triangles:
         # About as many cubes of this side as vertices that the rest of the way starts from.
-        side_mm = float(np.sqrt(mesh.areas_mm2.sum() / (0.5 * QUADRIC_TIMES * max(most, 4))))
+        side_mm = float(np.sqrt(mesh.areas_mm2.sum() / (0.5 * QUADRIC_TIMES * max(max_triangles, 4))))
         body = body.simplify_vertex_clustering(side_mm)
-    body = body.simplify_quadric_decimation(max(most, 4))
-    thin = Mesh(np.asarray(body.vertices, dtype=np.float64), np.asarray(body.triangles, dtype=np.int64))
+    body = body.simplify_quadric_decimation(max(max_triangles, 4))
+    fewer = Mesh(np.asarray(body.vertices, dtype=np.float64), np.asarray(body.triangles, dtype=np.int64))
     if values is None:
-        return thin, None
-    return thin, values[cKDTree(mesh.vertices_mm).query(thin.vertices_mm)[1]]
-
-
-def packed(values: np.ndarray, kind: str) -> dict[str, str]:
-    """Encode an array as plotly.js takes it in binary, a third of the size of text.
-
-    Parameters
-    ----------
-    values : ndarray
-        Numbers.
-    kind : str
-        NumPy type code without byte order, such as ``f4``.
-
-    Returns
-    -------
-    dict of str to str
-        Type and base64 data.
-    """
-    raw = np.ascontiguousarray(values, dtype=f"<{kind}").tobytes()
-    return {"dtype": kind, "bdata": base64.b64encode(raw).decode("ascii")}
-
-
-def packed_places(points_mm: np.ndarray) -> dict[str, dict[str, str]]:
-    """Encode points in single precision.
-
-    Parameters
-    ----------
-    points_mm : ndarray, shape (n, 3)
-        Points in mm.
-
-    Returns
-    -------
-    dict of str to dict
-        Encoded x, y and z.
-    """
-    return {axis: packed(points_mm[:, at], "f4") for at, axis in enumerate("xyz")}
-
-
-def packed_index(index: np.ndarray) -> dict[str, str]:
-    """Encode indices of vertices in as few bytes as they need.
-
-    Parameters
-    ----------
-    index : ndarray of int
-        Indices.
-
-    Returns
-    -------
-    dict of str to str
-        Type and base64 data.
-    """
-    return packed(index, "u2" if index.max(initial=0) < 1 << 16 else "u4")
+        return fewer, None
+    return fewer, values[cKDTree(mesh.vertices_mm).query(fewer.vertices_mm)[1]]
 
 
 def bounds_of(points_mm: np.ndarray) -> np.ndarray:

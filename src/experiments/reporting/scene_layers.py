@@ -1,4 +1,4 @@
-"""Layers of an interactive 3-D page: surfaces, lines and clouds as traces of plotly.js."""
+"""Layers of an interactive 3-D page: surfaces, lines and clouds as traces of plotly."""
 
 from __future__ import annotations
 
@@ -10,17 +10,16 @@ import numpy as np
 from experiments.errors import InputError
 from experiments.reporting.scene_data import (
     bounds_of,
-    packed,
-    packed_index,
-    packed_places,
+    decimated,
     require_finite,
     require_values,
-    thinned,
 )
 from registration.geometry.shapes import Centerline, Mesh
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    import plotly.graph_objects as go  # type: ignore[import-untyped]
 
 BLUE, ORANGE, RED, GREY = "#2a6f97", "#e07a1f", "#c1121f", "#6c757d"
 # Of a colour scale that all layers with values share.
@@ -29,7 +28,7 @@ _LIGHT = {"ambient": 0.55, "diffuse": 0.7, "specular": 0.15, "roughness": 0.6, "
 
 
 class Layer(Protocol):
-    """A layer of a scene, which becomes one trace of plotly.js."""
+    """A layer of a scene, which becomes one trace of plotly."""
 
     @property
     def unit(self) -> str:
@@ -56,17 +55,17 @@ class Layer(Protocol):
             Lowest and highest coordinates in mm.
         """
 
-    def trace(self, most: int) -> dict[str, Any]:
-        """Convert the layer to a trace of plotly.js.
+    def trace(self, max_size: int) -> go.Mesh3d | go.Scatter3d:
+        """Convert the layer to a trace of plotly.
 
         Parameters
         ----------
-        most : int
+        max_size : int
             Approximate largest number of triangles or points.
 
         Returns
         -------
-        dict
+        plotly.graph_objects.Mesh3d or plotly.graph_objects.Scatter3d
             The trace.
         """
 
@@ -136,35 +135,35 @@ class SurfaceLayer:
         """
         return bounds_of(self.mesh.vertices_mm)
 
-    def trace(self, most: int) -> dict[str, Any]:
+    def trace(self, max_size: int) -> go.Mesh3d:
         """Convert the surface to a mesh3d trace.
 
         Parameters
         ----------
-        most : int
+        max_size : int
             Approximate largest number of triangles.
 
         Returns
         -------
-        dict
+        plotly.graph_objects.Mesh3d
             The trace.
         """
-        mesh, values = thinned(self.mesh, self.values_mm, most)
-        corners = {axis: packed_index(mesh.triangles[:, at]) for at, axis in enumerate("ijk")}
-        trace = {
-            "type": "mesh3d",
-            **packed_places(mesh.vertices_mm),
-            **corners,
-            **_entry(self.name, self.shown),
-        }
-        trace |= {"opacity": self.opacity, "lighting": _LIGHT, "flatshading": False}
-        if values is None:
-            return trace | {"color": self.color, "hoverinfo": "name"}
-        return trace | {
-            "intensity": packed(values, "f4"),
-            "coloraxis": COLOR_AXIS,
-            "hovertemplate": "%{intensity:.2f} mm<extra>%{fullData.name}</extra>",
-        }
+        import plotly.graph_objects as go
+
+        mesh, values = decimated(self.mesh, self.values_mm, max_size)
+        # Unsigned, plotly stores them in as few bytes as they need.
+        i, j, k = mesh.triangles.T.astype(np.uint64)
+        colors: dict[str, Any] = {"color": self.color, "hoverinfo": "name"}
+        if values is not None:
+            colors = {
+                "intensity": values.astype(np.float32),
+                "coloraxis": COLOR_AXIS,
+                "hovertemplate": "%{intensity:.2f} mm<extra>%{fullData.name}</extra>",
+            }
+        return go.Mesh3d(
+            **_coordinates(mesh.vertices_mm), i=i, j=j, k=k, opacity=self.opacity, lighting=_LIGHT,
+            flatshading=False, **_entry(self.name, self.shown), **colors,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -258,20 +257,22 @@ class LineLayer:
         """
         return bounds_of(np.concatenate(list(self.lines_mm)))
 
-    def trace(self, most: int) -> dict[str, Any]:
+    def trace(self, max_size: int) -> go.Scatter3d:
         """Convert the lines to one scatter3d trace.
 
         Parameters
         ----------
-        most : int
+        max_size : int
             Approximate largest number of points; long lines are subsampled, their ends kept.
 
         Returns
         -------
-        dict
+        plotly.graph_objects.Scatter3d
             The trace.
         """
-        step = max(int(np.ceil(self.size / max(most, 1))), 1)
+        import plotly.graph_objects as go
+
+        step = max(int(np.ceil(self.size / max(max_size, 1))), 1)
         # NaN ends a line, so that one trace and one entry of the legend hold them all.
         gap = np.full((1, 4), np.nan)
         parts = []
@@ -280,19 +281,16 @@ class LineLayer:
             kept = np.unique(np.append(np.arange(0, len(line), step), len(line) - 1))
             parts += [np.column_stack([line, radius])[kept], gap]
         rows = np.concatenate(parts[:-1])
-        trace = {
-            "type": "scatter3d",
-            "mode": "lines",
-            **packed_places(rows[:, :3]),
-            **_entry(self.name, self.shown),
-        }
-        trace["line"] = {"color": self.color, "width": self.width_px}
-        if self.radius_mm is None:
-            return trace | {"hoverinfo": "name"}
-        return trace | {
-            "customdata": [None if np.isnan(value) else round(float(value), 3) for value in rows[:, 3]],
-            "hovertemplate": "radius %{customdata:.2f} mm<extra>%{fullData.name}</extra>",
-        }
+        hover: dict[str, Any] = {"hoverinfo": "name"}
+        if self.radius_mm is not None:
+            hover = {
+                "customdata": rows[:, 3].astype(np.float32),
+                "hovertemplate": "radius %{customdata:.2f} mm<extra>%{fullData.name}</extra>",
+            }
+        return go.Scatter3d(
+            **_coordinates(rows[:, :3]), mode="lines", line={"color": self.color, "width": self.width_px},
+            **_entry(self.name, self.shown), **hover,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -358,31 +356,38 @@ class CloudLayer:
         """
         return bounds_of(self.points_mm)
 
-    def trace(self, most: int) -> dict[str, Any]:
+    def trace(self, max_size: int) -> go.Scatter3d:
         """Convert the points to a scatter3d trace.
 
         Parameters
         ----------
-        most : int
+        max_size : int
             Largest number of points; where there are more, a fixed random subset is shown.
 
         Returns
         -------
-        dict
+        plotly.graph_objects.Scatter3d
             The trace.
         """
+        import plotly.graph_objects as go
+
         kept = np.arange(len(self.points_mm))
-        if len(kept) > most:
-            kept = np.sort(np.random.default_rng(0).choice(len(kept), max(most, 1), replace=False))
-        trace = {"type": "scatter3d", "mode": "markers", **packed_places(self.points_mm[kept])}
-        trace |= _entry(self.name, self.shown)
-        if self.values_mm is None:
-            return trace | {"marker": {"size": self.size_px, "color": self.color}, "hoverinfo": "name"}
-        colors = packed(self.values_mm[kept], "f4")
-        return trace | {
-            "marker": {"size": self.size_px, "color": colors, "coloraxis": COLOR_AXIS},
-            "hovertemplate": "%{marker.color:.2f} mm<extra>%{fullData.name}</extra>",
-        }
+        if len(kept) > max_size:
+            kept = np.sort(np.random.default_rng(0).choice(len(kept), max(max_size, 1), replace=False))
+        marker: dict[str, Any] = {"size": self.size_px, "color": self.color}
+        hover = {"hoverinfo": "name"}
+        if self.values_mm is not None:
+            marker |= {"color": self.values_mm[kept].astype(np.float32), "coloraxis": COLOR_AXIS}
+            hover = {"hovertemplate": "%{marker.color:.2f} mm<extra>%{fullData.name}</extra>"}
+        return go.Scatter3d(
+            **_coordinates(self.points_mm[kept]), mode="markers", marker=marker,
+            **_entry(self.name, self.shown), **hover,
+        )  # fmt: skip
+
+
+def _coordinates(points_mm: np.ndarray) -> dict[str, np.ndarray]:
+    """The x, y and z of points (n, 3) in single precision, which plotly stores in binary."""
+    return dict(zip("xyz", points_mm.T.astype(np.float32), strict=True))
 
 
 def _entry(name: str, shown: bool) -> dict[str, Any]:

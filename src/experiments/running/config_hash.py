@@ -10,7 +10,7 @@ from typing import Any
 # How a job is run, where its results go and how it is tracked do not change what it computes.
 NOT_PART_OF_THE_JOB = frozenset({"tracking", "resume", "out", "workers", "jobs"})
 # The same, wherever they stand: a folder that only saves work, how many processes share it, and whether what was
-# interrupted is gone on with.
+# interrupted is resumed.
 NEVER_PART = frozenset({"cache", "resume", "workers"})
 
 

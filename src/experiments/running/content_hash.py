@@ -33,7 +33,7 @@ def content_digest(path: Path, leave_out: Collection[Path] = ()) -> str:
     """SHA-256 of what lies under ``path`` as it is read, ``ABSENT`` where there is nothing.
 
     ``leave_out`` are folders that are not looked into: where results go, which may lie inside what is read. Names
-    count relative to ``path``, so that a folder that is moved as a whole keeps its digest. Raises InputError for what
+    count relative to ``path``, so that a folder that is moved keeps its digest. Raises InputError for what
     can't be read.
 
     Parameters
@@ -103,9 +103,9 @@ def _belonging_to(path: Path, leave_out: Collection[str]) -> Iterator[tuple[str,
         if (path.parent / name).is_file():
             yield f"../{name}", path.parent / name
         else:
-            # A pattern or a list of files: whichever they are, they lie beside the header.
-            beside = (file for file in path.parent.iterdir() if file.is_file() and file != path)
-            yield from ((f"../{file.name}", file) for file in beside if not _is_left_behind(file.name))
+            # A pattern or a list of files: whichever they are, they lie next to the header.
+            neighbours = (file for file in path.parent.iterdir() if file.is_file() and file != path)
+            yield from ((f"../{file.name}", file) for file in neighbours if not _is_left_behind(file.name))
 
 
 def _is_left_behind(name: str) -> bool:

@@ -17,9 +17,7 @@ from experiments.paths import project_root
 SETTLED_S = 3.0
 # More than SQLite's own five seconds would hold up a call that could as well read the files.
 _BUSY_S = 2.0
-_TABLE = (
-    "CREATE TABLE IF NOT EXISTS digests (path TEXT PRIMARY KEY, about TEXT NOT NULL, digest TEXT NOT NULL)"
-)
+_TABLE = "CREATE TABLE IF NOT EXISTS file_digests (path TEXT PRIMARY KEY, state TEXT NOT NULL, digest TEXT NOT NULL)"
 
 
 class DigestCache:
@@ -44,7 +42,9 @@ class DigestCache:
             return
         with suppress(sqlite3.Error, UnicodeEncodeError):
             if self._fresh:
-                self._database.executemany("INSERT OR REPLACE INTO digests VALUES (?, ?, ?)", self._fresh)
+                self._database.executemany(
+                    "INSERT OR REPLACE INTO file_digests VALUES (?, ?, ?)", self._fresh
+                )
             self._database.commit()
         self._database.close()
 
@@ -63,20 +63,20 @@ class DigestCache:
         """
         stat = path.stat()
         key = os.path.realpath(path)
-        about = f"{stat.st_size} {stat.st_mtime_ns} {stat.st_ctime_ns}"
-        if (kept := self._kept(key, about)) is not None:
+        state = f"{stat.st_size} {stat.st_mtime_ns} {stat.st_ctime_ns}"
+        if (kept := self._kept(key, state)) is not None:
             return kept
         found = files.digest(path)
         if time.time() - max(stat.st_mtime, stat.st_ctime) > SETTLED_S:
-            self._fresh.append((key, about, found))
+            self._fresh.append((key, state, found))
         return found
 
-    def _kept(self, key: str, about: str) -> str | None:
+    def _kept(self, key: str, state: str) -> str | None:
         if self._database is None:
             return None
         with suppress(sqlite3.Error, UnicodeEncodeError):
             row = self._database.execute(
-                "SELECT digest FROM digests WHERE path = ? AND about = ?", (key, about)
+                "SELECT digest FROM file_digests WHERE path = ? AND state = ?", (key, state)
             ).fetchone()
             return None if row is None else str(row[0])
         return None

@@ -25,7 +25,7 @@ from experiments.running.job_names import choices_of, distinct_labels, folder_na
 from experiments.running.path_settings import named_paths
 from models.value_types import mismatch, parameter_types
 
-# What the sweep runner hands to a study beside its configuration.
+# What the sweep runner hands to a study in addition to its configuration.
 INJECTED = frozenset({"workspace", "progress", "store"})
 
 
@@ -284,7 +284,7 @@ def hash_now(config: Mapping[str, Any]) -> str:
 
 
 def read_paths(config: Mapping[str, Any]) -> list[str]:
-    """Every path that a job reads: what its settings name, and what its study finds beside that.
+    """Every path that a job reads: what its settings name, and what its study reads in addition.
 
     A study that reads files which no setting names has a function ``implicit_paths`` that yields them for a
     configuration.

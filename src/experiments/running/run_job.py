@@ -250,7 +250,7 @@ def write_outcome(outcome: Outcome, folder: Path) -> None:
 def log_results(run: RunWriter, outcome: Outcome, folder: Path, names: Sequence[str]) -> None:
     """Log what the dashboard shows of an outcome, and the files ``names`` of ``folder``, which are written already.
 
-    What the tracker refuses is said and left out: by now the results are there, and nothing of them may be lost.
+    What the tracker refuses is reported and left out: by now the results are there, and nothing of them may be lost.
 
     Parameters
     ----------
@@ -303,7 +303,7 @@ def _compute(
     arguments: dict[str, Any],
     run: RunWriter | None,
 ) -> Outcome:
-    """Run the study in a folder beside the final one; nothing appears under the final name unless all went well."""
+    """Run the study in a folder next to the final one; nothing appears under the final name unless all went well."""
     module = jobs.study_module(plan.study)
     if run is not None:
         log_config(run, job.config)

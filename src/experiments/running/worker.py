@@ -102,7 +102,7 @@ def write_job(job: Job, folder: Path) -> None:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run one job of a plan and leave its report beside the plan.
+    """Run one job of a plan and leave its report next to the plan.
 
     Parameters
     ----------

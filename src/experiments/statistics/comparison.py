@@ -23,7 +23,7 @@ class Equivalence:
         The margin, in the metric's unit.
     p : float
         Larger p-value of the two one-sided tests.
-    least_p : float
+    min_attainable_p : float
         Smallest p-value possible with as many units.
     interval : Interval
         Interval of the mean difference at level 1 - 2 alpha.
@@ -33,7 +33,7 @@ class Equivalence:
 
     margin: float
     p: float
-    least_p: float
+    min_attainable_p: float
     interval: Interval
     inside: bool
 
@@ -149,7 +149,7 @@ class PairedComparison:
         return Equivalence(
             margin=margin,
             p=max(above.p, below.p),
-            least_p=max(above.least_p, below.least_p),
+            min_attainable_p=max(above.min_attainable_p, below.min_attainable_p),
             interval=interval,
             inside=bool(-margin < interval.low and interval.high < margin),
         )

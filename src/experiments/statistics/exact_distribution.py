@@ -19,7 +19,7 @@ class Tails:
     ----------
     at_most, at_least : float
         Probability of a positive sum at most, and at least, as large as the observed one.
-    least : float
+    min_one_sided : float
         Probability of the largest sum possible.
     exact : bool
         Whether the probabilities are exact.
@@ -27,7 +27,7 @@ class Tails:
 
     at_most: float
     at_least: float
-    least: float
+    min_one_sided: float
     exact: bool
 
     @property
@@ -36,9 +36,9 @@ class Tails:
         return min(1.0, 2 * min(self.at_most, self.at_least))
 
     @property
-    def least_two_sided(self) -> float:
+    def min_two_sided(self) -> float:
         """Smallest two-sided value that these weights can give."""
-        return min(1.0, 2 * self.least)
+        return min(1.0, 2 * self.min_one_sided)
 
 
 def tails(weights: np.ndarray, positive: int) -> Tails:
@@ -68,13 +68,13 @@ def tails(weights: np.ndarray, positive: int) -> Tails:
     R. A. Fisher, The Design of Experiments, 1935.
     """
     weights = np.sort(np.asarray(weights, dtype=np.int64))
-    least = 0.5 ** len(weights)
+    min_one_sided = 0.5 ** len(weights)
     if not len(weights):
         return Tails(1.0, 1.0, 1.0, True)
     step = int(np.gcd.reduce(weights))
     weights, observed = weights // step, positive // step
     if len(weights) > EXACT_UP_TO:
-        return _normal(weights, observed, least)
+        return _normal(weights, observed, min_one_sided)
     chances = np.zeros(int(weights.sum()) + 1)
     chances[0] = 1.0
     reach = 0
@@ -83,11 +83,11 @@ def tails(weights: np.ndarray, positive: int) -> Tails:
         chances[: reach + 1] = halved
         chances[weight : reach + weight + 1] += halved
         reach += weight
-    return Tails(float(chances[: observed + 1].sum()), float(chances[observed:].sum()), least, True)
+    return Tails(float(chances[: observed + 1].sum()), float(chances[observed:].sum()), min_one_sided, True)
 
 
-def _normal(weights: np.ndarray, observed: int, least: float) -> Tails:
+def _normal(weights: np.ndarray, observed: int, min_one_sided: float) -> Tails:
     scale = math.sqrt(2 * float((weights.astype(np.float64) ** 2).sum()) / 4)
     away = observed - weights.sum() / 2
     lower, upper = (math.erfc((sign * away - 0.5) / scale) / 2 for sign in (-1, 1))
-    return Tails(lower, upper, least, False)
+    return Tails(lower, upper, min_one_sided, False)

@@ -181,7 +181,7 @@ def summary(name: str, values: Sequence[float]) -> dict[str, float]:
     if not len(cases):
         raise InputError(f"{name}: expected at least one case to summarise, received none")
     finite = bool(np.isfinite(cases).all())
-    # A large stand-in keeps the ranks, where the interpolation between two infinities would give NaN.
+    # A large finite value keeps the ranks, where the interpolation between two infinities would give NaN.
     ranked = np.where(np.isinf(cases), np.finfo(np.float64).max / 4, cases)
     median, p95 = (
         float(np.inf) if quantile > np.finfo(np.float64).max / 1e3 else float(quantile)

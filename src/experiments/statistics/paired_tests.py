@@ -31,7 +31,7 @@ class SignedRankResult:
         Sum of the ranks of positive and of negative differences.
     p : float
         P-value, exact unless ``exact`` is False.
-    least_p : float
+    min_attainable_p : float
         Smallest p-value possible with as many non-zero differences: where it is above the level, no result
         could have been significant.
     rank_biserial : float
@@ -45,7 +45,7 @@ class SignedRankResult:
     positive_ranks: float
     negative_ranks: float
     p: float
-    least_p: float
+    min_attainable_p: float
     rank_biserial: float
     exact: bool
 
@@ -128,7 +128,9 @@ class SignedRank:
             positive_ranks=positive / 2,
             negative_ranks=negative / 2,
             p=p,
-            least_p=chances.least_two_sided if self.alternative == "two_sided" else chances.least,
+            min_attainable_p=chances.min_two_sided
+            if self.alternative == "two_sided"
+            else chances.min_one_sided,
             rank_biserial=(positive - negative) / total if total else 0.0,
             exact=chances.exact,
         )
@@ -148,7 +150,7 @@ class McNemar:
         Rows in which only the first, or only the second, method succeeded.
     p : float
         Exact two-sided p-value.
-    least_p : float
+    min_attainable_p : float
         Smallest p-value that was possible.
     """
 
@@ -157,7 +159,7 @@ class McNemar:
     first_only: int
     second_only: int
     p: float
-    least_p: float
+    min_attainable_p: float
 
 
 def mcnemar(first: ArrayLike, second: ArrayLike, units: Sequence[Hashable]) -> McNemar:
@@ -209,7 +211,7 @@ def mcnemar(first: ArrayLike, second: ArrayLike, units: Sequence[Hashable]) -> M
         first_only=int((won & ~lost).sum()),
         second_only=int((lost & ~won).sum()),
         p=chances.two_sided,
-        least_p=chances.least_two_sided,
+        min_attainable_p=chances.min_two_sided,
     )
 
 

@@ -97,11 +97,11 @@ def run(
     if format == "nnunet":
         splits = split(frames, **outside_groups(dataset)).of_outer_fold(outer_fold)
         root = _exporter(dataset, number, title)(workspace, frames, splits, progress)
-        said = (
+        sentence = (
             f"its folds are those of splits_final.json, and sh {root.name}/run_nnunet.sh runs nnU-Net on them"
         )
     else:
-        made, said = _split(dataset, frames, split)
+        made, sentence = _split(dataset, frames, split)
         roles = roles_of(made) if made is not None and split.outer_folds is None else {}
         root = write_folder(workspace, frames, made, roles, progress)
     renamed = sum(case != name for case, name in safe_names(frames.case_ids).items())
@@ -109,7 +109,7 @@ def run(
         metrics={"images": float(len(frames)), "renamed": float(renamed)},
         findings=(
             f"{root.name}: {len(frames)} images of {label_of(dataset, frames)} in {len(set(frames.groups))} groups; "
-            f"{said}. {renamed} cases have another name there (groups.csv, column original).",
+            f"{sentence}. {renamed} cases have another name there (groups.csv, column original).",
         ),
     )
 

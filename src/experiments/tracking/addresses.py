@@ -1,4 +1,4 @@
-"""Tracking addresses: which are taken, and what is said where one can't be opened."""
+"""Tracking addresses: which are taken, and the error where one can't be opened."""
 
 from __future__ import annotations
 
@@ -49,10 +49,10 @@ def require_address(address: str) -> None:
     if scheme in SERVERS:
         try:
             parts = urlsplit(address)
-            whole = bool(parts.hostname) and (parts.port or 1) > 0 and not re.search(r"\s", address)
+            valid = bool(parts.hostname) and (parts.port or 1) > 0 and not re.search(r"\s", address)
         except ValueError:  # a port that is no number
-            whole = False
-        if not whole:
+            valid = False
+        if not valid:
             raise InputError(f"{_EXPECTED}, received {address!r}")
 
 
@@ -80,12 +80,14 @@ def opening(address: str) -> Iterator[None]:
         raise InputError(f"tracking.uri: {reason}") from error
 
 
-def _of_server(address: str, said: str) -> str:
-    number = re.search(r"error code (\d+)", said)
+def _of_server(address: str, message: str) -> str:
+    number = re.search(r"error code (\d+)", message)
     if number is None:
         # A page to log in at, or a web server of another kind: with status 200, but not in MLflow's words.
         what = (
-            "a web page" if "<" in said.partition("Response body:")[2] else "an answer that is not MLflow's"
+            "a web page"
+            if "<" in message.partition("Response body:")[2]
+            else "an answer that is not MLflow's"
         )
         return f"expected an MLflow server at {address}, received {what}"
     if number[1] in _SAID:
@@ -97,14 +99,16 @@ def _of_server(address: str, said: str) -> str:
 def _of_database(address: str, error: Exception) -> str:
     # A name and a password in an address are nobody's business.
     shown = re.sub(r"//[^/@]*@", "//***@", address)
-    said = str(error)
-    if "database schema" in said:
-        found = re.search(r"found version (\w+), but expected (\w+)", said)
+    message = str(error)
+    if "database schema" in message:
+        found = re.search(r"found version (\w+), but expected (\w+)", message)
         versions = f" ({found[2]}), received {found[1]}" if found else ""
         return (
             f"expected the schema of the installed MLflow in {shown}{versions}; keep a copy of the database, then run: "
             f"mlflow db upgrade {shown} (or install the newer MLflow that wrote it)"
         )
     if isinstance(error, ImportError):
-        return f"expected the driver of the database at {shown} to be installed, received: {said}"
-    return f"expected a database that can be opened and written at {shown}, received: {said.splitlines()[0]}"
+        return f"expected the driver of the database at {shown} to be installed, received: {message}"
+    return (
+        f"expected a database that can be opened and written at {shown}, received: {message.splitlines()[0]}"
+    )

@@ -35,7 +35,7 @@ _ABSOLUTE = re.compile(r"(?:(?<![\w.:/])|(?<=sqlite:///))/(?:[^\s/:'\",\]]+/)+([
 
 
 def write_archive(records: Iterable[RunRecord], folder: Path) -> int:
-    """Write runs into ``folder``, beside those already there; a run written before is replaced. Returns the count.
+    """Write runs into ``folder``, next to those already there; a run written before is replaced. Returns the count.
 
     A run that has lost its files keeps the configuration and the table that an earlier export has of it.
 
@@ -55,7 +55,7 @@ def write_archive(records: Iterable[RunRecord], folder: Path) -> int:
     count = 0
     for record in records:
         known = by_experiment.setdefault(record.experiment, {})
-        # A run that was lost and then restored is in the store twice; what finished is the whole one.
+        # A run that was lost and then restored is in the store twice; what finished is the complete one.
         if record.run_id not in known or record.status == "FINISHED":
             known[record.run_id] = record
         count += 1
@@ -170,11 +170,11 @@ def _merged(path: Path, fresh: pd.DataFrame, replaced: Iterable[str]) -> pd.Data
         old = pd.read_parquet(path)
         if "config" in fresh:
             before = dict(zip(old["run_id"], old["config"], strict=True))
-            whole = [
+            configs = [
                 config or before.get(run, "")
                 for run, config in zip(fresh["run_id"], fresh["config"], strict=True)
             ]
-            fresh = fresh.assign(config=whole)
+            fresh = fresh.assign(config=configs)
         kept = old[~old["run_id"].isin(list(replaced))]
         if len(kept):
             fresh = pd.concat([kept, fresh]) if len(fresh) else kept

@@ -13,7 +13,7 @@ from urllib.request import url2pathname
 
 
 def follow_move(database: Path, artifacts: Path) -> int:
-    """Point a SQLite store at ``artifacts``, the folder beside it, for what lay in one of that name elsewhere.
+    """Point a SQLite store at ``artifacts``, the folder next to it, for what lay in one of that name elsewhere.
 
     Only what is found in ``artifacts``, or is no longer where the store says, is changed: another project's files that
     this store names stay where they are. Returns how many runs were changed.

@@ -215,9 +215,9 @@ class RunWriter:
                 self._give_up()
 
     def end(self, status: str, end_ms: int | None = None) -> None:
-        """Set how the run ended, FINISHED, FAILED or KILLED, and when (now if it is not said).
+        """Set how the run ended, FINISHED, FAILED or KILLED, and when (now by default).
 
-        A tracker that refuses this is no failure of what was computed: it is said, and the run counts as failed at
+        A tracker that refuses this is no failure of what was computed: it is reported, and the run counts as failed at
         the next call.
 
         Parameters

@@ -116,7 +116,7 @@ class Store:
     def start(
         self, experiment: str, name: str, tags: Mapping[str, str], parent_id: str | None = None
     ) -> RunWriter:
-        """Begin a run that is RUNNING until its writer is told how it ended.
+        """Begin a run that is RUNNING until its writer sets how it ended.
 
         Parameters
         ----------
@@ -141,7 +141,7 @@ class Store:
         }
         if parent_id is not None:
             all_tags[PARENT_TAG] = parent_id
-        about = RunStart(experiment, name, parent_id, all_tags, int(time.time() * 1000))
+        start = RunStart(experiment, name, parent_id, all_tags, int(time.time() * 1000))
         try:
             run = self.client().create_run(
                 self.experiment_id(experiment), tags=shortened(all_tags), run_name=name[:LONGEST]
@@ -150,13 +150,13 @@ class Store:
             if not server_unreachable(error):
                 raise
             # The server was there when the call began: what the job computes is kept for it.
-            return RunWriter(self.client(), uuid.uuid4().hex, beating=False, start=about, known=False)
-        return RunWriter(self.client(), run.info.run_id, start=about)
+            return RunWriter(self.client(), uuid.uuid4().hex, beating=False, start=start, known=False)
+        return RunWriter(self.client(), run.info.run_id, start=start)
 
     def reopen(self, run_id: str) -> RunWriter:
         """Set a finished or failed run to RUNNING again, to go on with it from this process.
 
-        The process is said first: a run that is marked as running must never name one that is gone.
+        The process is recorded first: a run that is marked as running must never name one that is gone.
 
         Parameters
         ----------

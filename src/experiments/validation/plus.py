@@ -355,11 +355,11 @@ def _volume_values(
     misfit = int(np.abs(np.array(own.size) - theirs.size).max())
     yield Value(f"{volume}.mha", "largest difference in size, voxels", 0, misfit, tolerance=1)
     agreement = compare(placement(sweep.images, posed.world_A_pixel, theirs), reference.pixels)
-    told = {
+    reported = {
         "share of PLUS's voxels also filled": agreement.reference_covered,
         "correlation of the grey values in both": agreement.correlation,
         "mean absolute difference, grey levels": agreement.difference_mean,
         "share equal within one grey level": agreement.same_share,
     }
-    for quantity, ours in told.items():
+    for quantity, ours in reported.items():
         yield Value(f"{volume}.mha", quantity, float("nan"), ours, "report")

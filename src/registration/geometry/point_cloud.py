@@ -56,7 +56,7 @@ def take(cloud: AnyCloud, index: Int64[np.ndarray, " k"]) -> AnyCloud:
     chosen = {
         entry.name: getattr(cloud, entry.name)[index]
         for entry in fields(cloud)
-        if not entry.metadata.get("whole")
+        if not entry.metadata.get("per_frame")
     }
     return replace(cloud, **chosen)
 

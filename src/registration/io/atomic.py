@@ -39,7 +39,7 @@ def atomic_write(path: Path) -> Iterator[Path]:
 
 
 def write_atomic(path: Path, content: bytes) -> None:
-    """Write a file as a whole or not at all.
+    """Write a file atomically.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Whether a .mat file is a transform that ITK wrote, whole: MATLAB's format 4, as ANTs and 3D Slicer use it.
+"""Whether a .mat file is a complete transform that ITK wrote: MATLAB's format 4, as ANTs and 3D Slicer use it.
 
 A variable is five 32-bit numbers (type, rows, columns, imaginary, length of the name), the name, and the values, by
 columns (MAT-File Format, "Level 4"). ITK writes two: the transform's parameters under the name of its class, and its
@@ -19,7 +19,7 @@ _BYTES = {0: 8, 1: 4, 2: 4, 3: 2, 4: 2, 5: 1}
 
 
 def require_itk_mat(path: Path) -> None:
-    """Raise InputError unless a .mat file is a transform that ITK wrote, whole.
+    """Raise InputError unless a .mat file is a complete transform that ITK wrote.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def _variables(path: Path, data: bytes) -> list[str]:
         order = "<" if len(data) >= at + 4 and struct.unpack_from("<I", data, at)[0] < 5000 else ">"
         if len(data) < at + 20:
             raise InputError(
-                f"{path}: expected a whole variable, received {len(data) - at} bytes of one: cut short"
+                f"{path}: expected a complete variable, received {len(data) - at} bytes of one: cut short"
             )
         kind, rows, columns, _, length = struct.unpack_from(f"{order}5I", data, at)
         if kind // 10 % 10 not in _BYTES or not 0 < length <= _LONGEST_NAME or rows * columns > len(data):

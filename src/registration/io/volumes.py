@@ -1,4 +1,4 @@
-"""Volumes from files, whole or not at all: what the reading library leaves unsaid is checked here.
+"""Volumes from files, complete or refused: what the reading library leaves unsaid is checked here.
 
 SimpleITK reads voxels and axes. It sees a copy whose voxels were unpacked and counted here (it takes packed voxels with
 a wrong sum or without their end for others), whose NIfTI transforms agree, and whose lengths become millimetres after.

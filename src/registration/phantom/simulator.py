@@ -10,7 +10,8 @@ from jaxtyping import Bool, Float64, UInt8
 
 from registration.phantom.anatomy import Anatomy, anatomy_of
 from registration.phantom.bmode import BMode
-from registration.phantom.deformation import Bend, Press, View, draw_bend
+from registration.phantom.deformation import View
+from registration.phantom.displacement import Bend, Press, draw_bend
 from registration.phantom.settings import PhantomSettings
 from registration.phantom.slicing import cut, rasterise, section
 from registration.phantom.tissue import TissueModel

@@ -1,4 +1,4 @@
-"""OpenIGTLink messages from a socket, whole or not at all, decoded by ``pyigtl``.
+"""OpenIGTLink messages from a socket, complete or refused, decoded by ``pyigtl``.
 
 Protocol: Tokuda et al., Int. J. Med. Robotics 5(4), 2009; http://openigtlink.org/developers/spec.
 """
@@ -22,7 +22,7 @@ _RECEIVED_AT_ONCE = 1 << 20
 
 @dataclass(frozen=True)
 class Arrival:
-    """One whole message.
+    """One complete message.
 
     Parameters
     ----------
@@ -109,8 +109,8 @@ def next_message(
     InputError
         If the stream is no OpenIGTLink.
     """
-    header, whole = _read(connection, _HEADER_BYTES, ended)
-    if not whole:
+    header, complete = _read(connection, _HEADER_BYTES, ended)
+    if not complete:
         return ConnectionEnded(message_cut=bool(header) and not ended())
     try:
         fields = MessageBase.parse_header(header)
@@ -118,8 +118,8 @@ def next_message(
         raise InputError(f"{name}: expected OpenIGTLink messages, found others") from failure
     if fields["header_version"] not in (1, 2) or fields["body_size"] > _MAX_BODY_BYTES:
         raise InputError(f"{name}: expected OpenIGTLink messages, found others")
-    body, whole = _read(connection, int(fields["body_size"]), ended)
-    if not whole:
+    body, complete = _read(connection, int(fields["body_size"]), ended)
+    if not complete:
         return ConnectionEnded(message_cut=not ended())
     return Arrival(fields["message_type"], fields["device_name"], float(fields["timestamp"]), header, body)
 

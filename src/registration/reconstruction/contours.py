@@ -42,7 +42,7 @@ class ContourCloud(OrientedCloud):
     contour_index: Int64[np.ndarray, " p"]
     is_open: Bool[np.ndarray, " p"]
     confidence: Float64[np.ndarray, " p"]
-    world_A_pixel: Float64[np.ndarray, "m 4 4"] = field(metadata={"whole": True})
+    world_A_pixel: Float64[np.ndarray, "m 4 4"] = field(metadata={"per_frame": True})
 
 
 @dataclass(frozen=True)

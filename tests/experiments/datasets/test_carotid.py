@@ -85,7 +85,7 @@ def test_a_last_subject_with_fewer_images_is_a_smaller_group_and_the_notes_say_s
     frames = dataset()
     assert frames.groups == ("subject_01",) * 100 + ("subject_02",) * 43
     assert dataset.left_out() == 0
-    assert dataset.notes()[1] == "The copy is not whole: its last subject, subject_02, has 43 of 100 images."
+    assert dataset.notes()[1] == "The copy is incomplete: its last subject, subject_02, has 43 of 100 images."
     assert len(Carotid(str(root), group_by="recording").notes()) == 1
 
 
@@ -120,7 +120,7 @@ def test_a_real_copy_is_told_of_at_once_and_can_be_gone_on_with(tmp_path) -> Non
     assert dataset.notes()[1:] == (
         "Left out as unpaired: 2 images without a mask and 3 masks without an image.",
         "Not used: 1 file of another kind (US images/unet_model.h5).",
-        "The copy is not whole: its last subject, subject_02, has 43 of 100 images.",
+        "The copy is incomplete: its last subject, subject_02, has 43 of 100 images.",
     )
 
 

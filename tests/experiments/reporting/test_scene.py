@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
-import re
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from plotly_pages import figure_of, numbers
 from vessels import bent_tube
 
 from experiments.errors import InputError
@@ -49,14 +47,6 @@ class Parsed(HTMLParser):
             self.text += data
 
 
-def content(page: Parsed) -> dict[str, Any]:
-    place = [attributes for tag, attributes in page.elements if tag == "script"].index(
-        {"type": "application/json", "id": "content"}
-    )
-    found: dict[str, Any] = json.loads(page.scripts[place])
-    return found
-
-
 def test_the_page_holds_everything_it_needs(tmp_path: Path) -> None:
     Scene([SURFACE, LINE], "A vessel", ["First note.", "Second note."]).write(tmp_path / "scene.html")
     assert [path.name for path in tmp_path.iterdir()] == ["scene.html"]
@@ -64,20 +54,32 @@ def test_the_page_holds_everything_it_needs(tmp_path: Path) -> None:
     page = Parsed(text)
     assert not [attributes for _, attributes in page.elements if "src" in attributes or "href" in attributes]
     assert len(page.scripts) == 3
-    assert "plotly.js v" in page.scripts[0][:200]
-    assert 'Plotly.newPlot("scene", content.data, content.layout' in page.scripts[2]
-    assert {"id": "scene"} in [attributes for tag, attributes in page.elements if tag == "div"]
-    assert [trace["name"] for trace in content(page)["data"]] == ["CT", "centerline"]
+    assert "plotly.js v" in page.scripts[1][:200]
+    assert "scene" in [attributes.get("id") for tag, attributes in page.elements if tag == "div"]
+    assert [trace["name"] for trace in figure_of(text, "scene")["data"]] == ["CT", "centerline"]
     for note in ("First note.", "Second note.", "Axes: ct (LPS), in mm."):
         assert note in page.text
-    assert "@@" not in re.sub(r"<script>.*?</script>", "", text, flags=re.DOTALL)
+    assert "$" not in page.text
+
+
+def test_coordinates_and_triangles_are_stored_in_binary() -> None:
+    trace = figure_of(Scene([SURFACE], "A vessel").html(), "scene")["data"][0]
+    for axis, values in zip("xyz", TUBE.vertices_mm.T, strict=True):
+        np.testing.assert_array_equal(numbers(trace[axis]), values.astype(np.float32))
+    for corner, values in zip("ijk", TUBE.triangles.T, strict=True):
+        np.testing.assert_array_equal(numbers(trace[corner]), values)
+        assert trace[corner]["dtype"] == "u2"
 
 
 def test_axes_are_in_mm_at_one_scale_and_hold_every_layer() -> None:
     hidden = CloudLayer("far", np.array([[400.0, 0, 0], [401, 1, 1]]), shown=False)
-    layout = content(Parsed(Scene([SURFACE, hidden], "A vessel").html()))["layout"]
+    layout = figure_of(Scene([SURFACE, hidden], "A vessel").html(), "scene")["layout"]
     assert layout["scene"]["aspectmode"] == "data"
-    assert [layout["scene"][f"{axis}axis"]["title"]["text"] for axis in "xyz"] == ["x_mm", "y_mm", "z_mm"]
+    assert [layout["scene"][f"{axis}axis"]["title"]["text"] for axis in "xyz"] == [
+        "x (mm)",
+        "y (mm)",
+        "z (mm)",
+    ]
     low_mm, high_mm = np.array([layout["scene"][f"{axis}axis"]["range"] for axis in "xyz"]).T
     assert (low_mm < TUBE.vertices_mm.min(axis=0)).all()
     assert (high_mm > TUBE.vertices_mm.max(axis=0)).all()
@@ -91,16 +93,17 @@ def test_layers_with_values_share_one_scale() -> None:
         SurfaceLayer("a", TUBE, values_mm=values_mm),
         CloudLayer("b", TUBE.vertices_mm, values_mm=values_mm),
     ]
-    page = content(Parsed(Scene(layers, "A vessel", values_range_mm=(0.0, 4.0)).html()))
+    page = figure_of(Scene(layers, "A vessel", values_range_mm=(0.0, 4.0)).html(), "scene")
     scale = page["layout"]["coloraxis"]
-    assert (scale["cmin"], scale["cmax"], scale["colorbar"]["title"]["text"]) == (0.0, 4.0, "distance_mm")
+    assert (scale["cmin"], scale["cmax"], scale["colorbar"]["title"]["text"]) == (0.0, 4.0, "Distance (mm)")
     assert page["data"][0]["coloraxis"] == page["data"][1]["marker"]["coloraxis"] == "coloraxis"
 
 
 def test_names_and_notes_can_not_break_the_page() -> None:
-    nasty = "</script><b>@@plotly@@ & 'x'"
-    page = Parsed(Scene([SurfaceLayer(nasty, TUBE)], nasty, [nasty], space=nasty).html())
-    assert content(page)["data"][0]["name"] == nasty
+    nasty = "</script><b>$view & 'x'"
+    text = Scene([SurfaceLayer(nasty, TUBE)], nasty, [nasty], space=nasty).html()
+    page = Parsed(text)
+    assert figure_of(text, "scene")["data"][0]["name"] == nasty
     assert page.text.count(nasty) == 4
     assert "b" not in [tag for tag, _ in page.elements]
 
@@ -108,8 +111,8 @@ def test_names_and_notes_can_not_break_the_page() -> None:
 def test_a_large_scene_stays_small_and_says_what_it_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     from experiments.reporting import scene
 
-    monkeypatch.setitem(scene.MOST, "triangles", 6000)
-    monkeypatch.setitem(scene.MOST, "points", 1000)
+    monkeypatch.setitem(scene.MAX_SIZES, "triangles", 6000)
+    monkeypatch.setitem(scene.MAX_SIZES, "points", 1000)
     second = SurfaceLayer("US", Mesh(TUBE.vertices_mm + 5.0, TUBE.triangles))
     cloud = CloudLayer("cloud", TUBE.sample(3000, np.random.default_rng(0)))
     page = Parsed(Scene([SURFACE, second, cloud, LINE], "A vessel").html())
@@ -124,16 +127,18 @@ def test_a_large_scene_stays_small_and_says_what_it_left_out(monkeypatch: pytest
 
 
 def test_the_largest_scene_is_under_8_megabytes() -> None:
-    from experiments.reporting.scene import MOST
+    from experiments.reporting.scene import MAX_SIZES
 
     rng = np.random.default_rng(0)
     # A closed surface has half as many vertices as triangles.
-    vertices_mm = rng.random((MOST["triangles"] // 2, 3))
-    corners = rng.integers(0, len(vertices_mm), (MOST["triangles"], 3)).astype(np.int64)
+    vertices_mm = rng.random((MAX_SIZES["triangles"] // 2, 3))
+    corners = rng.integers(0, len(vertices_mm), (MAX_SIZES["triangles"], 3)).astype(np.int64)
     surface = SurfaceLayer("s", Mesh(vertices_mm, corners), values_mm=rng.random(len(vertices_mm)))
-    cloud = CloudLayer("c", rng.random((MOST["points"], 3)), values_mm=rng.random(MOST["points"]))
+    cloud = CloudLayer("c", rng.random((MAX_SIZES["points"], 3)), values_mm=rng.random(MAX_SIZES["points"]))
     line = LineLayer(
-        "l", [rng.random((MOST["points of lines"], 3))], radius_mm=[rng.random(MOST["points of lines"])]
+        "l",
+        [rng.random((MAX_SIZES["points of lines"], 3))],
+        radius_mm=[rng.random(MAX_SIZES["points of lines"])],
     )
     assert len(Scene([surface, cloud, line], "A vessel").html().encode()) < 8e6
 

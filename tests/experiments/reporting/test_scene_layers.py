@@ -1,8 +1,7 @@
-"""What a layer puts into a page: the numbers themselves, read back from the page's binary form."""
+"""What a layer puts into a page: the numbers themselves, in the types that the page stores."""
 
 from __future__ import annotations
 
-import base64
 from typing import Any
 
 import numpy as np
@@ -18,20 +17,17 @@ TUBE = bent_tube()
 HEIGHTS_MM = TUBE.vertices_mm[:, 2]
 
 
-def numbers(packed: dict[str, str]) -> np.ndarray:
-    return np.frombuffer(base64.b64decode(packed["bdata"]), dtype=f"<{packed['dtype']}")
+def places(trace: Any) -> np.ndarray:
+    assert {trace[axis].dtype for axis in "xyz"} == {np.dtype(np.float32)}
+    return np.stack([trace[axis] for axis in "xyz"], axis=1)
 
 
-def places(trace: dict[str, Any]) -> np.ndarray:
-    return np.stack([numbers(trace[axis]) for axis in "xyz"], axis=1)
-
-
-def shown_mesh(trace: dict[str, Any]) -> Mesh:
-    corners = np.stack([numbers(trace[axis]) for axis in "ijk"], axis=1)
+def shown_mesh(trace: Any) -> Mesh:
+    corners = np.stack([trace[axis] for axis in "ijk"], axis=1)
     return Mesh(places(trace).astype(np.float64), corners.astype(np.int64))
 
 
-def test_a_small_surface_goes_in_whole() -> None:
+def test_a_small_surface_is_shown_unchanged() -> None:
     trace = SurfaceLayer("vessel", TUBE, color="#123456", opacity=0.3).trace(len(TUBE.triangles))
     np.testing.assert_array_equal(places(trace), TUBE.vertices_mm.astype(np.float32))
     np.testing.assert_array_equal(shown_mesh(trace).triangles, TUBE.triangles)
@@ -42,7 +38,7 @@ def test_a_small_surface_goes_in_whole() -> None:
         0.3,
     )
     assert (trace["showlegend"], trace["visible"]) == (True, True)
-    assert "intensity" not in trace
+    assert trace["intensity"] is None
 
 
 def test_more_than_65536_vertices_keep_their_numbers() -> None:
@@ -54,32 +50,32 @@ def test_more_than_65536_vertices_keep_their_numbers() -> None:
 
 def test_values_colour_a_surface() -> None:
     trace = SurfaceLayer("vessel", TUBE, values_mm=HEIGHTS_MM).trace(10**6)
-    np.testing.assert_array_equal(numbers(trace["intensity"]), HEIGHTS_MM.astype(np.float32))
+    np.testing.assert_array_equal(trace["intensity"], HEIGHTS_MM.astype(np.float32))
     assert trace["coloraxis"] == "coloraxis"
-    assert "color" not in trace
+    assert trace["color"] is None
 
 
-@pytest.mark.parametrize("most", [2000, 600])
-def test_a_large_surface_is_thinned_with_its_values(most: int) -> None:
+@pytest.mark.parametrize("max_size", [2000, 600])
+def test_a_large_surface_is_decimated_with_its_values(max_size: int) -> None:
     # 5120 triangles: up to four times the wanted number by edges alone, beyond by cubes first.
-    trace = SurfaceLayer("vessel", TUBE, values_mm=HEIGHTS_MM).trace(most)
-    thin = shown_mesh(trace)
-    assert 0.3 * most < len(thin.triangles) <= most
-    apart = surface_residuals(thin, TUBE, np.eye(4), inlier_mm=1.0, keep=1.0)
+    trace = SurfaceLayer("vessel", TUBE, values_mm=HEIGHTS_MM).trace(max_size)
+    fewer = shown_mesh(trace)
+    assert 0.3 * max_size < len(fewer.triangles) <= max_size
+    apart = surface_residuals(fewer, TUBE, np.eye(4), inlier_mm=1.0, keep=1.0)
     assert apart.hd95_mm < 0.8
-    values = numbers(trace["intensity"])
-    assert len(values) == len(thin.vertices_mm)
-    np.testing.assert_allclose(values, thin.vertices_mm[:, 2], atol=2.0)
+    values = trace["intensity"]
+    assert len(values) == len(fewer.vertices_mm)
+    np.testing.assert_allclose(values, fewer.vertices_mm[:, 2], atol=2.0)
 
 
-def test_a_cloud_is_thinned_to_points_of_it() -> None:
+def test_a_cloud_is_decimated_to_points_of_it() -> None:
     layer = CloudLayer("cloud", TUBE.vertices_mm, values_mm=HEIGHTS_MM, size_px=3.0)
     trace = layer.trace(500)
     found = places(trace)
     assert len(found) == 500
     known = {tuple(row) for row in TUBE.vertices_mm.astype(np.float32).tolist()}
     assert {tuple(row) for row in found.tolist()} <= known
-    np.testing.assert_array_equal(numbers(trace["marker"]["color"]), found[:, 2])
+    np.testing.assert_array_equal(trace["marker"]["color"], found[:, 2])
     assert (trace["mode"], trace["marker"]["size"], trace["marker"]["coloraxis"]) == (
         "markers",
         3.0,
@@ -98,10 +94,10 @@ def test_lines_are_kept_apart_and_carry_their_radius() -> None:
     found = places(trace)
     np.testing.assert_array_equal(np.isnan(found).all(axis=1), [False, False, False, True, False, False])
     np.testing.assert_array_equal(found[[0, 2, 4, 5]], [[0, 0, 0], [0, 0, 2], [5, 0, 0], [6, 0, 0]])
-    assert trace["customdata"] == [3.0, 2.5, 2.0, None, 1.0, 0.5]
+    np.testing.assert_array_equal(trace["customdata"], [3.0, 2.5, 2.0, np.nan, 1.0, 0.5])
     assert (trace["mode"], trace["line"]["color"]) == ("lines", "#111111")
     plain = LineLayer("path", [first.points_mm]).trace(100)
-    assert "customdata" not in plain
+    assert plain["customdata"] is None
 
 
 def test_a_long_line_keeps_its_ends() -> None:

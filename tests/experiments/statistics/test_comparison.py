@@ -31,14 +31,14 @@ def test_equivalence_by_hand() -> None:
     difference = np.array([0.004, -0.003, 0.002, -0.001, 0.0005])
     found = PairedComparison(margin=0.01)(0.8 + difference, np.full(5, 0.8)).equivalence
     assert found is not None
-    assert found.p == found.least_p == 1 / 32
+    assert found.p == found.min_attainable_p == 1 / 32
     assert found.inside and found.interval.level == pytest.approx(0.9)
 
 
 def test_too_few_units_are_never_equivalent() -> None:
     found = PairedComparison(margin=0.01)(np.full(4, 0.8), np.full(4, 0.8)).equivalence
     assert found is not None and found.inside
-    assert found.p == found.least_p == 1 / 16
+    assert found.p == found.min_attainable_p == 1 / 16
 
 
 def test_a_difference_beyond_the_margin_is_not_equivalent_on_either_side() -> None:

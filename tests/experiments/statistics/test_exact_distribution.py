@@ -21,7 +21,7 @@ def test_tails_of_every_pattern(weights: list[int]) -> None:
         found = tails(np.array(weights), positive)
         assert found.at_most == np.mean([total <= positive for total in sums])
         assert found.at_least == np.mean([total >= positive for total in sums])
-        assert found.least == 0.5 ** len(weights) and found.exact
+        assert found.min_one_sided == 0.5 ** len(weights) and found.exact
 
 
 def test_equal_weights_are_binomial() -> None:
@@ -32,7 +32,7 @@ def test_equal_weights_are_binomial() -> None:
 
 def test_nothing_to_flip_says_nothing() -> None:
     found = tails(np.array([], dtype=int), 0)
-    assert found.two_sided == found.least_two_sided == found.at_least == 1.0
+    assert found.two_sided == found.min_two_sided == found.at_least == 1.0
 
 
 def test_the_normal_tail_meets_the_exact_one() -> None:

@@ -18,7 +18,7 @@ INF = math.inf
 def test_five_units_all_better_reach_the_least_p_there_is() -> None:
     found = SignedRank()([0.9, 0.8, 0.7, 0.6, 0.5], [0.8, 0.6, 0.4, 0.2, 0.0])
     # 2 of 32 patterns of signs are as extreme.
-    assert found.p == found.least_p == 0.0625
+    assert found.p == found.min_attainable_p == 0.0625
     assert (found.units, found.nonzero, found.rank_biserial) == (5, 5, 1.0)
     assert (found.positive_ranks, found.negative_ranks) == (15.0, 0.0)
 
@@ -38,7 +38,7 @@ def test_ties_and_zeros_by_hand() -> None:
     found = SignedRank()([1, 2, 1, 5], [1, 1, 2, 3])
     assert (found.units, found.nonzero) == (4, 3)
     assert (found.positive_ranks, found.negative_ranks) == (6.5, 2.5)
-    assert found.p == 6 / 8 and found.least_p == 2 / 8
+    assert found.p == 6 / 8 and found.min_attainable_p == 2 / 8
 
 
 @pytest.mark.parametrize("n", [1, 6, 13, 30])
@@ -84,7 +84,7 @@ def test_rounding_makes_no_order_of_what_is_equal() -> None:
 
 def test_no_difference_at_all_shows_nothing() -> None:
     found = SignedRank()([0.5, 0.6], [0.5, 0.6])
-    assert (found.p, found.least_p, found.rank_biserial, found.nonzero) == (1.0, 1.0, 0.0, 0)
+    assert (found.p, found.min_attainable_p, found.rank_biserial, found.nonzero) == (1.0, 1.0, 0.0, 0)
     assert SignedRank()([0.0, 0.0], [0.0, 0.0]).p == 1.0
 
 
@@ -121,7 +121,7 @@ def test_mcnemar_by_hand() -> None:
     second = [0] * 6 + [1] + [1] * 10 + [0] * 3
     found = mcnemar(first, second, range(20))
     assert (found.first_only, found.second_only, found.rows, found.units) == (6, 1, 20, 20)
-    assert found.p == 0.125 and found.least_p == 2 / 128
+    assert found.p == 0.125 and found.min_attainable_p == 2 / 128
 
 
 def test_mcnemar_with_one_row_a_unit_is_the_binomial_test() -> None:
@@ -139,7 +139,7 @@ def test_rows_of_one_unit_are_not_independent() -> None:
     assert mcnemar(first, second, range(12)).p == 2 / 4096
     # Surpluses 2, -1 and 0: sums of {2, 1} are 0, 1, 2, 3 and the one observed is 2.
     found = mcnemar([1, 1, 0, 1, 0], [0, 0, 1, 0, 1], ["a", "a", "b", "c", "c"])
-    assert found.p == 1.0 and found.least_p == 0.5 and found.units == 3
+    assert found.p == 1.0 and found.min_attainable_p == 0.5 and found.units == 3
 
 
 def test_mcnemar_without_any_disagreement() -> None:

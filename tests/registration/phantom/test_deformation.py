@@ -7,7 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from registration import transforms
-from registration.phantom.deformation import Bend, Press, SweepDeformation, View, draw_bend
+from registration.phantom.deformation import SweepDeformation, View
+from registration.phantom.displacement import Bend, Press, draw_bend
 
 GUIDE_MM = np.column_stack([3 * np.sin(np.linspace(0, 3, 40)), np.zeros(40), np.linspace(-40, 40, 40)])
 POSE = transforms.from_rotation(

@@ -22,7 +22,7 @@ HIGHER_IS_BETTER = {"dsc": True, "hd95_mm": False, "hd95_px": False}
 INTERVALS = ("first_mean", "second_mean", "mean_difference", "median_difference")
 NUMBERS = (
     *(name for interval in INTERVALS for name in (interval, f"{interval}_ci_low", f"{interval}_ci_high")),
-    *("p", "least_p", "rank_biserial", "equivalence_p"),
+    *("p", "min_attainable_p", "rank_biserial", "equivalence_p"),
 )
 
 
@@ -60,7 +60,7 @@ def compare_models(cases: pd.DataFrame) -> pd.DataFrame:
     -----
     Differences are the first model minus the second, with bootstrap 95 % intervals. ``p`` is that of the
     exact signed-rank test, ``p_holm`` adjusted for all pairs of models on that data set and metric,
-    ``least_p`` the smallest that so many groups can give.
+    ``min_attainable_p`` the smallest that so many groups can give.
 
     ``equivalent`` says that the DSC differs by less than 0.01: ``equivalence_p_holm`` is of the two one-sided
     tests, adjusted alike, and the 90 % interval of the mean difference must lie within as well (see
@@ -102,7 +102,7 @@ def _numbers(result: PairedResult) -> dict[str, Any]:
     found = (result.first, result.second, result.mean_difference, result.median_difference)
     for name, interval in zip(INTERVALS, found, strict=True):
         row |= {name: interval.estimate, f"{name}_ci_low": interval.low, f"{name}_ci_high": interval.high}
-    row |= {name: getattr(result.test, name) for name in ("p", "least_p", "rank_biserial")}
+    row |= {name: getattr(result.test, name) for name in ("p", "min_attainable_p", "rank_biserial")}
     if result.equivalence is not None:
         row |= {"equivalence_p": result.equivalence.p, "inside_margin": result.equivalence.inside}
     return row

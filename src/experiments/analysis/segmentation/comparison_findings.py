@@ -18,7 +18,7 @@ DIGITS = {"dsc": 3, "hd95_mm": 2, "hd95_px": 2}
 FAMILY = ("trained_on", "dataset", "metric")
 TRACKED = (
     *("mean_difference", "mean_difference_ci_low", "mean_difference_ci_high"),
-    *("p", "p_holm", "least_p", "rank_biserial", "equivalence_p_holm"),
+    *("p", "p_holm", "min_attainable_p", "rank_biserial", "equivalence_p_holm"),
 )
 
 
@@ -46,7 +46,7 @@ def comparison_table(compared: pd.DataFrame) -> pd.DataFrame:
                 "models": f"{row['first']} - {row['second']}",
                 "mean_difference": _difference(row, "[{}, {}]"),
                 "rank_biserial": f"{row['rank_biserial']:+.2f}" if row["units"] else "",
-                **{name: _p(row[name]) for name in ("p_holm", "least_p")},
+                **{name: _p(row[name]) for name in ("p_holm", "min_attainable_p")},
                 "verdict": row["verdict"],
             }
         )
@@ -89,7 +89,7 @@ def describe_comparison(compared: pd.DataFrame) -> tuple[str, ...]:
     """
     if not len(compared):
         return ()
-    families = compared.groupby([name for name in FAMILY if name in compared])["least_p"]
+    families = compared.groupby([name for name in FAMILY if name in compared])["min_attainable_p"]
     # The smallest p of a family is multiplied by the number of its tests: above the level, none can be significant.
     least = (families.transform("min") * families.transform("count")).clip(upper=1)
     rows = compared.assign(family_least=least).to_dict("records")
@@ -110,7 +110,7 @@ def _sentence(row: Mapping[Hashable, Any]) -> str:
     )
     if row["family_least"] > ALPHA:
         said += (
-            f"; so few groups can show none: the least p they can give is {_p(row['least_p'])}, "
+            f"; so few groups can show none: the least p they can give is {_p(row['min_attainable_p'])}, "
             f"{_p(row['family_least'])} after adjustment"
         )
     if row["equivalent"]:

@@ -1,4 +1,4 @@
-"""What is said of a centerline: its metrics, and a row a line or a point."""
+"""What is reported of a centerline: its metrics, and a row a line or a point."""
 
 from __future__ import annotations
 

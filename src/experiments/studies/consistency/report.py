@@ -169,10 +169,10 @@ def describe(cases: pd.DataFrame) -> tuple[str, ...]:
     tuple of str
         Sentences.
     """
-    said = []
+    sentences = []
     for name, group in _phantoms(cases):
         found, interval = metrics(group), median_of_pairs(group, "hd95_mm")
-        said.append(
+        sentences.append(
             f"{name}: {_count(group, PAIR, 'pair')} of sweeps {_lie(group)} {found['msd_mm_mean']:.2f} mm apart on "
             f"average, with a median HD95 of {interval.estimate:.2f} mm ({_bounds(interval)}"
             f"{found['hd95_tissue_mm_median']:.2f} mm once the known deformation is taken out). A sweep is "
@@ -182,23 +182,23 @@ def describe(cases: pd.DataFrame) -> tuple[str, ...]:
             f"{'out' if found['truth_bias_mm_mean'] > 0 else 'in'}."
         )
         if found["frames_rejected"] or found["pieces_left_out"] or found["gap_share_max"]:
-            said.append(
+            sentences.append(
                 f"{name}: over all sweeps {found['frames_rejected']:.0f} masks that disagree with their neighbours and "
                 f"{found['pieces_left_out']:.0f} pieces that do not continue the vessel were left out; gaps between "
                 f"frames are up to {found['gap_share_max']:.1%} of a sweep's way."
             )
         if found["sweeps_failed"]:
             reason = group.loc[(group["kind"] == TRUTH) & (group["error"] != ""), "error"].iloc[0]
-            said.append(
+            sentences.append(
                 f"{name}: {found['sweeps_failed']:.0f} of {int((group['kind'] == TRUTH).sum())} sweeps could not be "
                 f"reconstructed and count as infinitely far from all others (first: {reason})."
             )
     value = published("consistency", "hd95_mm_median")
-    said.append(
+    sentences.append(
         f"Published: median HD95 {value.text} mm on {value.data} ({value.place})"
         + ("; these sweeps are simulated, so the two are not comparable." if _simulated(cases) else ".")
     )
-    return tuple(said)
+    return tuple(sentences)
 
 
 def _count(cases: pd.DataFrame, kind: str, what: str) -> str:

@@ -1,4 +1,4 @@
-"""What is said of a model made from a label map or a mesh: its record, table and metrics."""
+"""What is reported of a model made from a label map or a mesh: its record, table and metrics."""
 
 from __future__ import annotations
 

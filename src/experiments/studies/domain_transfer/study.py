@@ -35,6 +35,7 @@ from experiments.splits.group_splits import GroupSplits
 from experiments.studies.domain_transfer.transfer_table import describe_transfer, transfer_map, transfer_table
 
 if TYPE_CHECKING:
+    from models.labelled_frames import LabelledFrames
     from models.networks.registry import NetworkRecipe
     from models.preprocessing.preprocessing import Preprocessing
     from models.training.augmentation import Augmentation
@@ -173,10 +174,7 @@ def run(
 
     sets = {"first": first, "second": second}
     progress.note(f"reading {name_of(first)} and {name_of(second)}")
-    frames = {}
-    for domain, dataset in sets.items():
-        with _at(domain):
-            frames[domain] = dataset()
+    frames = {domain: _read(domain, dataset) for domain, dataset in sets.items()}
     folds = {
         domain: split(frames[domain], **outside_groups(dataset)).fold(fold)
         for domain, dataset in sets.items()
@@ -210,6 +208,11 @@ def run(
         tags={"model": one.model_name, "train_dataset": str(source["train_dataset"])},
         inputs=tuple(input_data(dataset, frames[domain]) for domain, dataset in sets.items()),
     )
+
+
+def _read(domain: str, dataset: DataSet) -> LabelledFrames:
+    with _at(domain):
+        return dataset()
 
 
 def summarise(results: list[JobResult]) -> Outcome:

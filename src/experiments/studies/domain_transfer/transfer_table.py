@@ -84,7 +84,7 @@ def describe_transfer(cases: pd.DataFrame) -> tuple[str, ...]:
 
     Each model and test set is compared with training on the same data set. The same cases are scored by both
     networks, so that groups are compared in pairs (see ``PairedComparison``); the p-values are adjusted for
-    all sentences together. Nothing is said of networks that ``trainer=smoke`` trained.
+    all sentences together. There is no sentence on networks that ``trainer=smoke`` trained.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def _sentence(place: str, trained_on: str, found: PairedResult, p_holm: float) -
         f"{place}: mean DSC over {found.units} groups {found.first.estimate:.3f} when trained on {trained_on}, "
         f"{found.second.estimate:.3f} when trained on the same data set (groups not seen); mean difference "
         f"{change.estimate:+.3f}{bounds}, p = {test.p:.2g}, with Holm's adjustment {p_holm:.2g}, least possible "
-        f"p {test.least_p:.2g}."
+        f"p {test.min_attainable_p:.2g}."
     )
 
 

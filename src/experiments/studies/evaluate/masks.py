@@ -1,17 +1,17 @@
-"""Anyone's masks compared with reference masks: which files belong together, and a row of scores for each case."""
+"""Anyone's masks scored against reference masks: a row of scores for each case, and what is reported of all."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.datasets.images.image_files import image_files, read_labels, read_mask
+from experiments.datasets.images.image_files import read_labels, read_mask
 from experiments.errors import InputError
 from experiments.outcome import Progress
+from experiments.studies.evaluate.mask_pairs import MaskPairs
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,168 +32,6 @@ QUOTED = (
     "missed_rate",
     "false_alarm_rate",
 )
-
-
-@dataclass(frozen=True)
-class MaskLabels:
-    """Which values of the masks are the vessel.
-
-    Parameters
-    ----------
-    reference : tuple of int or None, optional
-        Labels of the vessel in the references; None for masks of 0 and 1, or 0 and 255.
-    prediction : tuple of int or None, optional
-        Labels of the vessel in the predictions; None for masks of 0 and 1, or 0 and 255.
-    ignored : int or None, optional
-        Label of pixels in the references that nobody labelled, which are not scored; None for none.
-    """
-
-    reference: tuple[int, ...] | None = None
-    prediction: tuple[int, ...] | None = None
-    ignored: int | None = None
-
-    @staticmethod
-    def of(label: Any, prediction_label: Any, ignore_label: Any) -> MaskLabels:
-        """Read the labels from the settings.
-
-        Parameters
-        ----------
-        label : Any
-            Label or labels of the vessel in the references, or None.
-        prediction_label : Any
-            Label or labels of the vessel in the predictions; None for ``label``.
-        ignore_label : Any
-            Label of pixels in the references that nobody labelled, or None.
-
-        Returns
-        -------
-        MaskLabels
-            The labels.
-
-        Raises
-        ------
-        InputError
-            If a setting is no label, or they contradict each other.
-        """
-        reference = _labels("label", label)
-        prediction = _labels("prediction_label", prediction_label)
-        ignored = _labels("ignore_label", ignore_label)
-        if reference is None and (prediction is not None or ignored is not None):
-            raise InputError(
-                "label: expected the vessel's label next to prediction_label or ignore_label, received none"
-            )
-        if ignored is not None and (len(ignored) > 1 or ignored[0] in (reference or ())):
-            raise InputError(
-                f"ignore_label: expected one label, and not the vessel's, received {ignore_label!r}"
-            )
-        return MaskLabels(reference, prediction or reference, None if ignored is None else ignored[0])
-
-
-@dataclass(frozen=True)
-class MaskPairs:
-    """Reference masks with the predicted masks of the same names.
-
-    Parameters
-    ----------
-    references : Mapping[str, Path]
-        Files of the reference masks by name.
-    predictions : Mapping[str, Path]
-        Files of the predicted masks by name.
-    unused : tuple of str
-        Names of predictions that have no reference.
-    spacing_mm : tuple[float, float] or None
-        Pixel size (vertical, horizontal) in mm; None where it is not known.
-    labels : MaskLabels, optional
-        Labels that are scored.
-    """
-
-    references: Mapping[str, Path]
-    predictions: Mapping[str, Path]
-    unused: tuple[str, ...]
-    spacing_mm: tuple[float, float] | None
-    labels: MaskLabels = MaskLabels()
-
-    @property
-    def missing(self) -> list[str]:
-        """The references without a prediction."""
-        return [name for name in self.references if name not in self.predictions]
-
-
-def pair_masks(
-    prediction: Path, reference: Path, spacing_mm: Any, labels: MaskLabels = MaskLabels()
-) -> MaskPairs:
-    """Find the prediction that belongs to each reference, by name.
-
-    One file is paired with one file whatever their names.
-
-    Parameters
-    ----------
-    prediction : Path
-        File or folder of the predicted masks.
-    reference : Path
-        File or folder of the reference masks.
-    spacing_mm : Any
-        Pixel size in mm: one number, two (vertical, horizontal) or None.
-    labels : MaskLabels, optional
-        Labels that are scored.
-
-    Returns
-    -------
-    MaskPairs
-        The pairs.
-
-    Raises
-    ------
-    InputError
-        If a file is set against a folder, no name is shared, or the spacing is invalid.
-    """
-    spacing = require_spacing(spacing_mm)
-    if reference.is_file() and prediction.is_file():
-        return MaskPairs({reference.stem: reference}, {reference.stem: prediction}, (), spacing, labels)
-    if reference.is_file() or prediction.is_file():
-        kinds = {True: "a file", False: "a folder"}
-        raise InputError(
-            f"prediction: expected {kinds[reference.is_file()]}, as reference is, received "
-            f"{kinds[prediction.is_file()]} {prediction}"
-        )
-    references, found = image_files(reference), image_files(prediction)
-    predictions = {name: path for name, path in found.items() if name in references}
-    if not predictions:
-        raise InputError(
-            f"prediction: expected masks named as those in {reference} ({next(iter(references))}, ...), "
-            f"received none of these names in {prediction}"
-        )
-    unused = tuple(name for name in found if name not in references)
-    return MaskPairs(references, predictions, unused, spacing, labels)
-
-
-def require_spacing(value: Any) -> tuple[float, float] | None:
-    """Check a setting of the pixel size.
-
-    Parameters
-    ----------
-    value : Any
-        Pixel size in mm: one number, two (vertical, horizontal) or None.
-
-    Returns
-    -------
-    tuple[float, float] or None
-        Pixel size (vertical, horizontal) in mm; None if it is not known.
-
-    Raises
-    ------
-    InputError
-        If ``value`` is not one or two positive numbers or None.
-    """
-    if value is None:
-        return None
-    sides = list(value) if isinstance(value, (list, tuple)) else [value, value]
-    known = all(isinstance(side, (int, float)) and not isinstance(side, bool) for side in sides)
-    if len(sides) != 2 or not known or not all(np.isfinite(side) and side > 0 for side in sides):
-        raise InputError(
-            f"spacing_mm: expected one positive number, two (vertical, horizontal) or null, received {value!r}"
-        )
-    return float(sides[0]), float(sides[1])
 
 
 def mask_rows(pairs: MaskPairs, progress: Progress) -> Iterator[dict[str, Any]]:
@@ -280,29 +118,29 @@ def describe_masks(cases: pd.DataFrame, metrics: Mapping[str, float], pairs: Mas
     """
     unit = "px" if pairs.spacing_mm is None else "mm"
     shown = int(cases["missed"].notna().sum())
-    said = []
+    findings = []
     if shown:
-        said.append(
+        findings.append(
             f"{shown} masks with a vessel: mean DSC {metrics['dsc_mean']:.3f} (median {metrics['dsc_median']:.3f}), "
             f"mean HD95 {metrics[f'hd95_{unit}_mean']:.2f} {unit}, {int(cases['missed'].sum())} vessels missed."
         )
     empty = int(cases["false_alarm"].notna().sum())
     if empty:
-        said.append(f"{empty} masks without a vessel: {int(cases['false_alarm'].sum())} false alarms.")
+        findings.append(f"{empty} masks without a vessel: {int(cases['false_alarm'].sum())} false alarms.")
     if pairs.missing:
-        said.append(
+        findings.append(
             f"{len(pairs.missing)} of {len(cases)} predictions are missing and count as misses "
             f"(first: {pairs.missing[0]})."
         )
     if pairs.unused:
-        said.append(
+        findings.append(
             f"{len(pairs.unused)} predictions have no reference and are not scored (first: {pairs.unused[0]})."
         )
     if pairs.labels.reference is not None:
-        said.append(f"The vessel is label {_listed(pairs.labels.reference)} of the reference masks.")
+        findings.append(f"The vessel is label {_listed(pairs.labels.reference)} of the reference masks.")
     if pairs.spacing_mm is None:
-        said.append("Distances are in pixels: pass spacing_mm=<mm a pixel> to have them in millimetres.")
-    return tuple(said)
+        findings.append("Distances are in pixels: pass spacing_mm=<mm a pixel> to have them in millimetres.")
+    return tuple(findings)
 
 
 def mask_table(metrics: Mapping[str, float]) -> pd.DataFrame:
@@ -321,16 +159,6 @@ def mask_table(metrics: Mapping[str, float]) -> pd.DataFrame:
     import pandas as pd
 
     return pd.DataFrame([{name: metrics[name] for name in QUOTED if name in metrics}])
-
-
-def _labels(setting: str, value: Any) -> tuple[int, ...] | None:
-    if value is None:
-        return None
-    labels = tuple(value) if isinstance(value, (list, tuple)) else (value,)
-    whole = all(isinstance(one, int) and not isinstance(one, bool) and one > 0 for one in labels)
-    if not labels or not whole:
-        raise InputError(f"{setting}: expected a label from 1, several, or null, received {value!r}")
-    return tuple(dict.fromkeys(labels))
 
 
 def _require_labels(pairs: MaskPairs) -> None:

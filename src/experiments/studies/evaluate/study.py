@@ -17,15 +17,8 @@ from experiments.errors import InputError
 from experiments.inputs.paths import input_data, require_exists
 from experiments.outcome import Outcome, Progress
 from experiments.paths import PathSetting
-from experiments.studies.evaluate.masks import (
-    MaskLabels,
-    MaskPairs,
-    describe_masks,
-    mask_metrics,
-    mask_rows,
-    mask_table,
-    pair_masks,
-)
+from experiments.studies.evaluate.mask_pairs import MaskLabels, MaskPairs, pair_masks
+from experiments.studies.evaluate.masks import describe_masks, mask_metrics, mask_rows, mask_table
 from experiments.studies.evaluate.transforms import (
     TransformPairs,
     are_transforms,

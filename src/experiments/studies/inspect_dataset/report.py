@@ -222,9 +222,9 @@ def contact_sheet(frames: LabelledFrames, label: str, images: int, seed: int) ->
     for axes, index in zip(grid, chosen, strict=False):
         _picture(axes, frames.images[index], frames.masks[index])
         share = frames.masks[index].mean()
-        about = f"vessel {100 * share:.1f} %" if share else "no vessel"
+        vessel = f"vessel {100 * share:.1f} %" if share else "no vessel"
         axes.set_title(
-            f"{_short(frames.case_ids[index])}\n{_short(frames.groups[index])}, {about}", fontsize=7
+            f"{_short(frames.case_ids[index])}\n{_short(frames.groups[index])}, {vessel}", fontsize=7
         )
     figure.suptitle(f"{label}: {len(chosen)} of {len(frames)} images, mask outlined", fontsize="medium")
     return figure

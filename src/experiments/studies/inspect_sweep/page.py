@@ -9,12 +9,18 @@ import base64
 import io
 import json
 from html import escape
+from string import Template
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from experiments.outcome import Progress
-from experiments.reporting.labels import axis_label
+from experiments.studies.inspect_sweep.figures import (
+    evenly,
+    intervals_figure,
+    space_figure,
+    timeline_figure,
+)
 from registration import transforms
 
 if TYPE_CHECKING:
@@ -22,11 +28,8 @@ if TYPE_CHECKING:
 
     from registration.sweep import PosedFrames, TrackedSweep
 
-# So many outlines of image planes still let the path be seen.
-_MAX_PLANES = 40
 _JPEG_QUALITY = 80
-_BAR = {"title": "time_s", "len": 0.7, "y": 0.4, "thickness": 14}
-_KEPT, _DROPPED, _CHOSEN = "#2a6f97", "#d1495b", "#f2a541"
+_HEIGHTS = {"space": "560px", "intervals": "300px", "timeline": "260px"}
 
 
 def page(
@@ -65,38 +68,35 @@ def page(
     str
         The page as text.
     """
-    from plotly.offline import get_plotlyjs  # type: ignore[import-untyped]
-
     corners_mm = _corners_mm(sweep, posed)
-    shown = _evenly(len(sweep.images), shown_frames)
+    shown = evenly(len(sweep.images), shown_frames)
     viewer = [
         _viewed(sweep, posed, reasons, corners_mm, frame, shown_px)
         for frame in progress.track(shown.tolist(), "frames", total=len(shown))
     ]
-    plots = {
-        "space": _space(sweep, corners_mm),
-        "intervals": _intervals(sweep),
-        "timeline": _timeline(sweep, reasons),
-    }
-    content = {
-        "name": escape(name),
-        "rows": "\n".join(
-            f"<tr><th>{escape(what)}</th><td>{escape(value)}</td></tr>" for what, value in table.values
-        ),
-        "plotly": get_plotlyjs(),
-        "frames": _script_json(viewer),
-        "plots": _script_json({key: json.loads(figure.to_json()) for key, figure in plots.items()}),
-        "last": str(max(0, len(viewer) - 1)),
-    }
-    filled = _TEMPLATE
-    for key, text in content.items():
-        filled = filled.replace(f"@@{key}@@", text)
-    return filled
+    rows = (f"<tr><th>{escape(what)}</th><td>{escape(value)}</td></tr>" for what, value in table.values)
+    return _PAGE.substitute(
+        name=escape(name),
+        rows="\n".join(rows),
+        frames=_script_json(viewer),
+        last=max(0, len(viewer) - 1),
+        # The first plot brings the script of plotly.js along.
+        space=_plot("space", space_figure(sweep, corners_mm), include_plotlyjs=True),
+        intervals=_plot("intervals", intervals_figure(sweep)),
+        timeline=_plot("timeline", timeline_figure(sweep, reasons)),
+    )
 
 
-def _evenly(count: int, most: int) -> np.ndarray:
-    """At most ``most`` indices of ``count`` things, evenly chosen, first and last among them."""
-    return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(int))
+def _plot(name: str, figure: Any, include_plotlyjs: bool = False) -> str:
+    """An element of the page with the figure in it."""
+    drawn: str = figure.to_html(
+        {"responsive": True, "displaylogo": False},
+        full_html=False,
+        include_plotlyjs=include_plotlyjs,
+        div_id=name,
+        default_height=_HEIGHTS[name],
+    )
+    return drawn
 
 
 def _viewed(
@@ -107,7 +107,7 @@ def _viewed(
     frame: int,
     shown_px: int,
 ) -> dict[str, Any]:
-    """What the viewer shows of a frame: its picture, what is said of it, and its outline where it has a pose."""
+    """What the viewer shows of a frame: its picture, its caption, and its outline where it has a pose."""
     at = np.flatnonzero(posed.kept == frame)
     dropped = f", dropped: {reasons[frame]}" if reasons[frame] else ""
     return {
@@ -143,103 +143,8 @@ def _corners_mm(sweep: TrackedSweep, posed: PosedFrames) -> np.ndarray:
     return np.array([transforms.apply(matrix, around) for matrix in posed.world_A_pixel]).reshape(-1, 5, 3)
 
 
-def _space(sweep: TrackedSweep, corners_mm: np.ndarray) -> Any:
-    """The end effector's path and image planes; the last trace is the plane of the frame that is looked at."""
-    import plotly.graph_objects as go  # type: ignore[import-untyped]
-
-    path = sweep.world_T_ee[:, :3, 3]
-    some = _evenly(len(corners_mm), _MAX_PLANES)
-    gaps = np.full((len(some), 1, 3), np.nan)
-    planes = np.concatenate([corners_mm[some], gaps], axis=1).reshape(-1, 3)
-    figure = go.Figure()
-    elapsed_s = sweep.pose_times_s - sweep.pose_times_s[:1]
-    figure.add_scatter3d(
-        **_xyz(path),
-        mode="lines+markers",
-        name="end effector",
-        marker={"size": 2, "color": elapsed_s, "colorscale": "Viridis", "colorbar": _BAR},
-        line={"color": "#888888", "width": 2},
-    )
-    figure.add_scatter3d(**_xyz(planes), mode="lines", name="image planes", line={"color": _KEPT, "width": 1})
-    figure.add_scatter3d(
-        **_xyz(corners_mm[:1].reshape(-1, 3)),
-        mode="lines",
-        name="this frame",
-        line={"color": _CHOSEN, "width": 7},
-    )
-    axes = {f"{axis}axis": {"title": axis_label(f"{axis}_mm")} for axis in "xyz"}
-    figure.update_layout(
-        scene={"aspectmode": "data", "camera": {"eye": {"x": 1.6, "y": 1.6, "z": 1.1}}, **axes},
-        margin={"l": 0, "r": 0, "t": 0, "b": 0},
-        legend={"x": 0, "y": 1},
-    )
-    return figure
-
-
-def _intervals(sweep: TrackedSweep) -> Any:
-    """How far apart in time frames and poses are."""
-    from plotly.subplots import make_subplots  # type: ignore[import-untyped]
-
-    figure = make_subplots(rows=1, cols=2, subplot_titles=("between frames", "between poses"))
-    for column, times_s in enumerate((sweep.image_times_s, sweep.pose_times_s), start=1):
-        # Clocks are read to a microsecond at best: finer differences are rounding.
-        intervals_ms = np.diff(times_s).round(6) * 1e3
-        low_ms, high_ms = (intervals_ms.min(), intervals_ms.max()) if len(intervals_ms) else (0.0, 1.0)
-        # A steady clock gives one bar, which needs room on both sides to be seen.
-        margin_ms = max(0.05 * (high_ms - low_ms), 0.05 * high_ms)
-        counts, edges_ms = np.histogram(
-            intervals_ms, bins=60, range=(low_ms - margin_ms, high_ms + margin_ms)
-        )
-        centres_ms = (edges_ms[:-1] + edges_ms[1:]) / 2
-        figure.add_bar(
-            x=centres_ms.tolist(), y=counts.tolist(), width=float(edges_ms[1] - edges_ms[0]),
-            marker_color=_KEPT, row=1, col=column,
-        )  # fmt: skip
-        figure.update_xaxes(title=axis_label("interval_ms"), row=1, col=column)
-        figure.update_yaxes(title="Count", type="log", row=1, col=column)
-    figure.update_layout(showlegend=False, margin={"l": 50, "r": 10, "t": 30, "b": 40})
-    return figure
-
-
-def _timeline(sweep: TrackedSweep, reasons: np.ndarray) -> Any:
-    """When each frame was taken and what became of it, with the poses below."""
-    import plotly.graph_objects as go
-
-    figure = go.Figure()
-    start_s = min([*sweep.image_times_s[:1], *sweep.pose_times_s[:1]])
-    for reason in ["", *sorted({str(reason) for reason in reasons} - {""})]:
-        chosen = reasons == reason
-        label = f"dropped: {reason}" if reason else "frames with a pose"
-        figure.add_scatter(
-            x=(sweep.image_times_s[chosen] - start_s).tolist(),
-            y=[label] * int(chosen.sum()),
-            mode="markers",
-            name=label,
-            marker={"color": _DROPPED if reason else _KEPT, "symbol": "line-ns-open", "size": 10},
-        )
-    figure.add_scatter(
-        x=(sweep.pose_times_s - start_s).tolist(),
-        y=["poses"] * len(sweep.pose_times_s),
-        mode="markers",
-        name="poses",
-        marker={"color": "#888888", "symbol": "line-ns-open", "size": 10},
-    )
-    figure.update_xaxes(title=axis_label("time_s"))
-    figure.update_layout(showlegend=False, margin={"l": 10, "r": 10, "t": 10, "b": 40})
-    figure.update_yaxes(automargin=True)
-    return figure
-
-
-def _xyz(points_mm: np.ndarray) -> dict[str, list[float | None]]:
-    """Coordinates as plotly takes them, where None breaks a line."""
-    return {
-        axis: [None if np.isnan(value) else round(float(value), 3) for value in points_mm[:, index]]
-        for index, axis in enumerate("xyz")
-    }
-
-
-_TEMPLATE = """<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><title>@@name@@</title>
+_PAGE = Template("""<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8"><title>$name</title>
 <style>
 body { font-family: system-ui, sans-serif; margin: 1.2rem; color: #222; max-width: 1500px; }
 h1 { font-size: 1.3rem; } h2 { font-size: 1.05rem; margin: 1.2rem 0 .4rem; }
@@ -248,24 +153,18 @@ th, td { padding: .15rem .8rem .15rem 0; vertical-align: top; }
 .pair { display: grid; grid-template-columns: minmax(320px, 1fr) minmax(420px, 1.4fr); gap: 1.2rem; }
 #picture { width: 100%; max-height: 520px; object-fit: contain; background: #000; }
 #scrub { width: 100%; } #label { font-variant-numeric: tabular-nums; }
-#space { height: 560px; } #intervals { height: 300px; } #timeline { height: 260px; }
 </style></head><body>
-<h1>@@name@@</h1>
-<table>@@rows@@</table>
+<h1>$name</h1>
+<table>$rows</table>
 <div class="pair">
 <div><h2>Frames</h2><img id="picture" alt="ultrasound frame">
-<input id="scrub" type="range" min="0" max="@@last@@" value="0" aria-label="frame"><div id="label"></div></div>
-<div><h2>Probe path and image planes (world, mm)</h2><div id="space"></div></div>
+<input id="scrub" type="range" min="0" max="$last" value="0" aria-label="frame"><div id="label"></div></div>
+<div><h2>Probe path and image planes (world, mm)</h2>$space</div>
 </div>
-<h2>Timing</h2><div id="intervals"></div>
-<h2>Frames kept and dropped</h2><div id="timeline"></div>
-<script>@@plotly@@</script>
+<h2>Timing</h2>$intervals
+<h2>Frames kept and dropped</h2>$timeline
 <script>
-const frames = @@frames@@;
-const plots = @@plots@@;
-for (const [name, plot] of Object.entries(plots)) {
-  Plotly.newPlot(name, plot.data, plot.layout, {responsive: true, displaylogo: false});
-}
+const frames = $frames;
 const scrub = document.getElementById("scrub");
 function show() {
   const frame = frames[Number(scrub.value)];
@@ -273,9 +172,9 @@ function show() {
   document.getElementById("picture").src = frame.picture;
   document.getElementById("label").textContent = frame.label;
   const [x, y, z] = frame.outline || [[], [], []];
-  Plotly.restyle("space", {x: [x], y: [y], z: [z]}, [plots.space.data.length - 1]);
+  Plotly.restyle("space", {x: [x], y: [y], z: [z]}, [document.getElementById("space").data.length - 1]);
 }
 scrub.addEventListener("input", show);
 show();
 </script></body></html>
-"""
+""")

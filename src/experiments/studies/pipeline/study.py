@@ -2,31 +2,21 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments import files
-from experiments.analysis.registration.reconstruction_faults import (
-    mask_record,
-    numbers,
-    sentences,
-    surface_record,
-)
-from experiments.analysis.registration.simulated_truth import targets_of, truth_record
+from experiments.analysis.registration.reconstruction_faults import mask_record, surface_record
+from experiments.analysis.registration.simulated_truth import targets_of
 from experiments.errors import InputError
 from experiments.inputs.surfaces import one_method
 from experiments.outcome import Outcome, Progress
 from experiments.paths import PathSetting
-from registration import transforms
+from experiments.studies.pipeline.report import LeftOut, Registered, outcome, write
 from registration.centerline.extractor import CenterlineExtractor
 from registration.errors import InputError as RegistrationInputError
-from registration.io.centerlines import write_centerline
-from registration.io.surfaces import write_surface
 from registration.metrics.surface_distance import pose_error, surface_residuals
 from registration.phantom.scan import simulate_sweep
 from registration.phantom.settings import PhantomSettings
@@ -36,62 +26,13 @@ from registration.reconstruction.mask_outliers import MaskOutliers
 from registration.reconstruction.surface import SurfaceMethod
 from registration.reconstruction.taubin import TaubinSmoothing
 from registration.reconstruction.vessel_pieces import VesselPieces
-from registration.rigid.result import verdict_sentence
 from registration.synchronisation import synchronise
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from registration.metrics.surface_distance import PoseError, SurfaceResiduals
     from registration.phantom.scan import SimulatedSweep
     from registration.rigid.result import RigidResult
-
-
-@dataclass(frozen=True)
-class LeftOut:
-    """Records of what the reconstruction left out.
-
-    Parameters
-    ----------
-    masks : dict
-        What was left out of the masks.
-    surface : dict or None
-        What was left out of the surface; None where there is no surface.
-    """
-
-    masks: dict[str, Any]
-    surface: dict[str, Any] | None
-
-
-@dataclass(frozen=True)
-class Registered:
-    """What the geometric half of the chain found, with its error.
-
-    Parameters
-    ----------
-    cloud_mm : ndarray, shape (p, 3)
-        Point cloud in the world frame in mm.
-    built : Reconstructed or None
-        Surface and centerline; None where no surface can be made.
-    refusal : str
-        Why there is no surface; empty otherwise.
-    left_out : LeftOut
-        What the reconstruction left out.
-    result : RigidResult
-        Result of the registration.
-    residuals : SurfaceResiduals
-        Residuals between the cloud and the model.
-    error : PoseError
-        Error of the pose against the truth.
-    """
-
-    cloud_mm: np.ndarray
-    built: Reconstructed | None
-    refusal: str
-    left_out: LeftOut
-    result: RigidResult
-    residuals: SurfaceResiduals
-    error: PoseError
 
 
 def check(*, model_path: PathSetting) -> None:
@@ -218,9 +159,9 @@ def run(
         mask_record(gathered, posed.kept), None if built is None else surface_record(built, posed.kept)
     )
     found = Registered(cloud_mm, built, refusal, left_out, result, residuals, error)
-    _write(workspace, truth, found, name)
+    write(workspace, truth, found, name)
     masks = probability >= predictor.threshold
-    return _outcome(
+    return outcome(
         _score_frames(masks, truth), found, seconds, truth, masks, name, sum(posed.dropped.values())
     )
 
@@ -254,96 +195,3 @@ def _score_frames(masks: np.ndarray, truth: SimulatedSweep) -> pd.DataFrame:
     spacing_mm = truth.sweep.calibration.spacing_mm
     scores = [score_case(mask, exact, spacing_mm) for mask, exact in zip(masks, truth.masks, strict=True)]
     return pd.DataFrame([{"frame": index, **vars(score)} for index, score in enumerate(scores)])
-
-
-def _write(workspace: Path, truth: SimulatedSweep, found: Registered, name: str) -> None:
-    write_surface(workspace / "cloud.ply", found.cloud_mm)
-    if found.built is not None:
-        write_surface(workspace / "surface.ply", found.built.surface)
-        if found.built.centerline is not None:
-            write_centerline(workspace / "centerline.vtp", found.built.centerline)
-    write_surface(workspace / "moved.ply", transforms.apply(found.result.fixed_T_moving, found.cloud_mm))
-    write_surface(workspace / "model.ply", truth.model)
-    # The cloud lies in the world and the model in the ct frame, so the truth is ct_T_world.
-    files.write_text(workspace / "truth.json", json.dumps(truth_record(truth)))
-    result = found.result
-    record = {
-        "rigid": name,
-        "fixed_T_moving": result.fixed_T_moving.tolist(),
-        "verdict": result.verdict,
-        "reason": result.reason,
-        "reconstruction": {"mask_check": found.left_out.masks, "surface": found.left_out.surface},
-    }
-    files.write_text(workspace / "registration.json", json.dumps(record))
-
-
-def _outcome(
-    cases: pd.DataFrame,
-    found: Registered,
-    seconds: dict[str, float],
-    truth: SimulatedSweep,
-    masks: np.ndarray,
-    name: str,
-    dropped: int,
-) -> Outcome:
-    import pandas as pd
-
-    from experiments.studies.pipeline.figures import figures
-    from models.metrics.scoring import summarise
-
-    scores = summarise({key: cases[key] for key in ("dsc", "hd95_mm", "missed", "false_alarm")})
-    residuals = {
-        key: float(getattr(found.residuals, key))
-        for key in (
-            "rmse_mm",
-            "rmse_trimmed_mm",
-            "rmse_bidirectional_mm",
-            "hd95_mm",
-            "inlier_share",
-            "coverage",
-        )
-    }
-    # hd95_mm of a case is that of masks; the surfaces' own goes by its place in the chain.
-    residuals["surface_hd95_mm"] = residuals.pop("hd95_mm")
-    error = {key: float(value) for key, value in vars(found.error).items()}
-    metrics = {
-        **scores,
-        **residuals,
-        **error,
-        **seconds,
-        "points": len(found.cloud_mm),
-        "frames_dropped": dropped,
-        **numbers(found.left_out.masks, found.left_out.surface),
-    }
-    row = {
-        "rigid": name,
-        "dsc": scores["dsc_mean"],
-        "rmse_mm": residuals["rmse_mm"],
-        "tre_mm": error["tre_mm"],
-        "verdict": found.result.verdict,
-    }
-    finding = (
-        f"{name}: {residuals['rmse_mm']:.2f} mm RMSE to the model and {error['tre_mm']:.2f} mm TRE on a simulated "
-        f"sweep whose frames were segmented with a mean DSC of {scores['dsc_mean']:.3f}."
-    )
-    return Outcome(
-        metrics=metrics,
-        cases=cases.assign(simulated=True),
-        tables={
-            "One unseen sweep, simulated": pd.DataFrame([row]),
-            "Seconds by stage": pd.DataFrame([seconds]),
-        },
-        figures=figures(truth, masks, found.cloud_mm, found.result.fixed_T_moving),
-        findings=(finding, verdict_sentence(found.result), *_gaps(found)),
-        tags={"rigid": name, "simulated": "true", "verdict": found.result.verdict},
-    )
-
-
-def _gaps(found: Registered) -> tuple[str, ...]:
-    """What the reconstruction lacks, in sentences."""
-    said = sentences(found.left_out.masks, found.left_out.surface)
-    if found.built is None:
-        return (*said, f"There is no surface: {found.refusal}.")
-    if found.built.centerline is None:
-        return (*said, f"There is no centerline: {found.built.refusal}.")
-    return said

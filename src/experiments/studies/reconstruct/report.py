@@ -1,4 +1,4 @@
-"""What is said of a reconstructed sweep: its record, tables, metrics, sentences and page."""
+"""What is reported of a reconstructed sweep: its record, tables, metrics, sentences and page."""
 
 from __future__ import annotations
 
@@ -252,24 +252,24 @@ def remarks(found: Reconstructed, report: Mapping[str, Any]) -> tuple[str, ...]:
         Sentences.
     """
     frames, quality, coverage = (report[key] for key in ("frames", "quality", "coverage"))
-    said = [
+    findings = [
         f"{frames['with_vessel']} of {frames['with_pose']} frames with a pose show the vessel; the surface has "
         f"{quality['triangles']} triangles and a measured point within {coverage['near_mm']:g} mm on "
         f"{coverage['surface_near_points']:.1%} of its area."
     ]
     if coverage["points_near_surface"] < MAX_POINTS_NEAR:
-        said.append(
+        findings.append(
             f"{1 - coverage['points_near_surface']:.1%} of the points lie farther than {coverage['near_mm']:g} mm from "
             f"the surface: they belong to pieces that were left out, or to none."
         )
-    said += sentences(report["mask_check"], report["surface"])
+    findings += sentences(report["mask_check"], report["surface"])
     if quality["holes"]:
-        said.append(f"The surface has {quality['holes']} holes in its wall.")
+        findings.append(f"The surface has {quality['holes']} holes in its wall.")
     if not (quality["manifold"] and quality["oriented"]):
-        said.append("The surface crosses or doubles itself: what lies inside is not certain everywhere.")
+        findings.append("The surface crosses or doubles itself: what lies inside is not certain everywhere.")
     if found.centerline is None:
-        said.append(f"There is no centerline: {found.refusal}.")
-    return tuple(said)
+        findings.append(f"There is no centerline: {found.refusal}.")
+    return tuple(findings)
 
 
 def scene(found: Reconstructed, report: Mapping[str, Any], name: str) -> Scene:

@@ -67,7 +67,7 @@ def register_scene(pair: Pair, fixed_T_moving: np.ndarray, method: str, findings
         title=f"{pair.moving.path.name} on {pair.fixed.path.name} by {method}",
         notes=notes,
         space="fixed (LPS)",
-        values_name="distance to fixed, mm",
+        values_name="Distance to fixed (mm)",
         values_range_mm=(0.0, max(top_mm, 1e-3)),
     )
 

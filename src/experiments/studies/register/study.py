@@ -199,7 +199,7 @@ def run(
 
 
 def _registered(method: Any, pair: Pair, moving_points: int, fixed_points: int, seed: int) -> RigidResult:
-    """The method's result for clouds drawn from both surfaces, with all that is known besides."""
+    """The method's result for clouds drawn from both surfaces, with centerlines and what is known of the pose."""
     draws = np.random.default_rng(seed).spawn(2)
     lines_mm = [side.centerline_mm(CENTERLINE_POINTS) for side in (pair.moving, pair.fixed)]
     # A straight line says no more than the axis of its surface, and a search along it has nothing to hold on to.

@@ -113,7 +113,7 @@ def _compared(cases: pd.DataFrame, reference: str, other: str, *, alone: bool) -
         "first_only": won.first_only,
         "second_only": won.second_only,
         "mcnemar_p": won.p,
-        "mcnemar_least_p": won.least_p,
+        "mcnemar_min_attainable_p": won.min_attainable_p,
     }
     if alone:
         return row
@@ -124,6 +124,6 @@ def _compared(cases: pd.DataFrame, reference: str, other: str, *, alone: bool) -
     test = SignedRank()(*rates)
     return row | {
         "signed_rank_p": test.p,
-        "signed_rank_least_p": test.least_p,
+        "signed_rank_min_attainable_p": test.min_attainable_p,
         "rank_biserial": test.rank_biserial,
     }

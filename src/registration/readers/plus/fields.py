@@ -53,7 +53,7 @@ def read_sequence(path: Path, orientation: str | None = None) -> PlusSequence:
 
 
 def write_sequence(path: Path, sequence: PlusSequence, compressed: bool = True) -> None:
-    """Write a sequence file as a whole, in the format that the suffix names.
+    """Write a sequence file atomically, in the format that the suffix names.
 
     Parameters
     ----------

@@ -85,7 +85,7 @@ class TransformTree:
         Raises
         ------
         InputError
-            If the chain is not whole.
+            If a link of the chain is missing.
         """
         known = [*self.moving, *self.static]
         try:
@@ -124,7 +124,7 @@ class TransformTree:
         Raises
         ------
         InputError
-            If the chain is not whole or does not move, or times of a link run backwards.
+            If a link of the chain is missing or does not move, or times of a link run backwards.
         """
         edges = {pair: matrix[-1][1] for pair, matrix in self.moving.items()} | self.static
         links = self.chain_links(world, ee, name)

@@ -31,7 +31,7 @@ def test_every_pair_by_group() -> None:
     assert row["mean_difference"] == expected.mean_difference.estimate < 0
     assert row["mean_difference_ci_low"] == expected.mean_difference.low
     assert row["median_difference"] == expected.median_difference.estimate
-    assert row["p"] == row["least_p"] == 2 / 2**9 and row["rank_biserial"] == -1.0
+    assert row["p"] == row["min_attainable_p"] == 2 / 2**9 and row["rank_biserial"] == -1.0
     assert found["p_holm"].to_list() == pytest.approx(holm(found["p"]))
     assert found["equivalence_p_holm"].to_list() == pytest.approx(holm(found["equivalence_p"]))
 
@@ -58,7 +58,7 @@ def test_a_small_but_certain_difference_is_both() -> None:
 def test_few_groups_show_nothing() -> None:
     found = compared(scored_cases({"unet": 0.0, "better": 0.3}, groups=4))
     assert found["verdict"].to_list() == ["no difference shown"]
-    assert found["p"].to_list() == found["least_p"].to_list() == [0.125]
+    assert found["p"].to_list() == found["min_attainable_p"].to_list() == [0.125]
     same = compared(scored_cases({"unet": 0.0, "same": 0.0}, groups=4))
     assert same["verdict"].to_list() == ["no difference shown"] and not same["equivalent"].any()
 

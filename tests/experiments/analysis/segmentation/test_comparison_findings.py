@@ -69,7 +69,7 @@ def test_cases_left_out_and_nothing_shared_are_told() -> None:
         "mean_difference": "",
         "rank_biserial": "",
         "p_holm": "",
-        "least_p": "",
+        "min_attainable_p": "",
         "verdict": "nothing to compare",
     }
     assert comparison_metrics(apart) == {}

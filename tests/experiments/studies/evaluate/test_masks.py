@@ -12,16 +12,8 @@ from PIL import Image
 
 from experiments.errors import InputError
 from experiments.outcome import Silent
-from experiments.studies.evaluate.masks import (
-    MaskLabels,
-    MaskPairs,
-    describe_masks,
-    mask_metrics,
-    mask_rows,
-    mask_table,
-    pair_masks,
-    require_spacing,
-)
+from experiments.studies.evaluate.mask_pairs import MaskLabels, MaskPairs, pair_masks, require_spacing
+from experiments.studies.evaluate.masks import describe_masks, mask_metrics, mask_rows, mask_table
 from models.metrics import masks
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from plotly_pages import figure_of, numbers
 from sweeps import known_sweep
 
 from experiments.errors import InputError
@@ -86,7 +87,25 @@ def test_page_needs_nothing_beside_it(tmp_path: Path) -> None:
     _, html = looked_at(tmp_path, known_sweep())
     assert not re.search(r"<(script|link|img)[^>]+(src|href)=[\"']?http", html)
     assert len(html) > 1_000_000  # the plotting library is in it
-    assert "@@" not in html.replace("@@iterator", "").split("<script>")[0]
+    assert "$" not in html.split("<script")[0]
+
+
+def test_page_shows_the_path_the_planes_and_the_times(tmp_path: Path) -> None:
+    sweep = with_late_frames()
+    _, html = looked_at(tmp_path, sweep)
+    path, planes, chosen = figure_of(html, "space")["data"]
+    np.testing.assert_allclose(numbers(path["x"]), sweep.world_T_ee[:, 0, 3], rtol=1e-6)
+    # Each of the four planes: its outline of five points, then a gap.
+    assert np.flatnonzero(np.isnan(numbers(planes["x"]))).tolist() == [5, 11, 17, 23]
+    assert chosen["name"] == "this frame"
+    between_frames, between_poses = figure_of(html, "intervals")["data"]
+    assert numbers(between_frames["y"]).sum() == 5
+    assert numbers(between_poses["y"]).sum() == 27
+    assert [trace["name"] for trace in figure_of(html, "timeline")["data"]] == [
+        "frames with a pose",
+        "dropped: after the last pose",
+        "poses",
+    ]
 
 
 def test_only_so_many_frames_are_shown(tmp_path: Path) -> None:

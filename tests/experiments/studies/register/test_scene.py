@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from plotly_pages import figure_of
 from scipy.spatial.transform import Rotation
 from tubes import tube
 
@@ -74,6 +74,5 @@ def test_clouds_are_shown_as_points(tmp_path: Path) -> None:
     scene = register_scene(pair, TURN, "multistart", ["</script><b>"])
     scene.write(tmp_path / "scene.html")
     page = (tmp_path / "scene.html").read_text(encoding="utf-8")
-    content = json.loads(page.partition('id="content">')[2].partition("</script>")[0])
-    assert [trace["type"] for trace in content["data"]] == ["scatter3d"] * 3
+    assert [trace["type"] for trace in figure_of(page, "scene")["data"]] == ["scatter3d"] * 3
     assert "&lt;/script&gt;" in page

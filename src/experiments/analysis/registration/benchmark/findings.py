@@ -46,9 +46,9 @@ def describe_benchmark(cases: pd.DataFrame) -> tuple[str, ...]:
             index=False
         ):
             said.append(
-                f"{row.first} is right alone in {row.first_only} cases, {row.second} in {row.second_only} (McNemar's "
-                f"test by anatomy: p = {row.p:.2g}, at least {row.least_p:.2g} with {row.anatomies} anatomies; Holm "
-                f"{row.p_holm:.2g})."
+                f"{row.first} is right alone in {row.first_only} cases, {row.second} in {row.second_only} "
+                f"(McNemar's test by anatomy: p = {row.p:.2g}, at least {row.min_attainable_p:.2g} "
+                f"with {row.anatomies} anatomies; Holm {row.p_holm:.2g})."
             )
     return tuple(said)
 

@@ -116,7 +116,7 @@ def test_methods_are_compared_by_anatomy() -> None:
     """Anatomies won by 2, lost by 1, won by 1: of 8 patterns of signs six are as far from even as 2 + 1 against 1."""
     compared = benchmark_tables(pd.concat([MINE, OTHER]))["comparison of methods, simulated"].iloc[0]
     assert compared["p"] == pytest.approx(0.75)
-    assert compared["least_p"] == pytest.approx(0.25)
+    assert compared["min_attainable_p"] == pytest.approx(0.25)
     assert compared["p_holm"] == pytest.approx(0.75)
 
 
