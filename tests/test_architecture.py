@@ -41,8 +41,8 @@ LAYERS: dict[str, list[list[str]]] = {
         ["models.networks", "models.preprocessing", "models.metrics"],
         ["models.checkpoint"],
         ["models.predictor"],
-        ["models.training", "models.evaluation", "models.calibration", "models.postprocessing"],
         ["models.averaging"],
+        ["models.training", "models.evaluation", "models.calibration", "models.postprocessing"],
         ["models.train"],
     ],
     "registration": [

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import cast
 
 import numpy as np
@@ -14,6 +14,7 @@ from torch.utils.data import (
     DataLoader,
     Dataset,
     RandomSampler,
+    Sampler,
     SequentialSampler,
     TensorDataset,
 )
@@ -22,6 +23,7 @@ from models.labelled_frames import LabelledFrames
 from models.preprocessing.preprocessing import Preprocessing
 from models.seeds import AUGMENTATION, SHUFFLING, seed_of
 from models.training.augmentation import Augmentation
+from models.training.sampling import EmptyFrameSampler
 
 Batch = list[Tensor]
 
@@ -41,6 +43,8 @@ class FoldData(LightningDataModule):
         Number of images in a batch.
     seed : int
         Seed of the shuffling and the augmentation.
+    empty_weight : float, optional
+        How often an image without a vessel is drawn in an epoch.
     """
 
     def __init__(
@@ -51,6 +55,7 @@ class FoldData(LightningDataModule):
         augmentation: Augmentation,
         batch_size: int,
         seed: int,
+        empty_weight: float = 1.0,
     ) -> None:
         super().__init__()
         self.preprocessing = preprocessing
@@ -60,6 +65,7 @@ class FoldData(LightningDataModule):
         self.train_set = prepared(train, preprocessing)
         self.validation_set = prepared(validation, preprocessing)
         self._shuffle_generator = Generator()
+        self._order = self._training_order(empty_weight)
         self._augmentation_generator: Generator | None = None
         self.begin_epoch(0)
 
@@ -78,7 +84,7 @@ class FoldData(LightningDataModule):
     @property
     def steps_per_epoch(self) -> int:
         """Number of batches in an epoch."""
-        return -(-len(self.train_set) // self.batch_size)
+        return -(-len(self._order) // self.batch_size)
 
     def train_dataloader(self) -> DataLoader[Batch]:
         """Load training batches, shuffled anew in each epoch.
@@ -88,7 +94,7 @@ class FoldData(LightningDataModule):
         DataLoader
             Images and masks at the network's size, not normalised.
         """
-        return self._loader(RandomSampler(self.train_set, generator=self._shuffle_generator), self.train_set)
+        return self._loader(self._order, self.train_set)
 
     def val_dataloader(self) -> DataLoader[Batch]:
         """Load validation batches in order.
@@ -99,6 +105,23 @@ class FoldData(LightningDataModule):
             Images and masks at the network's size, not normalised.
         """
         return self._loader(SequentialSampler(self.validation_set), self.validation_set)
+
+    def plain_training_images(self, device: torch.device) -> Iterator[Tensor]:
+        """Take the training images as a network sees them in use: in order, not augmented.
+
+        Parameters
+        ----------
+        device : torch.device
+            Where they are needed.
+
+        Yields
+        ------
+        Tensor, shape (b, 1, s, s)
+            Normalised images in channels-last layout.
+        """
+        for images, _ in self._loader(SequentialSampler(self.train_set), self.train_set):
+            normalised = self.preprocessing.normalise(images.to(device))
+            yield normalised.contiguous(memory_format=torch.channels_last)
 
     def on_after_batch_transfer(self, batch: Batch, dataloader_idx: int) -> Batch:
         """Augment (in training) and normalise a batch on the device.
@@ -123,6 +146,12 @@ class FoldData(LightningDataModule):
             images, masks = self.augmentation(images, masks, self._augmentation_generator)
         images = self.preprocessing.normalise(images)
         return [images.contiguous(memory_format=torch.channels_last), masks]
+
+    def _training_order(self, empty_weight: float) -> Sampler[int]:
+        if empty_weight == 1:
+            return RandomSampler(self.train_set, generator=self._shuffle_generator)
+        shown = self.train_set.tensors[1].flatten(1).any(dim=1)
+        return EmptyFrameSampler(shown, empty_weight, self._shuffle_generator)
 
     def _loader(self, order: Iterable[int], frames: TensorDataset) -> DataLoader[Batch]:
         # A whole batch is one indexing of a tensor; collating it from single images would cost more than the indexing.

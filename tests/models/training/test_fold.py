@@ -1,5 +1,8 @@
 import dataclasses
+import os
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -13,12 +16,18 @@ from models.networks.unet import UNet
 from models.predictor import Predictor
 from models.preprocessing.preprocessing import Preprocessing
 from models.training.augmentation import Augmentation
-from models.training.fold import TrainedFold, initial_network, train_fold
+from models.training.datamodule import prepared
+from models.training.fold import TrainedFold, train_fold
+from models.training.initialisation import Pretrained, initial_network
 from models.training.losses import DiceCrossEntropy
+from models.training.segmenter import Segmenter
 from models.training.settings import TrainerSettings
 from models.training.spec import FoldTraining
+from models.weights import weights_digest
 
 RECIPE = UNet(width=4, depth=3)
+# Wide enough for torch to divide sums among threads.
+WIDE = UNet(width=16, depth=3)
 TRAIN, VALIDATION = drawn_frames(16, seed=0), drawn_frames(6, seed=1)
 MEASURED = ("images_per_s", "peak_memory_mb")
 
@@ -37,9 +46,9 @@ def trained(
     epochs: int = 2,
     state: Path | None = None,
     on_epoch=None,
+    **changes: object,
 ) -> TrainedFold:
     training = FoldTraining(
-        model=RECIPE,
         train=TRAIN,
         validation=VALIDATION,
         preprocessing=Preprocessing(32),
@@ -48,6 +57,7 @@ def trained(
         loss=DiceCrossEntropy(),
         seed=seed,
         fold=fold,
+        **{"model": RECIPE, **changes},
     )
     return train_fold(training, directory=directory, state_directory=state, on_epoch=on_epoch)
 
@@ -81,6 +91,10 @@ def test_the_checkpoint_is_that_of_the_best_epoch(tmp_path) -> None:
         "fold": 0,
         "epoch": result.best_epoch,
         "validation_dsc": result.best_validation_dsc,
+        "late_weights": "none",
+        "init": "shared_random",
+        "start": weights_digest(initial_network(RECIPE, 0).state_dict()),
+        "start_source": "random weights of seed 0",
     }
     assert [path.name for path in tmp_path.iterdir()] == ["model.pt"]
 
@@ -91,6 +105,52 @@ def test_the_same_seed_gives_the_same_weights_and_others_do_not(tmp_path) -> Non
     assert same(first, weights(trained(tmp_path / "b")))
     assert not same(first, weights(trained(tmp_path / "c", seed=1)))
     assert not same(first, weights(trained(tmp_path / "d", fold=1)))
+
+
+def test_the_weights_do_not_depend_on_the_threads_in_force_around_a_training(tmp_path) -> None:
+    before = torch.get_num_threads()
+    found = []
+    try:
+        for threads in (1, 2, 3):
+            torch.set_num_threads(threads)
+            found.append(weights(trained(tmp_path / str(threads), epochs=1, model=WIDE)))
+            assert torch.get_num_threads() == threads
+    finally:
+        torch.set_num_threads(before)
+    assert same(found[0], found[1]) and same(found[0], found[2])
+
+
+def test_two_processes_at_the_same_time_give_the_weights_of_one(tmp_path) -> None:
+    alone = trained(tmp_path / "alone", epochs=1, model=WIDE)
+    folders = [tmp_path / str(threads) for threads in (1, 2)]
+    code = "import sys; from pathlib import Path; import test_fold as t; "
+    code += "t.trained(Path(sys.argv[1]), epochs=1, model=t.WIDE)"
+    places = os.pathsep.join((str(Path(__file__).parent), *sys.path))
+    running = [
+        subprocess.Popen(
+            [sys.executable, "-c", code, str(folder)],
+            env={**os.environ, "PYTHONPATH": places, "OMP_NUM_THREADS": folder.name},
+        )
+        for folder in folders
+    ]
+    assert [process.wait() for process in running] == [0, 0]
+    for folder in folders:
+        assert same(weights(alone), dict(Checkpoint.load(folder / "model.pt").weights))
+
+
+def test_every_fold_starts_from_the_weights_of_the_file(tmp_path) -> None:
+    start = trained(tmp_path / "start")
+    still = settings(1, learning_rate=1e-12, weight_decay=0.0)
+    init = Pretrained(start.checkpoint, allow_seen_data=True)
+    for fold in (0, 1):
+        result = trained(tmp_path / str(fold), trainer=still, fold=fold, initialisation=init)
+        moved = weights(result)
+        for name, tensor in weights(start).items():
+            if "running" not in name and "num_batches" not in name:
+                torch.testing.assert_close(moved[name], tensor, atol=1e-9, rtol=0)
+        notes = Checkpoint.load(result.checkpoint).notes
+        assert notes["init"] == "pretrained" and notes["start_source"] == "weights trained on unknown data"
+        assert notes["start"] == weights_digest(weights(start))
 
 
 def test_training_leaves_torch_as_it_was(tmp_path) -> None:
@@ -181,6 +241,41 @@ def test_an_interrupted_training_is_resumed_to_the_same_result(tmp_path, schedul
         last["optimiser"]["state"].values(), expected["optimiser"]["state"].values(), strict=True
     ):
         assert same(moments, others)
+
+
+@pytest.mark.parametrize(("late", "selection"), [("ema", "smoothed"), ("swa", "last")])
+def test_averaged_weights_are_resumed_to_the_same_result(tmp_path, late: str, selection: str) -> None:
+    budget = settings(4, late_weights=late, selection=selection, selection_epochs=2, swa_share=0.8)
+    whole = trained(tmp_path / "whole", trainer=budget)
+    with pytest.raises(InterruptionError):
+        trained(tmp_path / "x", trainer=budget, state=tmp_path / "s", on_epoch=interrupt_after(2))
+    resume = dataclasses.replace(budget, resume=True)
+    resumed = trained(tmp_path / "resumed", trainer=resume, state=tmp_path / "s")
+    assert comparable(resumed) == comparable(whole) and same(weights(resumed), weights(whole))
+    if selection == "last":
+        assert whole.best_epoch == 3
+
+
+def test_what_is_kept_is_what_was_validated(tmp_path) -> None:
+    plain = trained(tmp_path / "plain", trainer=settings(4, selection="last"))
+    averaged = trained(tmp_path / "ema", trainer=settings(4, selection="last", late_weights="ema"))
+    for result in (plain, averaged):
+        module = Segmenter(
+            Checkpoint.load(result.checkpoint).network(), DiceCrossEntropy(), settings(4), lambda step: 1.0
+        )
+        images, masks = prepared(VALIDATION, Preprocessing(32)).tensors
+        with torch.inference_mode():
+            for first in range(0, len(images), 4):
+                batch = [
+                    Preprocessing(32).normalise(images[first : first + 4]),
+                    masks[first : first + 4].float(),
+                ]
+                module.validation_step(batch, 0)
+        dsc = module.take_measures()["validation_dsc"]
+        assert dsc == pytest.approx(result.history[-1]["validation_dsc"], abs=1e-4)
+    # The same steps were made: only what was validated differs.
+    assert [one["train_loss"] for one in plain.history] == [one["train_loss"] for one in averaged.history]
+    assert not same(weights(plain), weights(averaged))
 
 
 def test_a_training_can_be_interrupted_again_and_again(tmp_path) -> None:
