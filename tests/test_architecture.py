@@ -38,10 +38,18 @@ KEPT_IN = {
 LAYERS: dict[str, list[list[str]]] = {
     "models": [
         ["models"],
-        ["models.networks", "models.preprocessing", "models.metrics"],
+        [
+            "models.networks",
+            "models.preprocessing",
+            "models.metrics",
+            "models.calibration",
+            "models.postprocessing",
+        ],
+        ["models.weights_file"],
         ["models.checkpoint"],
+        ["models.model_file"],
         ["models.predictor"],
-        ["models.training", "models.evaluation", "models.calibration", "models.postprocessing"],
+        ["models.training", "models.evaluation", "models.export"],
         ["models.averaging"],
         ["models.train"],
     ],
