@@ -67,6 +67,7 @@ class Carotid:
     unpaired: str = REFUSE
 
     name: ClassVar[str] = "carotid"
+    licence: ClassVar[str] = "CC BY 4.0"
 
     def __post_init__(self) -> None:
         if self.group_by not in (SUBJECT, RECORDING):

@@ -52,6 +52,24 @@ def reported_name(dataset: DataSet) -> str:
     return f"{name_of(dataset)} ({count} unpaired left out)" if count else name_of(dataset)
 
 
+def licence_of(dataset: DataSet) -> str:
+    """Return the licence of a data set.
+
+    Parameters
+    ----------
+    dataset : DataSet
+        Any data set.
+
+    Returns
+    -------
+    str
+        Its ``licence``; ``simulated`` for simulated images, ``licence not stated`` where it has none.
+    """
+    if getattr(dataset, "simulate", False) or getattr(dataset, "root", None) is None:
+        return "simulated"
+    return str(getattr(dataset, "licence", "licence not stated"))
+
+
 def label_of(dataset: DataSet, frames: LabelledFrames) -> str:
     """Return the name as results have it, marked where the frames are simulated.
 

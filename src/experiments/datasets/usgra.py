@@ -63,6 +63,7 @@ class Usgra:
     unpaired: str = REFUSE
 
     name: ClassVar[str] = "usgra"
+    licence: ClassVar[str] = "CC BY 4.0"
 
     def __post_init__(self) -> None:
         if self.target not in LABELS:

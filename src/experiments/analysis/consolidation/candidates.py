@@ -219,9 +219,7 @@ def _aligned(
     except InputError as refusal:
         return None, str(refusal)
     weights = align_all([member.weights for member in members], ties, WeightMatching())
-    moved = [
-        Member(member.name, member.recipe, each) for member, each in zip(members, weights, strict=True)
-    ]
+    moved = [Member(member.name, member.recipe, each) for member, each in zip(members, weights, strict=True)]
     average = uniform_average(moved, same_start=False)
     repaired = repair(network, average, weights, inputs.images)
     return {name: tensor.cpu() for name, tensor in repaired.items()}, ""

@@ -165,7 +165,9 @@ class NonInferiority:
         tried = [name for name in (*AVERAGES, DISTILLED) if (cases["model"] == name).any()]
         confidence = 1 - self.alpha / max(len(tried), 1)
         compared = {name: self._compared(cases, name, confidence) for name in tried}
-        best = sorted((name for name in tried if name in AVERAGES), key=lambda name: -compared[name].difference)
+        best = sorted(
+            (name for name in tried if name in AVERAGES), key=lambda name: -compared[name].difference
+        )
         order = [*best[:1], *(name for name in tried if name == DISTILLED)]
         shortage = self._shortage(seeds, groups)
         chosen = next((name for name in order if compared[name].passes), None) if not shortage else None
@@ -186,7 +188,9 @@ class NonInferiority:
         own, other = (cases[cases["model"] == each] for each in (name, ENSEMBLE))
         scored = [set(map(tuple, each[["seed", "case_id"]].to_numpy().tolist())) for each in (own, other)]
         if scored[0] != scored[1]:
-            raise InputError(f"cases: expected {name} on the cases and seeds of the {ENSEMBLE}, received others")
+            raise InputError(
+                f"cases: expected {name} on the cases and seeds of the {ENSEMBLE}, received others"
+            )
         first, second = (by_unit(once_each(each), "dsc") for each in (own, other))
         differences = (first - second).to_numpy()
         bound = math.nan
@@ -260,7 +264,10 @@ def page(block: Mapping[str, Any]) -> str:
     ]
     for each in block.get("data", ()):
         lines.append(f"Data: {each['name']}, {each['licence']}, SHA-256 `{each['digest']}`.")
-    lines += ["", "| network | DSC | ensemble | difference | lower bound | level | missed | false alarms | passes |"]
+    lines += [
+        "",
+        "| network | DSC | ensemble | difference | lower bound | level | missed | false alarms | passes |",
+    ]
     lines.append("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
     for each in block["comparisons"]:
         bound = "too few groups" if math.isnan(each["lower_bound"]) else f"{each['lower_bound']:+.4f}"

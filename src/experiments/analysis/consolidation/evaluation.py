@@ -243,9 +243,7 @@ def score(
     for number, choice in enumerate(choices.folds):
         found = test(choice.candidate)
         rows += case_rows(found, choice.steps, part=TEST, model=MEAN_FOLD, fold=number)
-        rows += reliability_rows(
-            found, choice.calibrations, band_px=band_px, model=MEAN_FOLD, fold=number
-        )
+        rows += reliability_rows(found, choice.calibrations, band_px=band_px, model=MEAN_FOLD, fold=number)
         rows.append(
             candidate_row(choice.candidate, MEAN_FOLD, prepared_s + found.seconds_per_frame)
             | {"fold": number}
@@ -256,9 +254,7 @@ def score(
         rows += case_rows(found, choice.steps, part=TEST, model=name)
         rows += reliability_rows(found, choice.calibrations, band_px=band_px, model=name)
         rows.append(
-            candidate_row(
-                choice.candidate, name, prepared_s + found.seconds_per_frame, **_described(choice)
-            )
+            candidate_row(choice.candidate, name, prepared_s + found.seconds_per_frame, **_described(choice))
         )
     return rows
 

@@ -102,4 +102,10 @@ def _curve(axes: Axes, rows: pd.DataFrame, colour: str, label: str) -> None:
     bins = rows.groupby("bin")[["pixels", "probability_sum", "vessel_pixels"]].sum().reindex(range(N_BINS))
     pixels = bins["pixels"].to_numpy()
     with np.errstate(invalid="ignore", divide="ignore"):
-        axes.plot(bins["probability_sum"] / pixels, bins["vessel_pixels"] / pixels, color=colour, marker="o", label=label)
+        axes.plot(
+            bins["probability_sum"] / pixels,
+            bins["vessel_pixels"] / pixels,
+            color=colour,
+            marker="o",
+            label=label,
+        )

@@ -152,7 +152,7 @@ class Prediction:
             )
 
     def native(self, index: int, calibration: TemperatureScaling = IDENTITY) -> Float32[np.ndarray, "h w"]:
-        """Compute the calibrated probability of one case at its native size.
+        """Compute the calibrated probability of one case at its native size, as ``Predictor`` does.
 
         Parameters
         ----------
@@ -166,9 +166,10 @@ class Prediction:
         ndarray of float32, shape (h, w)
             Probability of vessel.
         """
-        probability = torch.from_numpy(calibration(np.asarray(self.logits[index], dtype=np.float32)))
+        probability = torch.from_numpy(_probability(self.logits[index]))
         restored = self.cases.preprocessing.restore(probability[None, None], self.cases.placements[index])
-        return np.asarray(restored[0].clamp_(0, 1).numpy())
+        native = np.asarray(restored[0].clamp_(0, 1).numpy())
+        return native if calibration == IDENTITY else calibration(logits_of(native))
 
 
 @torch.inference_mode()
@@ -232,4 +233,3 @@ def ensemble(predictions: Sequence[Prediction], path: Path) -> Prediction:
 
 def _probability(logits: Float[np.ndarray, "s s"]) -> Float32[np.ndarray, "s s"]:
     return np.asarray(torch.sigmoid(torch.from_numpy(np.asarray(logits, dtype=np.float32))).numpy())
-

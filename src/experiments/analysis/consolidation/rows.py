@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 SELECTION, TEST = "selection", "test"
 CASE, RELIABILITY, BARRIER, CANDIDATE = "case", "reliability", "barrier", "candidate"
+# Columns that stay where no row has a value: a part without an empty frame has no false alarms.
+ALWAYS = ("dsc", "missed", "false_alarm")
 # Number of the fold in rows of candidates that are made of all folds.
 NO_FOLD = -1
 
@@ -215,12 +217,13 @@ def of_kind(cases: pd.DataFrame, kind: str, **columns: str) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        The rows, without columns that they do not have.
+        The rows, without columns that none of them has a value in.
     """
     chosen = cases["kind"] == kind
     for name, value in columns.items():
         chosen &= cases[name] == value
-    return cases[chosen].dropna(axis="columns", how="all")
+    kept = cases[chosen]
+    return kept[[column for column in kept if column in ALWAYS or kept[column].notna().any()]]
 
 
 def raw_cases(cases: pd.DataFrame, part: str) -> pd.DataFrame:

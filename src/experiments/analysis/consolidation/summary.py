@@ -28,6 +28,7 @@ from experiments.analysis.consolidation.thresholds import STEPS
 from experiments.analysis.segmentation.case_table import dataset_label, scores
 from experiments.analysis.segmentation.summary import bounded_summary
 from experiments.analysis.variants import varying_choices, with_choices
+from experiments.errors import InputError
 from experiments.outcome import JobResult, Outcome
 
 if TYPE_CHECKING:
@@ -75,19 +76,69 @@ def pool(results: Sequence[JobResult]) -> pd.DataFrame:
     -------
     pandas.DataFrame
         Rows of all jobs.
+
+    Raises
+    ------
+    InputError
+        If no job has rows.
     """
     import pandas as pd
 
-    kept = [(result, result.cases) for result in results if result.cases is not None]
-    names = [(str(cases["network"].iloc[0]), str(cases["dataset"].iloc[0])) for _, cases in kept]
-    varying = varying_choices([result for result, _ in kept], names, COLUMNS)
-    return pd.concat(
-        [
-            cases.assign(network=with_choices(name, choices))
-            for (_, cases), (name, _), choices in zip(kept, names, varying, strict=True)
-        ],
-        ignore_index=True,
-    )
+    names = named_jobs(results)
+    parts = [
+        result.cases.assign(network=names[place][0])
+        for place, result in enumerate(results)
+        if place in names and result.cases is not None
+    ]
+    if not parts:
+        raise InputError("results: expected at least one job with rows, received none")
+    return pd.concat(parts, ignore_index=True)
+
+
+def named_jobs(results: Sequence[JobResult]) -> dict[int, tuple[str, str]]:
+    """Name network and data set of each job, as the pooled rows have them.
+
+    Parameters
+    ----------
+    results : sequence of JobResult
+        The jobs.
+
+    Returns
+    -------
+    dict
+        Network, with the settings in which it differs from others of its name, and data set, marked if simulated, by the
+        place of the job; jobs without rows are left out.
+    """
+    kept = {place: result.cases.iloc[0] for place, result in enumerate(results) if result.cases is not None}
+    labels = [
+        (str(row["network"]), dataset_label(str(row["dataset"]), bool(row["simulated"])))
+        for row in kept.values()
+    ]
+    varying = varying_choices([results[place] for place in kept], labels, COLUMNS)
+    return {
+        place: (with_choices(network, choices), dataset)
+        for place, (network, dataset), choices in zip(kept, labels, varying, strict=True)
+    }
+
+
+def data_of(cases: pd.DataFrame) -> list[dict[str, str]]:
+    """List the data sets of all jobs.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of all jobs.
+
+    Returns
+    -------
+    list of dict
+        ``name``, ``digest`` and ``licence`` of each.
+    """
+    found = cases[["dataset", "data_digest", "data_licence"]].drop_duplicates()
+    return [
+        {"name": str(name), "digest": str(digest), "licence": str(licence)}
+        for name, digest, licence in found.itertuples(index=False)
+    ]
 
 
 def decisions(cases: pd.DataFrame, rule: NonInferiority) -> tuple[Decision, ...]:
@@ -132,12 +183,16 @@ def consolidated_cases(cases: pd.DataFrame, decided: Sequence[Decision]) -> pd.D
     import pandas as pd
 
     final = of_kind(cases, CASE, part=TEST, step=STEPS[-1])
-    labels = [dataset_label(str(d), bool(s)) for d, s in zip(final["dataset"], final["simulated"], strict=True)]
+    labels = [
+        dataset_label(str(d), bool(s)) for d, s in zip(final["dataset"], final["simulated"], strict=True)
+    ]
     parts = []
     for one in decided:
         outer = -1 if one.outer_fold is None else one.outer_fold
         own = (final["network"] == one.network) & (final["outer_fold"] == outer)
-        own &= (final["model"] == one.certificate.consolidated) & (pd.Series(labels, index=final.index) == one.dataset)
+        own &= (final["model"] == one.certificate.consolidated) & (
+            pd.Series(labels, index=final.index) == one.dataset
+        )
         parts.append(final[own])
     return pd.concat(parts, ignore_index=True).assign(model="consolidated model")
 
@@ -186,7 +241,9 @@ def _metrics(final: pd.DataFrame, decided: Sequence[Decision]) -> dict[str, floa
     """Plain names for one network on one data set; several have none in common."""
     if len({(one.network, one.dataset) for one in decided}) > 1:
         return {}
-    numbers = bounded_summary(final[["model", "dataset", "simulated", "group", "case_id", "seed", "outer_fold", *scores(final)]])
+    numbers = bounded_summary(
+        final[["model", "dataset", "simulated", "group", "case_id", "seed", "outer_fold", *scores(final)]]
+    )
     return numbers | {"certified": float(all(one.certificate.certified for one in decided))}
 
 
@@ -208,4 +265,6 @@ def certificate_pages(decided: Sequence[Decision], about: Mapping[str, Any]) -> 
     pages = [(one.where, page(one.certificate.block(**about))) for one in decided]
     if len(pages) == 1:
         return pages[0][1]
-    return "\n".join(text.replace("# Certificate of the consolidated model", f"# {where}", 1) for where, text in pages)
+    return "\n".join(
+        text.replace("# Certificate of the consolidated model", f"# {where}", 1) for where, text in pages
+    )

@@ -74,17 +74,27 @@ def candidates_table(cases: pd.DataFrame) -> pd.DataFrame:
     rows: list[dict[str, Any]] = []
     for place, part in places(cases):
         raw, costs = raw_cases(part, TEST), of_kind(part, CANDIDATE)
-        scored = {name: once_each(raw[raw["model"] == name]) for name in ORDER if (raw["model"] == name).any()}
+        scored = {
+            name: once_each(raw[raw["model"] == name]) for name in ORDER if (raw["model"] == name).any()
+        }
         trust = reliability(of_kind(part, RELIABILITY, calibration=NONE))
         for name, each in scored.items():
             own = costs[costs["model"] == name]
-            row: dict[str, Any] = {**place, "model": name, "groups": each["group"].nunique(), "cases": len(each)}
+            row: dict[str, Any] = {
+                **place,
+                "model": name,
+                "groups": each["group"].nunique(),
+                "cases": len(each),
+            }
             row |= _interval("dsc", _bootstrap(each, "dsc"))
             if name != ENSEMBLE:
                 row |= _interval("difference", difference(each, scored[ENSEMBLE], "dsc"))
             row[f"{distance(each)}_mean"] = float(each[distance(each)].mean())
             row |= {"missed": each["missed"].sum(), "vessels": int(each["missed"].notna().sum())}
-            row |= {"false_alarms": each["false_alarm"].sum(), "empty": int(each["false_alarm"].notna().sum())}
+            row |= {
+                "false_alarms": each["false_alarm"].sum(),
+                "empty": int(each["false_alarm"].notna().sum()),
+            }
             row |= {key: trust.get((name, NONE, "everywhere"), {}).get(key, np.nan) for key in ("nll", "ece")}
             row |= {key: float(own[key].mean()) for key in ("seconds_per_frame", "megabytes")}
             rows.append(row)
@@ -119,7 +129,9 @@ def ablation_table(cases: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
                 if not len(own):
                     continue
                 each = once_each(own)
-                row: dict[str, Any] = {**place, "model": name, "step": step} | _interval("dsc", _bootstrap(each, "dsc"))
+                row: dict[str, Any] = {**place, "model": name, "step": step} | _interval(
+                    "dsc", _bootstrap(each, "dsc")
+                )
                 if before is not None:
                     row |= _interval("gain", difference(each, before, "dsc"))
                 row |= {f"{distance(each)}_mean": float(each[distance(each)].mean())}
@@ -161,7 +173,10 @@ def calibration_table(cases: pd.DataFrame) -> pd.DataFrame:
                 row["ace"] = float(own.loc[own["region"] == "everywhere", "ace"].mean())
                 row |= {f"{key}": float(own[key].mean()) for key in ("temperature", "bias")}
                 boundary = trust.get((name, calibration, "boundary"), {})
-                row |= {f"ece_boundary{end}": boundary.get(f"ece{end}", np.nan) for end in ("", "_ci_low", "_ci_high")}
+                row |= {
+                    f"ece_boundary{end}": boundary.get(f"ece{end}", np.nan)
+                    for end in ("", "_ci_low", "_ci_high")
+                }
                 rows.append(row)
     return pd.DataFrame(rows)
 
@@ -248,7 +263,9 @@ def reliability(rows: pd.DataFrame, resamples: int = 1000) -> dict[tuple[str, st
 def _gaps(rows: pd.DataFrame, groups: list[str], weights: np.ndarray) -> np.ndarray:
     """Expected calibration error of every weighting of the groups."""
     tables = [
-        rows.pivot_table(index="group", columns="bin", values=name, aggfunc="sum", fill_value=0.0).reindex(groups, fill_value=0.0)
+        rows.pivot_table(index="group", columns="bin", values=name, aggfunc="sum", fill_value=0.0).reindex(
+            groups, fill_value=0.0
+        )
         for name in ("pixels", "probability_sum", "vessel_pixels")
     ]
     pixels, probability, vessel = (table.to_numpy(dtype=np.float64) for table in tables)

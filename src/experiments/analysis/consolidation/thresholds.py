@@ -117,9 +117,7 @@ def best_of(selection: PostprocessingSelection, allowed: list[bool]) -> Option:
         return HALF
     rates = np.nan_to_num(selection.false_alarm_rates)
     places = [place for place, may in enumerate(allowed) if may]
-    best = min(
-        places, key=lambda place: (-round(selection.dscs[place] / DSC_ROUNDING), rates[place], place)
-    )
+    best = min(places, key=lambda place: (-round(selection.dscs[place] / DSC_ROUNDING), rates[place], place))
     return selection.options[best]
 
 
@@ -140,9 +138,7 @@ class _Cases:
 
 def _is_whole(option: Option) -> bool:
     """Whether an option keeps all components that hysteresis leaves."""
-    return (
-        not option.min_area and not option.hysteresis.min_peak and not option.morphology.largest_only
-    )
+    return not option.min_area and not option.hysteresis.min_peak and not option.morphology.largest_only
 
 
 def _closed(option: Option, cases: _Cases) -> Option:

@@ -203,7 +203,7 @@ class FoldRun:
         from models.predictor import Predictor
 
         predictor = Predictor.load(
-            trained.checkpoint, batch_size=self.trainer.batch_size, device=_device(self.trainer.accelerator)
+            trained.checkpoint, batch_size=self.trainer.batch_size, device=device_of(self.trainer.accelerator)
         )
         bar = progress.track(predict(predictor, frames), f"fold {self.fold}: cases", len(frames))
         predictions = dict(bar)
@@ -244,7 +244,19 @@ def _bar(progress: Progress, most: int, description: str) -> Iterator[int]:
     return epochs
 
 
-def _device(accelerator: str) -> str:
+def device_of(accelerator: str) -> str:
+    """Name the device that networks are used on.
+
+    Parameters
+    ----------
+    accelerator : str
+        Accelerator of the trainer's settings.
+
+    Returns
+    -------
+    str
+        ``cuda`` if there is a GPU and the settings allow it, else ``cpu``.
+    """
     import torch
 
     return "cuda" if accelerator != "cpu" and torch.cuda.is_available() else "cpu"

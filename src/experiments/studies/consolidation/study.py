@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +14,9 @@ from experiments.analysis.consolidation.certificate import NonInferiority
 from experiments.analysis.consolidation.leaks import require_no_leaks
 from experiments.analysis.consolidation.summary import (
     certificate_pages,
+    data_of,
     decisions,
+    named_jobs,
     overview,
     pool,
 )
@@ -22,6 +25,7 @@ from experiments.analysis.segmentation.fold_run import FoldRun, fold_jobs, requi
 from experiments.datasets.protocol import (
     DataSet,
     input_data,
+    licence_of,
     name_of,
     notes_of,
     outside_groups,
@@ -72,7 +76,9 @@ def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
     if asked is not None and asked not in seeds:
         raise InputError(f"training_seed: expected one of seeds {seeds}, or null for all, received {asked!r}")
     split = registry.build(config["split"], "split")
-    outer = list(dict.fromkeys(job.get("outer_fold") for job in fold_jobs(split, config.get("outer_fold"), None)))
+    outer = list(
+        dict.fromkeys(job.get("outer_fold") for job in fold_jobs(split, config.get("outer_fold"), None))
+    )
     return [
         {"training_seed": seed} if number is None else {"training_seed": seed, "outer_fold": number}
         for seed in (seeds if asked is None else [asked])
@@ -108,3 +114,177 @@ def check(
             raise InputError("model@second: expected another network than model, received the same")
     if calibration not in CALIBRATIONS:
         raise InputError(f"calibration: expected one of {', '.join(CALIBRATIONS)}, received {calibration!r}")
+
+
+def run(
+    *,
+    dataset: DataSet,
+    split: GroupSplits,
+    model: NetworkRecipe,
+    second: NetworkRecipe | None,
+    preprocessing: Preprocessing,
+    trainer: TrainerSettings,
+    augmentation: Augmentation,
+    loss: Loss,
+    postprocessing: PostprocessingGrid,
+    calibration: str,
+    max_false_alarm_rate: float | None,
+    band_px: float,
+    aligned: bool,
+    barrier_points: int,
+    barrier_cases: int | None,
+    margin: float,
+    alpha: float,
+    min_seeds: int,
+    min_groups: int,
+    outer_fold: int | None,
+    training_seed: int,
+    workspace: Path,
+    progress: Progress,
+) -> Outcome:
+    """Train the folds of one seed, make every choice on selection groups, then score all candidates on test groups.
+
+    Leaves ``model.pt`` (the consolidated model), ``candidates/*.pt``, ``certificate.md``, ``splits.json`` and the data
+    set's notes in ``workspace``.
+
+    Parameters
+    ----------
+    dataset : DataSet
+        Data set.
+    split : GroupSplits
+        Division of the groups into cross-validation, selection and test.
+    model : NetworkRecipe
+        Network of the folds.
+    second : NetworkRecipe or None
+        Second network, whose folds join the first's in the ensemble of networks; None for none.
+    preprocessing : Preprocessing
+        Preprocessing of the images.
+    trainer : TrainerSettings
+        Settings of the trainings. Finished trainings are always used again.
+    augmentation : Augmentation
+        Augmentation of the training images.
+    loss : Loss
+        Training loss.
+    postprocessing : PostprocessingGrid
+        Thresholds and smallest areas to choose from.
+    calibration : str
+        Calibration that thresholds are chosen behind.
+    max_false_alarm_rate : float or None
+        Largest share of false alarms on selection groups; None for no limit.
+    band_px : float
+        Half width of the band around the boundary in px of the network's size.
+    aligned : bool
+        Whether networks are aligned and repaired for one of the averages.
+    barrier_points : int
+        Number of points on the line between two folds' networks.
+    barrier_cases : int or None
+        Largest number of selection cases that barriers are evaluated on; None for all.
+    margin, alpha, min_seeds, min_groups
+        As in ``NonInferiority``.
+    outer_fold : int or None
+        Number of the outer fold; None where the split is not nested.
+    training_seed : int
+        Seed of the trainings; images and division have ``seed``.
+    workspace : Path
+        Folder of the run in which result files are left.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    Outcome
+        Metrics, rows, tables, figures and findings.
+
+    Raises
+    ------
+    InputError
+        If the data set cannot be read or divided, or a group or an image is in two parts.
+    """
+    import pandas as pd
+
+    from experiments.analysis.consolidation.evaluation import ChoiceSettings
+    from experiments.studies.consolidation.job import ConsolidationJob, JobSettings
+
+    progress.note(f"reading {name_of(dataset)}")
+    frames = dataset()
+    splits = split(frames, **outside_groups(dataset)).of_outer_fold(outer_fold)
+    require_no_leaks(frames, splits)
+    splits.write(workspace / "splits.json")
+    write_report(dataset, workspace)
+    write_notes(workspace, dataset)
+    one = FoldRun(model, preprocessing, trainer, augmentation, loss, training_seed, 0, outer_fold)
+    choice = ChoiceSettings(calibration, postprocessing, max_false_alarm_rate, band_px)
+    settings = JobSettings(second, choice, aligned, barrier_points, barrier_cases)
+    scratch = workspace / "scratch"
+    try:
+        done = ConsolidationJob(one, frames, splits, settings, scratch, progress)()
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+    about = {
+        "network": one.model_name,
+        "dataset": reported_name(dataset),
+        "simulated": frames.simulated,
+        "data_digest": frames.digest(),
+        "data_licence": licence_of(dataset),
+        "seed": training_seed,
+        "outer_fold": NOT_NESTED if outer_fold is None else outer_fold,
+    }
+    cases = pd.DataFrame([{**row, **about} for row in done.rows])
+    decided = decisions(cases, NonInferiority(margin, alpha, min_seeds, min_groups))
+    (known,) = data_of(cases)
+    done.write(workspace, decided[0], known)
+    files.write_text(workspace / "certificate.md", certificate_pages(decided, {"data": [known]}))
+    outcome = overview(cases, decided, calibration)
+    return Outcome(
+        metrics={**outcome.metrics, "training_s": done.training_s, "evaluation_s": done.evaluation_s},
+        cases=cases,
+        history=done.history,
+        tables=outcome.tables,
+        figures=outcome.figures,
+        findings=(
+            *outcome.findings,
+            *done.notes,
+            *smoke_note(cases.assign(model=cases["network"])),
+            *notes_of(dataset),
+        ),
+        tags={
+            "model": one.model_name,
+            "dataset": name_of(dataset),
+            "simulated": str(frames.simulated).lower(),
+            "consolidated": decided[0].certificate.consolidated,
+        },
+        inputs=(input_data(dataset, frames),),
+    )
+
+
+def summarise(results: list[JobResult]) -> Outcome:
+    """Decide over all seeds, and pool tables, figures and findings over outer folds and seeds.
+
+    Parameters
+    ----------
+    results : list of JobResult
+        Results of all jobs of the sweep.
+
+    Returns
+    -------
+    Outcome
+        Metrics, rows, tables, figures, findings and files: certificate and models.
+    """
+    from experiments.studies.consolidation.model_files import model_writers
+
+    config = results[0].config
+    cases = pool(results)
+    rule = NonInferiority(config["margin"], config["alpha"], config["min_seeds"], config["min_groups"])
+    decided = decisions(cases, rule)
+    outcome = overview(cases, decided, str(config["calibration"]))
+    about = {"data": data_of(cases)}
+    return replace(
+        outcome,
+        findings=(
+            *outcome.findings,
+            *smoke_note(cases.assign(model=cases["network"])),
+            *read_notes(result.workspace for result in results),
+        ),
+        files={"certificate.md": lambda path: files.write_text(path, certificate_pages(decided, about))}
+        | model_writers(results, named_jobs(results), decided, about),
+    )

@@ -42,7 +42,12 @@ class TrainedFolds:
 
 
 def train_folds(
-    run: FoldRun, model: NetworkRecipe, frames: LabelledFrames, splits: SplitSet, folder: Path, progress: Progress
+    run: FoldRun,
+    model: NetworkRecipe,
+    frames: LabelledFrames,
+    splits: SplitSet,
+    folder: Path,
+    progress: Progress,
 ) -> TrainedFolds:
     """Train the network in every fold, all from the same start; a finished training of the same kind is used again.
 
@@ -73,7 +78,9 @@ def train_folds(
         one = replace(run, model=model, fold=split.fold, trainer=replace(run.trainer, resume=True))
         found = one.train(frames, split, place, progress)
         checkpoint = Checkpoint.load(found.checkpoint)
-        members.append(Member(f"fold {split.fold}", checkpoint.recipe, checkpoint.weights, _start(checkpoint, run)))
+        members.append(
+            Member(f"fold {split.fold}", checkpoint.recipe, checkpoint.weights, _start(checkpoint, run))
+        )
         trained.append(found)
     return TrainedFolds(tuple(members), tuple(trained))
 
