@@ -4,7 +4,8 @@
 ``LabelledFrames.save`` wrote), ``split`` (a JSON file with ``fold`` and the case ids of ``train``, ``validation`` and
 ``test``), both relative to it, ``dataset`` (a name), ``seed``, and the settings ``model`` (with the network's
 ``name``), ``preprocessing``, ``trainer``, and, where not the defaults, ``augmentation`` (a list of transforms, each
-with its ``name``) and ``loss`` (with a ``name``, if it is not Dice and cross-entropy). In DIR it leaves ``model.pt``,
+with its ``name``), ``loss`` (with a ``name``, if it is not Dice and cross-entropy) and ``init`` (with a ``name``:
+``pretrained`` takes the ``path`` of a trained network's ``model.pt``). In DIR it leaves ``model.pt``,
 ``history.json``, ``cases.csv`` (the test cases' scores), ``metrics.json`` and a copy of the configuration.
 ``DIR/state`` is what ``--resume`` continues from after an interruption; it may be removed.
 """
@@ -32,11 +33,14 @@ from models.networks.registry import recipe_of
 from models.predictor import Predictor
 from models.preprocessing.preprocessing import Preprocessing
 from models.settings_file import read_settings
+from models.threads import fixed_threads
 from models.training.augmentation import augmentation_of
 from models.training.fold import TrainedFold, train_fold
+from models.training.initialisation import Initialisation, SharedRandom, initialisation_of
 from models.training.losses import DiceCrossEntropy, loss_of
 from models.training.settings import TrainerSettings
 from models.training.spec import FoldTraining
+from models.training.training_data import TrainingData
 from models.value_types import mismatch, require_settings
 
 SIDES = ("train", "validation", "test")
@@ -88,7 +92,8 @@ class TrainingPlan:
         try:
             model, loss = dict(config["model"]), dict(config.get("loss", {}))
             split = json.loads((folder / config["split"]).read_text(encoding="utf-8-sig"))
-            sides = _sides(LabelledFrames.load(folder / config["frames"]), split)
+            frames = LabelledFrames.load(folder / config["frames"])
+            sides = _sides(frames, split)
             training = FoldTraining(
                 model=recipe_of(str(model.pop("name")), model),
                 train=sides["train"],
@@ -101,6 +106,8 @@ class TrainingPlan:
                 loss=loss_of(str(loss.pop("name", DiceCrossEntropy.name)), loss),
                 fold=_whole("fold", split["fold"]),
                 seed=_whole("seed", config["seed"]),
+                initialisation=_start(folder, config.get("init", {})),
+                data=(TrainingData(str(config["dataset"]), frames.digest(), frames.simulated),),
             )
             return TrainingPlan(training, sides["test"], str(config["dataset"]))
         except KeyError as missing:
@@ -189,13 +196,23 @@ def _scored(plan: TrainingPlan, trained: TrainedFold) -> list[dict[str, Any]]:
     training = plan.training
     device = "cuda" if training.trainer.accelerator != "cpu" and torch.cuda.is_available() else "cpu"
     predictor = Predictor.load(trained.checkpoint, training.trainer.batch_size, device)
+    with fixed_threads(training.trainer.threads):
+        predictions = dict(predict(predictor, plan.test))
     about = {
         "fold": training.fold,
         "model": training.model.name,
         "dataset": plan.dataset,
         "seed": training.seed,
     }
-    return score_cases(plan.test, dict(predict(predictor, plan.test)), about)
+    return score_cases(plan.test, predictions, about)
+
+
+def _start(folder: Path, settings: Mapping[str, Any]) -> Initialisation:
+    """The weights to start from; a path is relative to the configuration file."""
+    given = dict(settings)
+    if isinstance(given.get("path"), str):
+        given["path"] = folder / given["path"]
+    return initialisation_of(str(given.pop("name", SharedRandom.name)), given)
 
 
 def _part(kind: type[Part], name: str, settings: Mapping[str, Any]) -> Part:

@@ -2,17 +2,22 @@
 
 ``name``, ``root`` and ``require_root()`` are those of a data set on disk; ``notes()`` are sentences that readers of
 its results must know; ``left_out()`` counts images and masks without a partner; ``selection_groups()`` and
-``test_groups()`` are groups that it keeps outside all folds; ``report()`` are tables of what it left out and why.
+``test_groups()`` are groups that it keeps outside all folds; ``report()`` are tables of what it left out and why;
+``licence`` names the licence of the data.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from experiments.files import write_text
 from experiments.outcome import InputData
 from models.labelled_frames import LabelledFrames
+
+if TYPE_CHECKING:
+    from models.training.training_data import TrainingData
 
 DataSet = Callable[[], LabelledFrames]
 NOTES = "dataset_notes.txt"
@@ -50,24 +55,6 @@ def reported_name(dataset: DataSet) -> str:
     left_out = getattr(dataset, "left_out", None)
     count = 0 if left_out is None else int(left_out())
     return f"{name_of(dataset)} ({count} unpaired left out)" if count else name_of(dataset)
-
-
-def licence_of(dataset: DataSet) -> str:
-    """Return the licence of a data set.
-
-    Parameters
-    ----------
-    dataset : DataSet
-        Any data set.
-
-    Returns
-    -------
-    str
-        Its ``licence``; ``simulated`` for simulated images, ``licence not stated`` where it has none.
-    """
-    if getattr(dataset, "simulate", False) or getattr(dataset, "root", None) is None:
-        return "simulated"
-    return str(getattr(dataset, "licence", "licence not stated"))
 
 
 def label_of(dataset: DataSet, frames: LabelledFrames) -> str:
@@ -196,6 +183,27 @@ def outside_groups(dataset: DataSet) -> dict[str, tuple[str, ...]]:
         groups = getattr(dataset, role, None)
         roles[role] = () if groups is None else tuple(groups())
     return roles
+
+
+def training_data(dataset: DataSet, frames: LabelledFrames) -> TrainingData:
+    """Describe the data set as a checkpoint keeps it.
+
+    Parameters
+    ----------
+    dataset : DataSet
+        Any data set; its own ``licence`` names the licence.
+    frames : LabelledFrames
+        All of its frames.
+
+    Returns
+    -------
+    TrainingData
+        Name, digest, whether it is simulated, and licence.
+    """
+    from models.training.training_data import TrainingData
+
+    licence = "none (simulated)" if frames.simulated else str(getattr(dataset, "licence", "unknown"))
+    return TrainingData(name_of(dataset), frames.digest(), frames.simulated, licence)
 
 
 def input_data(dataset: DataSet, frames: LabelledFrames) -> InputData:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments import registry
-from experiments.analysis.segmentation.case_table import pool, smoke_note
+from experiments.analysis.segmentation.case_table import OUT_OF_FOLD, in_part, pool, smoke_note
 from experiments.analysis.segmentation.comparison import compare_models
 from experiments.analysis.segmentation.comparison_findings import comparison_metrics, describe_comparison
 from experiments.analysis.segmentation.figures import overlays, spread, training_curves
@@ -16,8 +16,12 @@ from experiments.analysis.segmentation.fold_run import (
     FoldRun,
     fold_jobs,
     require_fitting_size,
+    require_start,
+    start_tags,
     training_metrics,
 )
+from experiments.analysis.segmentation.outside import OUTSIDE, outside_metrics, outside_table
+from experiments.analysis.segmentation.stored_predictions import FILE, StoredMasks, StoredPredictions, writing
 from experiments.analysis.segmentation.summary import pooled_metrics
 from experiments.analysis.segmentation.tables import table, tables
 from experiments.datasets.protocol import (
@@ -33,11 +37,17 @@ from experiments.datasets.protocol import (
 )
 from experiments.outcome import JobResult, Outcome, Progress
 from experiments.splits.group_splits import GroupSplits
+from experiments.splits.split import Split
 
 if TYPE_CHECKING:
+    import pandas as pd
+
+    from models.labelled_frames import LabelledFrames
     from models.networks.registry import NetworkRecipe
     from models.preprocessing.preprocessing import Preprocessing
     from models.training.augmentation import Augmentation
+    from models.training.fold import TrainedFold
+    from models.training.initialisation import Initialisation
     from models.training.losses import Loss
     from models.training.settings import TrainerSettings
 
@@ -63,22 +73,30 @@ def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
     return [dict(job) for job in found]
 
 
-def check(*, model: NetworkRecipe, preprocessing: Preprocessing) -> None:
-    """Check that the network takes the image size.
+def check(
+    *, dataset: DataSet, model: NetworkRecipe, preprocessing: Preprocessing, init: Initialisation
+) -> None:
+    """Check that the network takes the image size and the weights to start from.
 
     Parameters
     ----------
+    dataset : DataSet
+        Data set.
     model : NetworkRecipe
         Recipe of the network.
     preprocessing : Preprocessing
         Preprocessing of the images.
+    init : Initialisation
+        Weights to start from.
 
     Raises
     ------
     InputError
-        If the network does not take the image size.
+        If the network does not take the image size, or the start is of another architecture or has learnt from the
+        data set.
     """
     require_fitting_size(model, preprocessing)
+    require_start(init, model, dataset)
 
 
 def run(
@@ -90,6 +108,7 @@ def run(
     trainer: TrainerSettings,
     augmentation: Augmentation,
     loss: Loss,
+    init: Initialisation,
     outer_fold: int | None,
     fold: int,
     seed: int,
@@ -98,8 +117,11 @@ def run(
 ) -> Outcome:
     """Train one fold and score the cases that it has not seen at their native resolution.
 
-    Leaves ``model.pt`` (the weights of the best epoch), ``split.json`` (this fold), ``splits.json`` (all
-    folds, as ``split.file`` takes them), the data set's notes and the tables of what it left out in
+    Cases outside all folds are scored as well; their rows say so in the column ``part``.
+
+    Leaves ``model.pt`` (the weights of the best epoch), ``predictions.zip`` (logits and masks of all scored
+    cases, for ``StoredPredictions``), ``split.json`` (this fold), ``splits.json`` (all folds, as
+    ``split.file`` takes them), the data set's notes and the tables of what it left out in
     ``workspace``.
 
     Parameters
@@ -118,6 +140,8 @@ def run(
         Augmentation of the training images.
     loss : Loss
         Training loss.
+    init : Initialisation
+        Weights that all folds start from.
     outer_fold : int or None
         Number of the outer fold; None where the split is not nested.
     fold : int
@@ -148,33 +172,64 @@ def run(
     own.write(workspace / "split.json")
     write_report(dataset, workspace)
     write_notes(workspace, dataset)
-    one = FoldRun(model, preprocessing, trainer, augmentation, loss, seed, fold, outer_fold)
-    trained = one.train(frames, own, workspace, progress)
-    test = own.of(frames, "test")
-    cases, predictions = one.score(trained, dataset, test, progress)
+    one = FoldRun(model, preprocessing, trainer, augmentation, loss, init, seed, fold, outer_fold)
+    trained = one.train(dataset, frames, own, workspace, progress)
+    every = _scored(one, trained, dataset, frames, own, workspace, progress)
+    cases, masks = in_part(every), StoredMasks(StoredPredictions.open(workspace / FILE))
     found, notes = describe(cases), notes_of(dataset)
     return Outcome(
-        metrics={**pooled_metrics(cases), **training_metrics(trained)},
-        cases=cases,
+        metrics={**pooled_metrics(cases), **training_metrics(trained), **outside_metrics(every)},
+        cases=every,
         history=trained.history,
         tables={"segmentation": table(cases)},
         figures={
             "training_curves": training_curves(trained.history, trained.best_epoch, found[0]),
-            **overlays(test, predictions, cases),
+            **overlays(own.of(frames, "test"), masks, cases),
         },
         findings=(*found, *smoke_note(cases), *notes),
         tags={
             "model": one.model_name,
             "dataset": name,
             "simulated": str(frames.simulated).lower(),
+            **start_tags(trained),
             **({"notes": " ".join(notes)} if notes else {}),
         },
         inputs=(input_data(dataset, frames),),
     )
 
 
+def _scored(
+    one: FoldRun,
+    trained: TrainedFold,
+    dataset: DataSet,
+    frames: LabelledFrames,
+    own: Split,
+    workspace: Path,
+    progress: Progress,
+) -> pd.DataFrame:
+    """Rows of the cases that the fold leaves out and of those outside all folds; their predictions are kept."""
+    import pandas as pd
+
+    parts = {OUT_OF_FOLD: "test", **{part: part for part in OUTSIDE if getattr(own, part)}}
+    about = {
+        "model": one.model_name,
+        "dataset": name_of(dataset),
+        "seed": one.seed,
+        "fold": one.fold,
+        "outer_fold": one.outer_fold,
+    }
+    with writing(workspace / FILE, one.preprocessing, **about) as keep:
+        rows = [
+            one.score(trained, dataset, own.of(frames, side), progress, part=part, keep=keep)
+            for part, side in parts.items()
+        ]
+    return pd.concat(rows, ignore_index=True)
+
+
 def summarise(results: list[JobResult]) -> Outcome:
     """Pool the cases of all jobs, with intervals, every pair of models compared and the spread.
+
+    Cases outside all folds stand in a table of their own and in no pooled number.
 
     Parameters
     ----------
@@ -192,7 +247,7 @@ def summarise(results: list[JobResult]) -> Outcome:
     return Outcome(
         metrics={**pooled_metrics(cases), **comparison_metrics(compared)},
         cases=cases,
-        tables=tables(cases, compared),
+        tables={**tables(cases, compared), **outside_table(results)},
         figures={"spread": spread(cases)},
         findings=(*describe(cases), *describe_comparison(compared), *smoke_note(cases), *notes),
     )

@@ -11,9 +11,10 @@ from models.averaging.interpolation import (
     PairwiseBarriers,
     interpolation_barriers,
 )
-from models.averaging.members import Member, Weights, require_averageable, weights_digest
+from models.averaging.members import Member, require_averageable
 from models.averaging.repair import repair
 from models.averaging.running import ExponentialAverage, StochasticAverage
+from models.weights import Weights, weights_digest
 
 __all__ = [
     "Alignment",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -11,9 +10,7 @@ from torch import Tensor
 
 from models.errors import InputError
 from models.networks.registry import NetworkRecipe
-
-# A state dict: tensors by name, buffers included.
-Weights = Mapping[str, Tensor]
+from models.weights import Weights
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,29 +33,6 @@ class Member:
     recipe: NetworkRecipe
     weights: Weights
     start: str | None = None
-
-
-def weights_digest(weights: Weights) -> str:
-    """Compute a SHA-256 digest of all tensors, independent of their order and memory layout.
-
-    Names, types, shapes and bytes are included.
-
-    Parameters
-    ----------
-    weights : Weights
-        State dict.
-
-    Returns
-    -------
-    str
-        Hexadecimal digest.
-    """
-    digest = hashlib.sha256()
-    for name in sorted(weights):
-        tensor = weights[name].detach().cpu().contiguous()
-        digest.update(f"{name}|{tensor.dtype}|{tuple(tensor.shape)}|".encode())
-        digest.update(tensor.reshape(-1).view(torch.uint8).numpy().tobytes())
-    return digest.hexdigest()
 
 
 def require_averageable(members: Sequence[Member], *, same_start: bool = True) -> None:

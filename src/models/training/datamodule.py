@@ -18,6 +18,7 @@ from torch.utils.data import (
     TensorDataset,
 )
 
+from models.array_types import Float
 from models.labelled_frames import LabelledFrames
 from models.preprocessing.preprocessing import Preprocessing
 from models.seeds import AUGMENTATION, SHUFFLING, seed_of
@@ -41,6 +42,8 @@ class FoldData(LightningDataModule):
         Number of images in a batch.
     seed : int
         Seed of the shuffling and the augmentation.
+    targets : ndarray of float, shape (n, s, s), or None
+        Probabilities that training frames have in the place of masks, at the network's size.
     """
 
     def __init__(
@@ -51,6 +54,7 @@ class FoldData(LightningDataModule):
         augmentation: Augmentation,
         batch_size: int,
         seed: int,
+        targets: Float[np.ndarray, "n s s"] | None = None,
     ) -> None:
         super().__init__()
         self.preprocessing = preprocessing
@@ -58,6 +62,9 @@ class FoldData(LightningDataModule):
         self.batch_size = batch_size
         self.seed = seed
         self.train_set = prepared(train, preprocessing)
+        self.binary = targets is None
+        if targets is not None:
+            self.train_set = TensorDataset(self.train_set.tensors[0], torch.from_numpy(targets)[:, None])
         self.validation_set = prepared(validation, preprocessing)
         self._shuffle_generator = Generator()
         self._augmentation_generator: Generator | None = None
@@ -113,14 +120,14 @@ class FoldData(LightningDataModule):
         Returns
         -------
         list of Tensor
-            Normalised images in channels-last layout, and masks of 0 and 1.
+            Normalised images in channels-last layout, and masks of 0 and 1 or, in training, the targets given.
         """
         images, masks = batch[0], batch[1].float()
         if self.trainer is not None and self.trainer.training:
             if self._augmentation_generator is None:
                 seed = seed_of(self.seed, AUGMENTATION, self.epoch)
                 self._augmentation_generator = Generator(images.device).manual_seed(seed)
-            images, masks = self.augmentation(images, masks, self._augmentation_generator)
+            images, masks = self.augmentation(images, masks, self._augmentation_generator, binary=self.binary)
         images = self.preprocessing.normalise(images)
         return [images.contiguous(memory_format=torch.channels_last), masks]
 

@@ -8,17 +8,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import torch
 from torch import nn
 
 from models.atomic import atomic_write
 from models.checkpoint import Checkpoint
 from models.errors import InputError
-from models.networks.registry import NetworkRecipe
-from models.seeds import TRAINING, WEIGHTS, seed_of
+from models.seeds import TRAINING, seed_of
+from models.threads import fixed_threads
 from models.training.phase import Phase, best_epoch
 from models.training.spec import FoldTraining
 from models.training.state import TrainingFolder, TrainingState
+from models.training.training_data import NOTE, as_note
 
 if TYPE_CHECKING:
     from models.training.callback import TrainingCallback
@@ -60,8 +60,12 @@ def train_fold(
 ) -> TrainedFold:
     """Train a network and keep the weights of the epoch with the best validation DSC in ``directory/model.pt``.
 
-    The first weights depend on ``training.seed`` alone, the same for every fold; shuffling, augmentation and dropout
-    depend on the seed, the fold and the number of the epoch.
+    The first weights are those of ``training.start``, the same for every fold; shuffling, augmentation and dropout
+    depend on the seed, the fold and the number of the epoch. The result does not depend on the number of cores, nor
+    on what else runs on them: torch computes with ``training.trainer.threads`` threads meanwhile.
+
+    The notes of the checkpoint are ``seed``, ``fold``, ``epoch``, ``validation_dsc``, ``init``, ``start`` (the
+    digest of the weights that the training began from), ``start_source`` and, where known, ``training_data``.
 
     Parameters
     ----------
@@ -87,6 +91,13 @@ def train_fold(
     RuntimeError
         If the training diverges.
     """
+    with fixed_threads(training.trainer.threads):
+        return _train(training, directory, state_directory, on_epoch)
+
+
+def _train(
+    training: FoldTraining, directory: Path, state_directory: Path | None, on_epoch: OnEpoch | None
+) -> TrainedFold:
     settings = training.trainer
     path = directory / "model.pt"
     if state_directory is None:
@@ -105,26 +116,6 @@ def train_fold(
         with atomic_write(path) as temporary:
             shutil.copyfile(weights[best >= phase.first](best), temporary)
     return _trained(callback, path)
-
-
-def initial_network(model: NetworkRecipe, seed: int) -> nn.Module:
-    """Build the network with the weights that every fold starts from; torch's own random stream is left as it was.
-
-    Parameters
-    ----------
-    model : NetworkRecipe
-        Architecture.
-    seed : int
-        Seed of the training.
-
-    Returns
-    -------
-    nn.Module
-        The untrained network.
-    """
-    with torch.random.fork_rng():
-        torch.manual_seed(seed_of(seed, WEIGHTS))
-        return model()
 
 
 def _where_to_begin(
@@ -179,6 +170,7 @@ def _run(
         training.augmentation,
         settings.batch_size,
         seed,
+        training.targets,
     )
     callback = TrainingCallback(
         phase, data, start, _writer(training, weights_path), folder.save if folder else None, on_epoch
@@ -186,7 +178,7 @@ def _run(
     if phase.is_over(callback.history):
         return callback
     steps = data.steps_per_epoch
-    network = initial_network(training.model, training.seed)
+    network = training.start.network(training.model)
     if start is not None:
         network.load_state_dict(dict(start.weights))
     module = Segmenter(
@@ -208,7 +200,16 @@ def _writer(
     """Writes the weights of an epoch."""
 
     def write(network: nn.Module, epoch: int, dsc: float) -> None:
-        notes = {"seed": training.seed, "fold": training.fold, "epoch": epoch, "validation_dsc": dsc}
+        notes = {
+            "seed": training.seed,
+            "fold": training.fold,
+            "epoch": epoch,
+            "validation_dsc": dsc,
+            "init": training.initialisation.name,
+            "start": training.start.digest,
+            "start_source": training.start.source,
+            **({NOTE: as_note(training.learnt_from)} if training.learnt_from else {}),
+        }
         checkpoint = Checkpoint(training.model, network.state_dict(), training.preprocessing, notes)
         checkpoint.save(weights_path(epoch))
 

@@ -41,14 +41,16 @@ class TrainerSettings:
     precision : str
         One of ``PRECISIONS``; mixed precision is for a GPU, on a CPU it is slower.
     deterministic : bool
-        Whether the result is the same each time, on one machine with one number of threads; on a GPU as far as its
-        operations can.
+        Whether the result is the same each time, on one kind of processor; on a GPU as far as its operations can.
     resume : bool
         Whether an interrupted training is resumed from its last whole epoch; the result is that of a training never
         interrupted.
     extend_epochs : int
         Largest number of epochs that a finished training is extended by, at a constant tenth of ``learning_rate``, so
         that an extension by 10 is the beginning of one by 20; patience counts anew.
+    threads : int
+        Number of threads that torch computes with in training, validation and scoring, whatever the machine has or
+        another process leaves: the weights depend on it.
     smoke : bool
         Whether the training shows that all works and not how well; its results are marked so and not compared.
 
@@ -71,10 +73,11 @@ class TrainerSettings:
     deterministic: bool = True
     resume: bool = False
     extend_epochs: int = 0
+    threads: int = 1
     smoke: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("max_epochs", "batch_size", "patience"):
+        for name in ("max_epochs", "batch_size", "patience", "threads"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name}: expected at least 1, received {getattr(self, name)}")
         for name in ("learning_rate", "gradient_clip"):

@@ -5,22 +5,26 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
+import numpy as np
 import torch
 
+from models.array_types import Float
 from models.errors import InputError
 from models.labelled_frames import LabelledFrames
 from models.networks.blocks import require_size
 from models.networks.registry import NetworkRecipe, settings_of
 from models.preprocessing.preprocessing import Preprocessing
 from models.training.augmentation import Augmentation
+from models.training.initialisation import Initialisation, SharedRandom, Start
 from models.training.losses import Loss
 from models.training.settings import TrainerSettings
+from models.training.training_data import TrainingData
 
 # To be raised when a training of the same settings is no longer the same training.
-VERSION = 2
+VERSION = 3
 # Settings of how far a training is continued, not of which one it is.
 _HOW_FAR = ("resume", "extend_epochs")
 
@@ -47,11 +51,19 @@ class FoldTraining:
         Seed of all random numbers.
     fold : int
         Number of the fold.
+    initialisation : Initialisation, optional
+        Weights to start from.
+    data : tuple of TrainingData, optional
+        Data sets that ``train`` and ``validation`` are from.
+    targets : ndarray of float, shape (n, s, s), or None, optional
+        Probabilities at the network's size that the training frames have in the place of masks: those of an ensemble
+        that is distilled.
 
     Raises
     ------
     InputError
-        If the network does not take the image size, if the training or validation frames show no vessel, or if a GPU
+        If the network does not take the image size, if the start is of another architecture or has learnt from
+        ``data``, if targets are of another size, if the training or validation frames show no vessel, or if a GPU
         is asked for and there is none.
     """
 
@@ -64,6 +76,9 @@ class FoldTraining:
     loss: Loss
     seed: int
     fold: int
+    initialisation: Initialisation = field(default_factory=SharedRandom)
+    data: tuple[TrainingData, ...] = ()
+    targets: Float[np.ndarray, "n s s"] | None = None
 
     def __post_init__(self) -> None:
         size = self.preprocessing.image_size_px
@@ -73,6 +88,13 @@ class FoldTraining:
                 raise InputError(
                     f"{name}: expected frames with a vessel, received {len(frames)} frames without any"
                 )
+        shape = (len(self.train), size, size)
+        if self.targets is not None and self.targets.shape != shape:
+            raise InputError(
+                f"targets: expected probabilities of shape {shape}, received {self.targets.shape}"
+            )
+        self.initialisation.require_fit(self.model)
+        self.initialisation.require_unseen(self.data)
         gpu = torch.cuda.is_available() or torch.backends.mps.is_available()
         if self.trainer.accelerator == "gpu" and not gpu:
             raise InputError("accelerator: expected a machine with a GPU, found none")
@@ -80,6 +102,16 @@ class FoldTraining:
             raise InputError(
                 f"precision: expected 32-true on a machine without a GPU, received {self.trainer.precision!r}"
             )
+
+    @cached_property
+    def start(self) -> Start:
+        """Weights that the training starts from."""
+        return self.initialisation(self.model, self.seed)
+
+    @property
+    def learnt_from(self) -> tuple[TrainingData, ...]:
+        """Data sets that the trained network has learnt from: those of its start, then its own."""
+        return tuple(dict.fromkeys((*self.start.trained_on, *self.data)))
 
     @cached_property
     def fingerprint(self) -> str:
@@ -93,6 +125,9 @@ class FoldTraining:
             "trainer": budget,
             "augmentation": [[type(each).__name__, vars(each)] for each in self.augmentation.transforms],
             "loss": [type(self.loss).__name__, vars(self.loss)],
+            "start": self.start.digest,
             "seed": [self.seed, self.fold],
         }
+        if self.targets is not None:
+            content["targets"] = hashlib.sha256(np.ascontiguousarray(self.targets).tobytes()).hexdigest()
         return hashlib.sha256(json.dumps(content, sort_keys=True, default=repr).encode()).hexdigest()

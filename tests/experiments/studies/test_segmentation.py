@@ -11,6 +11,7 @@ import pytest
 import torch
 from drawn_vessels import drawn_frames
 
+from experiments.analysis.segmentation.stored_predictions import StoredPredictions
 from experiments.errors import InputError
 from experiments.outcome import JobResult, Outcome, Silent
 from experiments.splits.group_splits import GroupSplits
@@ -23,6 +24,7 @@ from models.networks.unet import UNet
 from models.predictor import Predictor
 from models.preprocessing.preprocessing import Preprocessing
 from models.training.augmentation import Augmentation
+from models.training.initialisation import SharedRandom
 from models.training.losses import DiceCrossEntropy
 from models.training.settings import TrainerSettings
 
@@ -61,6 +63,7 @@ def run_fold(workspace: Path, fold: int = 0, **changes: object) -> Outcome:
         "trainer": TrainerSettings(max_epochs=3, batch_size=4, learning_rate=0.01, patience=3),
         "augmentation": Augmentation(),
         "loss": DiceCrossEntropy(),
+        "init": SharedRandom(),
         "split": GroupSplits(3),
         "outer_fold": None,
         "seed": 0,
@@ -131,9 +134,10 @@ def test_a_missing_folder_is_refused_once_before_any_fold(tmp_path) -> None:
 
 
 def test_an_image_size_that_does_not_fit_is_refused_before_any_fold() -> None:
-    segmentation.check(model=UNet(width=4, depth=3), preprocessing=Preprocessing(32))
+    parts = {"dataset": Drawn(), "model": UNet(width=4, depth=3), "init": SharedRandom()}
+    segmentation.check(**parts, preprocessing=Preprocessing(32))
     with pytest.raises(ModelInputError, match="image size: expected sides that are multiples of 4"):
-        segmentation.check(model=UNet(width=4, depth=3), preprocessing=Preprocessing(30))
+        segmentation.check(**parts, preprocessing=Preprocessing(30))
 
 
 def test_every_case_is_scored_once_by_a_network_that_has_not_seen_it(sweep) -> None:
@@ -165,11 +169,51 @@ def test_the_table_is_what_the_saved_network_scores_at_native_resolution(sweep) 
 
 def test_columns_and_labels_of_the_table(sweep) -> None:
     cases = sweep[0][1].cases
-    assert list(cases.columns[:7]) == ["case_id", "group", "fold", "model", "dataset", "seed", "simulated"]
+    about = ["case_id", "group", "fold", "model", "dataset", "seed", "part", "simulated"]
+    assert list(cases.columns[:8]) == about and set(cases["part"]) == {"out_of_fold"}
     assert {"dsc", "hd95_mm", "hd95_surfel_mm", "missed", "false_alarm"} <= set(cases.columns)
     assert not [column for column in cases.columns if column.endswith("_px")]
     assert cases["model"].unique() == ["unet"] and cases["dataset"].unique() == ["drawn"]
     assert cases["simulated"].all()
+
+
+def test_predictions_are_left_in_small_and_read_back_at_native_size(sweep) -> None:
+    frames = Drawn()()
+    for result, outcome in sweep:
+        stored = StoredPredictions.open(result.workspace / "predictions.zip")
+        assert stored.of("out_of_fold") == tuple(outcome.cases["case_id"])
+        assert stored.about["fold"] == result.config["fold"] and stored.about["model"] == "unet"
+        predictor = Predictor.load(result.workspace / "model.pt")
+        for case, row in stored.cases.items():
+            index = frames.case_ids.index(case)
+            image = frames.images[index][None]
+            assert np.array_equal(stored.mask(case), predictor(image)[0])
+            expected = predictor.probability(image)[0]
+            np.testing.assert_allclose(stored.probability(case), expected, atol=0.002)
+            assert row["group"] == frames.groups[index]
+
+
+def test_cases_outside_all_folds_are_scored_and_never_pooled(tmp_path) -> None:
+    split = GroupSplits(3, selection_share=0.2, test_share=0.2)
+    outcome = run_fold(tmp_path, split=split)
+    own = Split.read(tmp_path / "split.json")
+    parts = {part: list(cases["case_id"]) for part, cases in outcome.cases.groupby("part")}
+    assert {part: sorted(cases) for part, cases in parts.items()} == {
+        "out_of_fold": sorted(own.test),
+        "selection": sorted(own.selection),
+        "held_out": sorted(own.held_out),
+    }
+    of = outcome.cases.set_index("case_id")["dsc"]
+    assert outcome.metrics["dsc_mean"] == pytest.approx(of[list(own.test)].mean())
+    assert outcome.metrics["held_out_dsc_mean"] == pytest.approx(of[list(own.held_out)].mean())
+    stored = StoredPredictions.open(tmp_path / "predictions.zip")
+    assert sorted(stored.of("selection")) == sorted(own.selection)
+    summary = segmentation.summarise([JobResult(config(), outcome.metrics, outcome.cases, tmp_path)])
+    assert sorted(summary.cases["case_id"]) == sorted(own.test)
+    assert summary.metrics["dsc_mean"] == pytest.approx(of[list(own.test)].mean())
+    outside = summary.tables["outside all folds"].set_index("part")
+    assert outside["dsc_mean"]["selection"] == pytest.approx(of[list(own.selection)].mean())
+    assert outside["cases"]["held_out"] == len(own.held_out)
 
 
 def test_metrics_history_figures_and_files_of_a_fold(sweep) -> None:
@@ -184,10 +228,13 @@ def test_metrics_history_figures_and_files_of_a_fold(sweep) -> None:
     assert set(outcome.figures) == {"training_curves", "overlays"}
     assert sorted(path.name for path in result.workspace.iterdir()) == [
         "model.pt",
+        "predictions.zip",
         "split.json",
         "splits.json",
     ]
-    assert outcome.tags == {"model": "unet", "dataset": "drawn", "simulated": "true"}
+    digest = SharedRandom()(UNet(width=4, depth=3), 0).digest
+    start = {"init": "shared_random", "start_source": "random weights of seed 0", "start": digest}
+    assert outcome.tags == {"model": "unet", "dataset": "drawn", "simulated": "true", **start}
     assert outcome.inputs[0].digest == Drawn()().digest()
     for name, figure in outcome.figures.items():
         figure.savefig(result.workspace / f"{name}.svg")

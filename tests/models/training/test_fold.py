@@ -1,5 +1,8 @@
 import dataclasses
+import os
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -13,12 +16,16 @@ from models.networks.unet import UNet
 from models.predictor import Predictor
 from models.preprocessing.preprocessing import Preprocessing
 from models.training.augmentation import Augmentation
-from models.training.fold import TrainedFold, initial_network, train_fold
+from models.training.fold import TrainedFold, train_fold
+from models.training.initialisation import Pretrained, initial_network
 from models.training.losses import DiceCrossEntropy
 from models.training.settings import TrainerSettings
 from models.training.spec import FoldTraining
+from models.weights import weights_digest
 
 RECIPE = UNet(width=4, depth=3)
+# Wide enough for torch to divide sums among threads.
+WIDE = UNet(width=16, depth=3)
 TRAIN, VALIDATION = drawn_frames(16, seed=0), drawn_frames(6, seed=1)
 MEASURED = ("images_per_s", "peak_memory_mb")
 
@@ -37,9 +44,9 @@ def trained(
     epochs: int = 2,
     state: Path | None = None,
     on_epoch=None,
+    **changes: object,
 ) -> TrainedFold:
     training = FoldTraining(
-        model=RECIPE,
         train=TRAIN,
         validation=VALIDATION,
         preprocessing=Preprocessing(32),
@@ -48,6 +55,7 @@ def trained(
         loss=DiceCrossEntropy(),
         seed=seed,
         fold=fold,
+        **{"model": RECIPE, **changes},
     )
     return train_fold(training, directory=directory, state_directory=state, on_epoch=on_epoch)
 
@@ -81,6 +89,9 @@ def test_the_checkpoint_is_that_of_the_best_epoch(tmp_path) -> None:
         "fold": 0,
         "epoch": result.best_epoch,
         "validation_dsc": result.best_validation_dsc,
+        "init": "shared_random",
+        "start": weights_digest(initial_network(RECIPE, 0).state_dict()),
+        "start_source": "random weights of seed 0",
     }
     assert [path.name for path in tmp_path.iterdir()] == ["model.pt"]
 
@@ -91,6 +102,52 @@ def test_the_same_seed_gives_the_same_weights_and_others_do_not(tmp_path) -> Non
     assert same(first, weights(trained(tmp_path / "b")))
     assert not same(first, weights(trained(tmp_path / "c", seed=1)))
     assert not same(first, weights(trained(tmp_path / "d", fold=1)))
+
+
+def test_the_weights_do_not_depend_on_the_threads_in_force_around_a_training(tmp_path) -> None:
+    before = torch.get_num_threads()
+    found = []
+    try:
+        for threads in (1, 2, 3):
+            torch.set_num_threads(threads)
+            found.append(weights(trained(tmp_path / str(threads), epochs=1, model=WIDE)))
+            assert torch.get_num_threads() == threads
+    finally:
+        torch.set_num_threads(before)
+    assert same(found[0], found[1]) and same(found[0], found[2])
+
+
+def test_two_processes_at_the_same_time_give_the_weights_of_one(tmp_path) -> None:
+    alone = trained(tmp_path / "alone", epochs=1, model=WIDE)
+    folders = [tmp_path / str(threads) for threads in (1, 2)]
+    code = "import sys; from pathlib import Path; import test_fold as t; "
+    code += "t.trained(Path(sys.argv[1]), epochs=1, model=t.WIDE)"
+    places = os.pathsep.join((str(Path(__file__).parent), *sys.path))
+    running = [
+        subprocess.Popen(
+            [sys.executable, "-c", code, str(folder)],
+            env={**os.environ, "PYTHONPATH": places, "OMP_NUM_THREADS": folder.name},
+        )
+        for folder in folders
+    ]
+    assert [process.wait() for process in running] == [0, 0]
+    for folder in folders:
+        assert same(weights(alone), dict(Checkpoint.load(folder / "model.pt").weights))
+
+
+def test_every_fold_starts_from_the_weights_of_the_file(tmp_path) -> None:
+    start = trained(tmp_path / "start")
+    still = settings(1, learning_rate=1e-12, weight_decay=0.0)
+    init = Pretrained(start.checkpoint, allow_seen_data=True)
+    for fold in (0, 1):
+        result = trained(tmp_path / str(fold), trainer=still, fold=fold, initialisation=init)
+        moved = weights(result)
+        for name, tensor in weights(start).items():
+            if "running" not in name and "num_batches" not in name:
+                torch.testing.assert_close(moved[name], tensor, atol=1e-9, rtol=0)
+        notes = Checkpoint.load(result.checkpoint).notes
+        assert notes["init"] == "pretrained" and notes["start_source"] == "weights trained on unknown data"
+        assert notes["start"] == weights_digest(weights(start))
 
 
 def test_training_leaves_torch_as_it_was(tmp_path) -> None:

@@ -56,6 +56,7 @@ def test_the_fingerprint_tells_every_other_training_apart() -> None:
                 "weight_decay": 0.1,
                 "gradient_clip": 2.0,
                 "deterministic": False,
+                "threads": 2,
             }.items()
         ),
     ]

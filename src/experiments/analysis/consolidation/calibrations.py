@@ -4,16 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from experiments.analysis.consolidation.predictions import IDENTITY, Prediction
-from models.calibration import CalibrationStatistics, PixelStatistics, TemperatureScaling, fit_temperature
+from models.calibration import (
+    CalibrationStatistics,
+    PixelStatistics,
+    TemperatureScaling,
+    boundary_band,
+    fit_temperature,
+)
 from models.errors import InputError
 
 NONE, TEMPERATURE, TEMPERATURE_BIAS = "none", "temperature", "temperature_bias"
-CALIBRATIONS = (NONE, TEMPERATURE, TEMPERATURE_BIAS)
+# Temperature and bias fitted in the band around the boundary alone: elsewhere most pixels are sure and right.
+BOUNDARY = "boundary"
+CALIBRATIONS = (NONE, TEMPERATURE, TEMPERATURE_BIAS, BOUNDARY)
 N_BINS = 15
 
 
@@ -33,13 +42,15 @@ class FittedCalibrations:
     refusals: Mapping[str, str]
 
 
-def fit_calibrations(prediction: Prediction) -> FittedCalibrations:
+def fit_calibrations(prediction: Prediction, *, band_px: float) -> FittedCalibrations:
     """Fit every calibration to a candidate's own logits, at the network's size.
 
     Parameters
     ----------
     prediction : Prediction
         Logits of cases that the fit may look at.
+    band_px : float
+        Half width of the band around the boundary in px of the network's size.
 
     Returns
     -------
@@ -47,9 +58,10 @@ def fit_calibrations(prediction: Prediction) -> FittedCalibrations:
         The calibrations, and which were refused.
     """
     scalings, refusals = {NONE: IDENTITY}, {}
-    for name in (TEMPERATURE, TEMPERATURE_BIAS):
+    for name in CALIBRATIONS[1:]:
+        band = band_px if name == BOUNDARY else None
         try:
-            fitted = fit_temperature(lambda: _batches(prediction), with_bias=name == TEMPERATURE_BIAS)
+            fitted = fit_temperature(partial(_batches, prediction, band), with_bias=name != TEMPERATURE)
         except InputError as refusal:
             scalings[name], refusals[name] = IDENTITY, str(refusal)
         else:
@@ -57,9 +69,13 @@ def fit_calibrations(prediction: Prediction) -> FittedCalibrations:
     return FittedCalibrations(scalings, refusals)
 
 
-def _batches(prediction: Prediction) -> Iterable[tuple[np.ndarray, np.ndarray]]:
+def _batches(prediction: Prediction, band_px: float | None) -> Iterable[tuple[np.ndarray, np.ndarray]]:
     for logits, mask, _ in prediction.windows():
-        yield logits, mask
+        if band_px is None:
+            yield logits, mask
+        else:
+            band = boundary_band(mask, band_px)
+            yield logits[band], mask[band]
 
 
 def calibration_rows(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-import torch
+import numpy as np
 from torch import Tensor, nn
 
 from experiments.analysis.consolidation.predictions import PreparedCases
@@ -71,8 +71,10 @@ class AveragingInputs:
         Loss that barriers are of.
     batch_size : int
         Number of cases in a batch.
-    device : str
+    device : str, optional
         ``cpu`` or ``cuda``.
+    statistics_cases : int or None, optional
+        Largest number of training cases that statistics are estimated on, taken evenly; None for all.
     """
 
     selection: PreparedCases
@@ -80,9 +82,10 @@ class AveragingInputs:
     loss: Loss
     batch_size: int
     device: str = "cpu"
+    statistics_cases: int | None = None
 
     def images(self) -> Iterator[Tensor]:
-        """Stream the training images.
+        """Stream the training images that statistics are estimated on.
 
         Yields
         ------
@@ -90,7 +93,9 @@ class AveragingInputs:
             Normalised images.
         """
         for cases in self.training:
-            for images, _ in cases.batches(self.batch_size):
+            most = self.statistics_cases
+            indices = _evenly(len(cases), None if most is None else -(-most // len(self.training)))
+            for images, _ in cases.batches(self.batch_size, indices):
                 yield images.to(self.device)
 
     def evaluation(self, network: nn.Module, max_cases: int | None = None) -> BatchEvaluation:
@@ -108,7 +113,7 @@ class AveragingInputs:
         BatchEvaluation
             The evaluation, with statistics of batch normalisation re-estimated where there are some.
         """
-        indices = _evenly(self.selection, max_cases)
+        indices = _with_vessel(self.selection, max_cases)
 
         def batches() -> Iterable[tuple[Tensor, Tensor]]:
             for images, masks in self.selection.batches(self.batch_size, indices):
@@ -225,11 +230,17 @@ def _aligned(
     return {name: tensor.cpu() for name, tensor in repaired.items()}, ""
 
 
-def _evenly(cases: PreparedCases, max_cases: int | None) -> list[int] | None:
-    """Places of so many cases with a vessel, evenly over the order; none for all cases."""
-    if max_cases is None or len(cases) <= max_cases:
+def _evenly(count: int, most: int | None) -> list[int] | None:
+    """Places of so many of a number of things, evenly over their order; None for all."""
+    if most is None or count <= most:
         return None
-    shown = torch.from_numpy(cases.masks.reshape(len(cases), -1).any(axis=1))
-    with_vessel = torch.nonzero(shown)[:, 0].tolist()
-    step = max(1.0, len(with_vessel) / max_cases)
-    return [with_vessel[int(place * step)] for place in range(min(max_cases, len(with_vessel)))]
+    return [place * count // most for place in range(most)]
+
+
+def _with_vessel(cases: PreparedCases, most: int | None) -> list[int] | None:
+    """Places of so many cases with a vessel, evenly over the order; None for all cases."""
+    if most is None or len(cases) <= most:
+        return None
+    shown = np.flatnonzero(cases.masks.reshape(len(cases), -1).any(axis=1))
+    chosen = _evenly(len(shown), most)
+    return [int(shown[place]) for place in (range(len(shown)) if chosen is None else chosen)]

@@ -216,9 +216,9 @@ class NonInferiority:
     def _shortage(self, seeds: int, groups: int) -> str:
         """What there is too little of for a certificate."""
         if groups < self.min_groups:
-            return f"not certified: n = {groups} groups, at least {self.min_groups} are needed for a bootstrap over groups"
+            return f"not certified: n = {groups} groups, a bootstrap over groups needs at least {self.min_groups}"
         if seeds < self.min_seeds:
-            return f"not certified: n = {seeds} seeds, at least {self.min_seeds} are needed"
+            return f"not certified: n = {seeds} seed{'s' if seeds != 1 else ''}, at least {self.min_seeds} are needed"
         return ""
 
     def _reason(self, chosen: str | None, shortage: str, tried: Sequence[Comparison]) -> str:
@@ -241,7 +241,7 @@ def page(block: Mapping[str, Any]) -> str:
     Parameters
     ----------
     block : mapping
-        As ``Certificate.block`` gives it, with ``data`` (mappings with ``name``, ``digest`` and ``licence``) where known.
+        As ``Certificate.block`` gives it, with ``data`` where known: mappings with ``name``, ``digest``, ``licence``.
 
     Returns
     -------
@@ -257,9 +257,9 @@ def page(block: Mapping[str, Any]) -> str:
         f"Why: {block['reason']}",
         "",
         f"On whom: {block['images']} images with a vessel of {block['groups']} selection groups, {block['seeds']} "
-        f"seed{'s' if block['seeds'] != 1 else ''}. No test group was looked at. Means are over groups, after seeds and "
-        f"images; masks at a probability of 0.5; margin {block['margin']:g} DSC, one-sided bootstrap over groups, its "
-        "level shared by all single networks.",
+        f"seed{'s' if block['seeds'] != 1 else ''}. No test group was looked at. Means are over groups, after seeds "
+        f"and images; masks at a probability of 0.5; margin {block['margin']:g} DSC, one-sided bootstrap over groups, "
+        "its level shared by all single networks.",
         "",
     ]
     for each in block.get("data", ()):

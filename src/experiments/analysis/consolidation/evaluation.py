@@ -43,7 +43,7 @@ class ChoiceSettings:
     Parameters
     ----------
     calibration : str
-        Calibration that thresholds are chosen behind: ``none``, ``temperature`` or ``temperature_bias``.
+        Calibration that thresholds are chosen behind: one of ``CALIBRATIONS``.
     grid : PostprocessingGrid
         Thresholds and smallest areas to choose from.
     max_false_alarm_rate : float or None
@@ -201,11 +201,13 @@ def choose(
     fold_choices, choices = [], []
     for number, (candidate, unseen) in enumerate(zip(folds, out_of_fold, strict=True)):
         rows += case_rows(selection(candidate), AS_IT_IS, part=SELECTION, model=MEAN_FOLD, fold=number)
-        fold_choices.append(Choice(candidate, fit_calibrations(unseen(candidate)), AS_IT_IS))
+        fold_choices.append(
+            Choice(candidate, fit_calibrations(unseen(candidate), band_px=settings.band_px), AS_IT_IS)
+        )
     for candidate in progress.track(others, "choices on selection groups", len(others)):
         prediction = selection(candidate)
         rows += case_rows(prediction, AS_IT_IS, part=SELECTION, model=candidate.name)
-        fitted = fit_calibrations(prediction)
+        fitted = fit_calibrations(prediction, band_px=settings.band_px)
         steps = choose_steps(
             prediction,
             fitted.scalings[settings.calibration],

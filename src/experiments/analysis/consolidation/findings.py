@@ -121,10 +121,11 @@ def describe_barriers(table: pd.DataFrame) -> Iterator[str]:
         One sentence for each network and data set.
     """
     for (network, dataset), part in table.groupby(["network", "dataset"], sort=False):
+        fall, rise = (part[f"{name}_barrier_mean"].mean() for name in ("dsc", "loss"))
         yield (
-            f"{network} on {dataset}: between {len(part)} pair{'s' if len(part) != 1 else ''} of folds the DSC falls by "
-            f"{part['dsc_barrier_mean'].mean():.3f} and the loss rises by {part['loss_barrier_mean'].mean():.3f} on the "
-            "straight line between their weights (selection groups)."
+            f"{network} on {dataset}: on the straight line between the weights of two folds the DSC falls by "
+            f"{fall:.3f} and the loss rises by {rise:.3f} (mean of {len(part)} "
+            f"pair{'s' if len(part) != 1 else ''}, selection groups)."
         )
 
 

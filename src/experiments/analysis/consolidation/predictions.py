@@ -151,6 +151,21 @@ class Prediction:
                 group,
             )
 
+    def probability(self, index: int) -> Float32[np.ndarray, "s s"]:
+        """Compute the probability of one case at the network's size.
+
+        Parameters
+        ----------
+        index : int
+            Place of the case.
+
+        Returns
+        -------
+        ndarray of float32, shape (s, s)
+            Probability of vessel.
+        """
+        return _probability(self.logits[index])
+
     def native(self, index: int, calibration: TemperatureScaling = IDENTITY) -> Float32[np.ndarray, "h w"]:
         """Compute the calibrated probability of one case at its native size, as ``Predictor`` does.
 
@@ -166,7 +181,7 @@ class Prediction:
         ndarray of float32, shape (h, w)
             Probability of vessel.
         """
-        probability = torch.from_numpy(_probability(self.logits[index]))
+        probability = torch.from_numpy(self.probability(index))
         restored = self.cases.preprocessing.restore(probability[None, None], self.cases.placements[index])
         native = np.asarray(restored[0].clamp_(0, 1).numpy())
         return native if calibration == IDENTITY else calibration(logits_of(native))
@@ -226,7 +241,7 @@ def ensemble(predictions: Sequence[Prediction], path: Path) -> Prediction:
     first = predictions[0]
     logits = open_memmap(path, "w+", np.float16, first.logits.shape)
     for index in range(len(logits)):
-        mean = np.mean([_probability(each.logits[index]) for each in predictions], axis=0)
+        mean = np.mean([each.probability(index) for each in predictions], axis=0)
         logits[index] = logits_of(mean)
     return Prediction(first.cases, logits, sum(each.seconds_per_frame for each in predictions))
 

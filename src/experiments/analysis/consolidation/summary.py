@@ -106,8 +106,8 @@ def named_jobs(results: Sequence[JobResult]) -> dict[int, tuple[str, str]]:
     Returns
     -------
     dict
-        Network, with the settings in which it differs from others of its name, and data set, marked if simulated, by the
-        place of the job; jobs without rows are left out.
+        Network, with the settings in which it differs from others of its name, and data set, marked if simulated, by
+        the place of the job; jobs without rows are left out.
     """
     kept = {place: result.cases.iloc[0] for place, result in enumerate(results) if result.cases is not None}
     labels = [
@@ -154,8 +154,8 @@ def decisions(cases: pd.DataFrame, rule: NonInferiority) -> tuple[Decision, ...]
     Returns
     -------
     tuple of Decision
-        The decisions. With nested folds each outer fold has its own, since the selection groups of one are the test groups
-        of another.
+        The decisions. With nested folds each outer fold has its own, since the selection groups of one are the test
+        groups of another.
     """
     found = []
     chosen_on = raw_cases(cases, SELECTION)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -17,13 +18,33 @@ DISTANCES = ("hd95_mm", "hd95_px")
 # What a case is, and what tells repeated scores of it apart.
 CASE = ("model", "train_dataset", "dataset", "simulated", "group", "case_id")
 REPETITION = ("seed", "outer_fold", "fold")
+# Parts of a split: the cases that a fold leaves out and scores, and those outside all folds.
+OUT_OF_FOLD = "out_of_fold"
 SIMULATED = " (simulated)"
 # What the name of a network begins with that trainer=smoke trained. It stands in every row, sentence and figure.
 SMOKE = "smoke-trained "
 
 
-def pool(results: Sequence[JobResult], factors: Sequence[str] = ()) -> pd.DataFrame:
-    """Pool the cases of all jobs, with models and data sets named apart by what was chosen for them.
+def in_part(cases: pd.DataFrame, part: str = OUT_OF_FOLD) -> pd.DataFrame:
+    """Select the cases of one part of the split.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Per-case table; without a column ``part`` all its cases are out of fold.
+    part : str, optional
+        ``out_of_fold``, or the name of a part outside all folds.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Rows of that part.
+    """
+    return cases[cases["part"] == part] if "part" in cases else cases[[part == OUT_OF_FOLD] * len(cases)]
+
+
+def pool(results: Sequence[JobResult], factors: Sequence[str] = (), part: str = OUT_OF_FOLD) -> pd.DataFrame:
+    """Pool the cases of one part of the split over all jobs, named apart by what was chosen for models and data sets.
 
     Two widths of one network, or one network with two augmentations, become two models (``unet
     model.width=8``, ``unet augmentation=strong``), and two folders or subsets of one kind of data set become
@@ -36,6 +57,8 @@ def pool(results: Sequence[JobResult], factors: Sequence[str] = ()) -> pd.DataFr
         The jobs; those without cases are left out.
     factors : sequence of str, optional
         Settings for which the cases have a column of their own.
+    part : str, optional
+        Part of the split; cases of several parts are never pooled.
 
     Returns
     -------
@@ -45,13 +68,17 @@ def pool(results: Sequence[JobResult], factors: Sequence[str] = ()) -> pd.DataFr
     Raises
     ------
     InputError
-        If no job has cases.
+        If no job has cases in that part.
     """
     import pandas as pd
 
-    kept = [result for result in results if result.cases is not None and len(result.cases)]
+    kept = [
+        dataclasses.replace(result, cases=in_part(result.cases, part))
+        for result in results
+        if result.cases is not None and len(in_part(result.cases, part))
+    ]
     if not kept:
-        raise InputError("results: expected at least one job with cases, received none")
+        raise InputError(f"results: expected at least one job with cases in {part}, received none")
     kinds = [_kind(_cases(result)) for result in kept]
     varying = varying_choices(kept, kinds, (*REPETITION, *factors))
     return pd.concat(

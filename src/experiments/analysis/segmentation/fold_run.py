@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments.analysis.segmentation.case_table import SMOKE
-from experiments.datasets.protocol import DataSet, reported_name
+from experiments.analysis.segmentation.case_table import OUT_OF_FOLD, SMOKE
+from experiments.analysis.segmentation.stored_predictions import PredictionWriter
+from experiments.datasets.protocol import DataSet, name_of, reported_name, training_data
 from experiments.errors import InputError
 from experiments.outcome import Progress
 from experiments.paths import project_root
@@ -18,15 +19,16 @@ from experiments.splits.split import Split
 from models.labelled_frames import LabelledFrames
 
 if TYPE_CHECKING:
-    import numpy as np
     import pandas as pd
 
     from models.networks.registry import NetworkRecipe
     from models.preprocessing.preprocessing import Preprocessing
     from models.training.augmentation import Augmentation
     from models.training.fold import TrainedFold
+    from models.training.initialisation import Initialisation
     from models.training.losses import Loss
     from models.training.settings import TrainerSettings
+    from models.training.spec import FoldTraining
 
 
 def require_fitting_size(model: NetworkRecipe, preprocessing: Preprocessing) -> None:
@@ -47,6 +49,50 @@ def require_fitting_size(model: NetworkRecipe, preprocessing: Preprocessing) -> 
     from models.networks.blocks import require_size
 
     require_size(preprocessing.image_size_px, preprocessing.image_size_px, model.multiple)
+
+
+def require_start(init: Initialisation, model: NetworkRecipe, *datasets: DataSet) -> None:
+    """Refuse weights to start from that are of another architecture, or that have learnt from a data set by name.
+
+    A data set of another name and the same content is found once its frames are read.
+
+    Parameters
+    ----------
+    init : Initialisation
+        Weights to start from.
+    model : NetworkRecipe
+        Network to train.
+    *datasets : DataSet
+        Data sets that are trained on or scored.
+
+    Raises
+    ------
+    models.errors.InputError
+        If the weights don't fit or have seen one of the data sets.
+    """
+    from models.training.training_data import TrainingData
+
+    init.require_fit(model)
+    init.require_unseen([TrainingData(name_of(dataset), "not read yet") for dataset in datasets])
+
+
+def start_tags(trained: TrainedFold) -> dict[str, str]:
+    """Name the weights that a training started from, as tags of its run.
+
+    Parameters
+    ----------
+    trained : TrainedFold
+        Training result.
+
+    Returns
+    -------
+    dict
+        ``init`` (how they were chosen), ``start_source`` (what they are) and ``start`` (their digest).
+    """
+    from models.checkpoint import Checkpoint
+
+    notes = Checkpoint.load(trained.checkpoint).notes
+    return {name: str(notes[name]) for name in ("init", "start_source", "start")}
 
 
 def fold_jobs(split: GroupSplits, outer_fold: object, fold: object) -> list[dict[str, int]]:
@@ -101,6 +147,8 @@ class FoldRun:
         Augmentation of the training images.
     loss : Loss
         Loss to minimise.
+    initialisation : Initialisation
+        Weights that all folds start from.
     seed : int
         Seed of every random choice of the training.
     fold : int
@@ -114,6 +162,7 @@ class FoldRun:
     trainer: TrainerSettings
     augmentation: Augmentation
     loss: Loss
+    initialisation: Initialisation
     seed: int
     fold: int
     outer_fold: int | None = None
@@ -124,14 +173,48 @@ class FoldRun:
         name = str(getattr(self.model, "label", self.model.name))
         return f"{SMOKE}{name}" if self.trainer.smoke else name
 
-    def train(self, frames: LabelledFrames, split: Split, workspace: Path, progress: Progress) -> TrainedFold:
-        """Train on the fold's ``train`` and ``validation`` cases.
-
-        The state from which an interrupted training is resumed lies in the project's cache, because the
-        workspace is deleted when the job fails.
+    def training(self, dataset: DataSet, frames: LabelledFrames, split: Split) -> FoldTraining:
+        """Specify the training on the fold's ``train`` and ``validation`` cases.
 
         Parameters
         ----------
+        dataset : DataSet
+            Data set, for its name and licence.
+        frames : LabelledFrames
+            All of its frames.
+        split : Split
+            Split into parts for this fold.
+
+        Returns
+        -------
+        FoldTraining
+            The training.
+        """
+        from models.training.spec import FoldTraining
+
+        return FoldTraining(
+            model=self.model,
+            train=split.of(frames, "train"),
+            validation=split.of(frames, "validation"),
+            preprocessing=self.preprocessing,
+            trainer=self.trainer,
+            augmentation=self.augmentation,
+            loss=self.loss,
+            seed=self.seed,
+            fold=self.fold,
+            initialisation=self.initialisation,
+            data=(training_data(dataset, frames),),
+        )
+
+    def train(
+        self, dataset: DataSet, frames: LabelledFrames, split: Split, workspace: Path, progress: Progress
+    ) -> TrainedFold:
+        """Train on the fold's ``train`` and ``validation`` cases.
+
+        Parameters
+        ----------
+        dataset : DataSet
+            Data set, for its name and licence.
         frames : LabelledFrames
             Labelled frames of the data set.
         split : Split
@@ -146,35 +229,19 @@ class FoldRun:
         TrainedFold
             Training result with the path of the checkpoint.
         """
-        from models.training.fold import train_fold
-        from models.training.spec import FoldTraining
-
-        training = FoldTraining(
-            model=self.model,
-            train=split.of(frames, "train"),
-            validation=split.of(frames, "validation"),
-            preprocessing=self.preprocessing,
-            trainer=self.trainer,
-            augmentation=self.augmentation,
-            loss=self.loss,
-            seed=self.seed,
-            fold=self.fold,
-        )
-        state = project_root() / ".cache" / "training" / training.fingerprint[:16]
-        most = self.trainer.max_epochs + self.trainer.extend_epochs
-        epochs = _bar(progress, most, f"{split.place}: epochs")
-
-        def advance(_: Mapping[str, float]) -> None:
-            next(epochs, None)
-
-        trained = train_fold(training, directory=workspace, state_directory=state, on_epoch=advance)
-        for _ in epochs:
-            pass
-        return trained
+        return run_training(self.training(dataset, frames, split), split.place, workspace, progress)
 
     def score(
-        self, trained: TrainedFold, dataset: DataSet, frames: LabelledFrames, progress: Progress, **about: Any
-    ) -> tuple[pd.DataFrame, dict[str, np.ndarray]]:
+        self,
+        trained: TrainedFold,
+        dataset: DataSet,
+        frames: LabelledFrames,
+        progress: Progress,
+        *,
+        part: str = OUT_OF_FOLD,
+        keep: PredictionWriter | None = None,
+        **about: Any,
+    ) -> pd.DataFrame:
         """Predict frames with the trained network and score the predictions at native resolution.
 
         Parameters
@@ -187,6 +254,10 @@ class FoldRun:
             Frames to predict, with their reference masks.
         progress : Progress
             Shows the cases.
+        part : str, optional
+            Part of the split that the frames are: ``out_of_fold``, or one outside all folds.
+        keep : PredictionWriter or None, optional
+            Takes the predictions; None keeps none.
         **about : Any
             Values of further columns, the same for all rows.
 
@@ -194,23 +265,66 @@ class FoldRun:
         -------
         pandas.DataFrame
             Scores, one row for each frame.
-        dict of ndarray
-            Predicted masks by case.
         """
         import pandas as pd
 
-        from models.evaluation import predict, score_cases
-        from models.predictor import Predictor
+        from models.checkpoint import Checkpoint
+        from models.evaluation import case_row, predict_logits
+        from models.threads import fixed_threads
 
-        predictor = Predictor.load(
-            trained.checkpoint, batch_size=self.trainer.batch_size, device=device_of(self.trainer.accelerator)
-        )
-        bar = progress.track(predict(predictor, frames), f"fold {self.fold}: cases", len(frames))
-        predictions = dict(bar)
+        network = Checkpoint.load(trained.checkpoint).network()
+        place = {case: index for index, case in enumerate(frames.case_ids)}
         nested = {} if self.outer_fold is None else {"outer_fold": self.outer_fold}
         known = {**nested, "fold": self.fold, "model": self.model_name, "dataset": reported_name(dataset)}
-        rows = score_cases(frames, predictions, {**known, "seed": self.seed, **about})
-        return pd.DataFrame(rows), predictions
+        known |= {"seed": self.seed, "part": part, **about}
+        device, batch_size = device_of(self.trainer.accelerator), self.trainer.batch_size
+        rows: dict[int, dict[str, Any]] = {}
+        with fixed_threads(self.trainer.threads):
+            found = predict_logits(network, self.preprocessing, frames, batch_size, device)
+            title = f"fold {self.fold}: cases" + ("" if part == OUT_OF_FOLD else f" of {part}")
+            for each in progress.track(found, title, len(frames)):
+                index = place[each.case_id]
+                rows[index] = case_row(frames, index, each.mask, known)
+                if keep is not None:
+                    keep.add(each, frames.groups[index], part)
+        return pd.DataFrame([rows[index] for index in sorted(rows)])
+
+
+def run_training(training: FoldTraining, place: str, workspace: Path, progress: Progress) -> TrainedFold:
+    """Train, and show the epochs.
+
+    The state from which an interrupted training is resumed lies in the project's cache, because the workspace is
+    deleted when the job fails.
+
+    Parameters
+    ----------
+    training : FoldTraining
+        The training.
+    place : str
+        Which one it is, before the bar.
+    workspace : Path
+        Folder of the job; ``model.pt`` is left in it.
+    progress : Progress
+        Shows the epochs.
+
+    Returns
+    -------
+    TrainedFold
+        Training result with the path of the checkpoint.
+    """
+    from models.training.fold import train_fold
+
+    state = project_root() / ".cache" / "training" / training.fingerprint[:16]
+    most = training.trainer.max_epochs + training.trainer.extend_epochs
+    epochs = _bar(progress, most, f"{place}: epochs")
+
+    def advance(_: Mapping[str, float]) -> None:
+        next(epochs, None)
+
+    trained = train_fold(training, directory=workspace, state_directory=state, on_epoch=advance)
+    for _ in epochs:
+        pass
+    return trained
 
 
 def training_metrics(trained: TrainedFold) -> dict[str, float]:

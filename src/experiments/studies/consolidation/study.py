@@ -21,17 +21,17 @@ from experiments.analysis.consolidation.summary import (
     pool,
 )
 from experiments.analysis.segmentation.case_table import smoke_note
-from experiments.analysis.segmentation.fold_run import FoldRun, fold_jobs, require_fitting_size
+from experiments.analysis.segmentation.fold_run import FoldRun, fold_jobs, require_fitting_size, require_start
 from experiments.datasets.protocol import (
     DataSet,
     input_data,
-    licence_of,
     name_of,
     notes_of,
     outside_groups,
     read_notes,
     reported_name,
     require_root,
+    training_data,
     write_notes,
     write_report,
 )
@@ -44,6 +44,8 @@ if TYPE_CHECKING:
     from models.postprocessing import PostprocessingGrid
     from models.preprocessing.preprocessing import Preprocessing
     from models.training.augmentation import Augmentation
+    from models.training.distillation import Distillation
+    from models.training.initialisation import Initialisation
     from models.training.losses import Loss
     from models.training.settings import TrainerSettings
 
@@ -87,18 +89,28 @@ def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def check(
-    *, model: NetworkRecipe, second: NetworkRecipe | None, preprocessing: Preprocessing, calibration: str
+    *,
+    dataset: DataSet,
+    model: NetworkRecipe,
+    second: NetworkRecipe | None,
+    preprocessing: Preprocessing,
+    init: Initialisation,
+    calibration: str,
 ) -> None:
-    """Check that the networks take the image size and the calibration is known.
+    """Check that the networks take the image size and the weights to start from, and the calibration is known.
 
     Parameters
     ----------
+    dataset : DataSet
+        Data set.
     model : NetworkRecipe
         Recipe of the network.
     second : NetworkRecipe or None
         That of a second network.
     preprocessing : Preprocessing
         Preprocessing of the images.
+    init : Initialisation
+        Weights to start from.
     calibration : str
         Name of the calibration.
 
@@ -108,7 +120,9 @@ def check(
         If one does not fit.
     """
     require_fitting_size(model, preprocessing)
+    require_start(init, model, dataset)
     if second is not None:
+        require_start(init, second, dataset)
         require_fitting_size(second, preprocessing)
         if second == model:
             raise InputError("model@second: expected another network than model, received the same")
@@ -126,11 +140,15 @@ def run(
     trainer: TrainerSettings,
     augmentation: Augmentation,
     loss: Loss,
+    init: Initialisation,
     postprocessing: PostprocessingGrid,
     calibration: str,
     max_false_alarm_rate: float | None,
     band_px: float,
+    distilled: bool,
+    distillation: Distillation,
     aligned: bool,
+    statistics_cases: int | None,
     barrier_points: int,
     barrier_cases: int | None,
     margin: float,
@@ -165,6 +183,8 @@ def run(
         Augmentation of the training images.
     loss : Loss
         Training loss.
+    init : Initialisation
+        Weights that all trainings start from.
     postprocessing : PostprocessingGrid
         Thresholds and smallest areas to choose from.
     calibration : str
@@ -173,8 +193,14 @@ def run(
         Largest share of false alarms on selection groups; None for no limit.
     band_px : float
         Half width of the band around the boundary in px of the network's size.
+    distilled : bool
+        Whether a network is trained on the ensemble's probabilities, with the budget of a fold.
+    distillation : Distillation
+        Loss of that training.
     aligned : bool
         Whether networks are aligned and repaired for one of the averages.
+    statistics_cases : int or None
+        Largest number of training cases that statistics of channels are estimated on; None for all.
     barrier_points : int
         Number of points on the line between two folds' networks.
     barrier_cases : int or None
@@ -212,20 +238,29 @@ def run(
     splits.write(workspace / "splits.json")
     write_report(dataset, workspace)
     write_notes(workspace, dataset)
-    one = FoldRun(model, preprocessing, trainer, augmentation, loss, training_seed, 0, outer_fold)
+    record = training_data(dataset, frames)
+    one = FoldRun(model, preprocessing, trainer, augmentation, loss, init, training_seed, 0, outer_fold)
     choice = ChoiceSettings(calibration, postprocessing, max_false_alarm_rate, band_px)
-    settings = JobSettings(second, choice, aligned, barrier_points, barrier_cases)
+    settings = JobSettings(
+        second,
+        choice,
+        distillation if distilled else None,
+        aligned,
+        barrier_points,
+        barrier_cases,
+        statistics_cases,
+    )
     scratch = workspace / "scratch"
     try:
-        done = ConsolidationJob(one, frames, splits, settings, scratch, progress)()
+        done = ConsolidationJob(one, dataset, frames, splits, settings, scratch, progress)()
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
     about = {
         "network": one.model_name,
         "dataset": reported_name(dataset),
         "simulated": frames.simulated,
-        "data_digest": frames.digest(),
-        "data_licence": licence_of(dataset),
+        "data_digest": record.digest,
+        "data_licence": record.licence,
         "seed": training_seed,
         "outer_fold": NOT_NESTED if outer_fold is None else outer_fold,
     }

@@ -7,16 +7,21 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from experiments.analysis.segmentation.fold_run import FoldRun
+from experiments.analysis.consolidation.candidates import DISTILLED
+from experiments.analysis.segmentation.fold_run import FoldRun, run_training
+from experiments.datasets.protocol import DataSet
 from experiments.outcome import Progress
 from experiments.splits.split_set import SplitSet
-from models.averaging import Member, weights_digest
+from models.array_types import Float
+from models.averaging import Member
 from models.checkpoint import Checkpoint
 from models.labelled_frames import LabelledFrames
-from models.training.fold import initial_network
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from models.networks.registry import NetworkRecipe
+    from models.training.distillation import Distillation
     from models.training.fold import TrainedFold
 
 
@@ -44,6 +49,7 @@ class TrainedFolds:
 def train_folds(
     run: FoldRun,
     model: NetworkRecipe,
+    dataset: DataSet,
     frames: LabelledFrames,
     splits: SplitSet,
     folder: Path,
@@ -57,6 +63,8 @@ def train_folds(
         Settings of the trainings; network and fold are replaced.
     model : NetworkRecipe
         Network.
+    dataset : DataSet
+        Data set, for its name and licence.
     frames : LabelledFrames
         All cases.
     splits : SplitSet
@@ -76,19 +84,88 @@ def train_folds(
         place = folder / f"{model.name}_{split.fold}"
         place.mkdir(parents=True, exist_ok=True)
         one = replace(run, model=model, fold=split.fold, trainer=replace(run.trainer, resume=True))
-        found = one.train(frames, split, place, progress)
+        found = one.train(dataset, frames, split, place, progress)
         checkpoint = Checkpoint.load(found.checkpoint)
         members.append(
-            Member(f"fold {split.fold}", checkpoint.recipe, checkpoint.weights, _start(checkpoint, run))
+            Member(
+                f"fold {split.fold}", checkpoint.recipe, checkpoint.weights, str(checkpoint.notes["start"])
+            )
         )
         trained.append(found)
     return TrainedFolds(tuple(members), tuple(trained))
 
 
-def _start(checkpoint: Checkpoint, run: FoldRun) -> str:
-    """Digest of the weights that a training began from."""
-    noted = checkpoint.notes.get("start")
-    return str(noted) if noted else weights_digest(initial_network(checkpoint.recipe, run.seed).state_dict())
+def cross_validation(frames: LabelledFrames, splits: SplitSet) -> LabelledFrames:
+    """Take the cases that a network of all folds is trained on: all but those that stop the first fold's training.
+
+    Parameters
+    ----------
+    frames : LabelledFrames
+        All cases.
+    splits : SplitSet
+        The folds.
+
+    Returns
+    -------
+    LabelledFrames
+        Cases of the first fold's ``train`` and ``test``.
+    """
+    first = splits.splits[0]
+    place = {case: index for index, case in enumerate(frames.case_ids)}
+    return frames.subset(place[case] for case in (*first.train, *first.test))
+
+
+def distil(
+    run: FoldRun,
+    dataset: DataSet,
+    frames: LabelledFrames,
+    splits: SplitSet,
+    targets: Float[np.ndarray, "n s s"],
+    loss: Distillation,
+    folder: Path,
+    progress: Progress,
+) -> tuple[Member, TrainedFold]:
+    """Train one network on an ensemble's probabilities, with the budget and the start of a fold.
+
+    Parameters
+    ----------
+    run : FoldRun
+        Settings of the trainings.
+    dataset : DataSet
+        Data set, for its name and licence.
+    frames : LabelledFrames
+        All cases.
+    splits : SplitSet
+        The folds. Training stops by the validation cases of the first.
+    targets : ndarray of float, shape (n, s, s)
+        Probabilities of the ensemble on ``cross_validation(frames, splits)``, at the network's size.
+    loss : Distillation
+        Loss against the probabilities.
+    folder : Path
+        Folder for the checkpoint.
+    progress : Progress
+        Shows the epochs.
+
+    Returns
+    -------
+    member : Member
+        The network.
+    trained : TrainedFold
+        How its training went.
+    """
+    # A fold of its own number, so that its shuffling and augmentation are those of no other.
+    one = replace(run, fold=len(splits), trainer=replace(run.trainer, resume=True))
+    training = replace(
+        one.training(dataset, frames, splits.splits[0]),
+        train=cross_validation(frames, splits),
+        targets=targets,
+        loss=loss,
+    )
+    place = folder / "distilled"
+    place.mkdir(parents=True, exist_ok=True)
+    trained = run_training(training, "distilled network", place, progress)
+    checkpoint = Checkpoint.load(trained.checkpoint)
+    return Member(DISTILLED, checkpoint.recipe, checkpoint.weights, str(checkpoint.notes["start"])), trained
 
 
 def history_of(trained: Sequence[TrainedFold]) -> tuple[dict[str, float], ...]:

@@ -15,6 +15,8 @@ from experiments.analysis.segmentation.fold_run import (
     FoldRun,
     fold_jobs,
     require_fitting_size,
+    require_start,
+    start_tags,
     training_metrics,
 )
 from experiments.analysis.segmentation.summary import pooled_metrics
@@ -27,6 +29,7 @@ from experiments.datasets.protocol import (
     read_notes,
     reported_name,
     require_root,
+    training_data,
     write_notes,
 )
 from experiments.errors import InputError
@@ -38,6 +41,7 @@ if TYPE_CHECKING:
     from models.networks.registry import NetworkRecipe
     from models.preprocessing.preprocessing import Preprocessing
     from models.training.augmentation import Augmentation
+    from models.training.initialisation import Initialisation
     from models.training.losses import Loss
     from models.training.settings import TrainerSettings
 
@@ -80,7 +84,14 @@ def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
     ]
 
 
-def check(*, first: DataSet, second: DataSet, model: NetworkRecipe, preprocessing: Preprocessing) -> None:
+def check(
+    *,
+    first: DataSet,
+    second: DataSet,
+    model: NetworkRecipe,
+    preprocessing: Preprocessing,
+    init: Initialisation,
+) -> None:
     """Check that both data sets exist and differ, and that the image size fits.
 
     Parameters
@@ -91,13 +102,17 @@ def check(*, first: DataSet, second: DataSet, model: NetworkRecipe, preprocessin
         Recipe of the network.
     preprocessing : Preprocessing
         Preprocessing of the images.
+    init : Initialisation
+        Weights to start from.
 
     Raises
     ------
     InputError
-        If a data set does not exist, both have one name, or the network does not take the image size.
+        If a data set does not exist, both have one name, the network does not take the image size, or the start is
+        of another architecture or has learnt from one of the data sets.
     """
     require_fitting_size(model, preprocessing)
+    require_start(init, model, first, second)
     for place, dataset in (("first", first), ("second", second)):
         with _at(place):
             require_root(dataset)
@@ -126,6 +141,7 @@ def run(
     trainer: TrainerSettings,
     augmentation: Augmentation,
     loss: Loss,
+    init: Initialisation,
     train_on: str,
     fold: int,
     seed: int,
@@ -153,6 +169,8 @@ def run(
         Augmentation of the training images.
     loss : Loss
         Training loss.
+    init : Initialisation
+        Weights that all folds start from.
     train_on : str
         ``first`` or ``second``: the data set to train on.
     fold : int
@@ -183,15 +201,16 @@ def run(
     }
     folds[train_on].write(workspace / "split.json")
     write_notes(workspace, *sets.values())
-    one = FoldRun(model, preprocessing, trainer, augmentation, loss, seed, fold)
-    trained = one.train(frames[train_on], folds[train_on], workspace, progress)
+    init.require_unseen([training_data(dataset, frames[domain]) for domain, dataset in sets.items()])
+    one = FoldRun(model, preprocessing, trainer, augmentation, loss, init, seed, fold)
+    trained = one.train(sets[train_on], frames[train_on], folds[train_on], workspace, progress)
     source = {
         "train_dataset": reported_name(sets[train_on]),
         "train_simulated": frames[train_on].simulated,
     }
     cases = pd.concat(
         [
-            one.score(trained, dataset, folds[domain].of(frames[domain], "test"), progress, **source)[0]
+            one.score(trained, dataset, folds[domain].of(frames[domain], "test"), progress, **source)
             for domain, dataset in sets.items()
         ],
         ignore_index=True,
@@ -207,7 +226,11 @@ def run(
             )
         },
         findings=smoke_note(cases) + tuple(note for dataset in sets.values() for note in notes_of(dataset)),
-        tags={"model": one.model_name, "train_dataset": str(source["train_dataset"])},
+        tags={
+            "model": one.model_name,
+            "train_dataset": str(source["train_dataset"]),
+            **start_tags(trained),
+        },
         inputs=tuple(input_data(dataset, frames[domain]) for domain, dataset in sets.items()),
     )
 

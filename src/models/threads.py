@@ -1,0 +1,38 @@
+"""The number of threads that torch computes with, held fixed for the time of a training or a prediction."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+
+import torch
+
+from models.errors import InputError
+
+
+@contextlib.contextmanager
+def fixed_threads(count: int) -> Iterator[None]:
+    """Let torch compute one operation with so many threads, and restore the number before.
+
+    A sum that is divided among threads is rounded according to their number, and a training takes such differences
+    to other weights. Whoever wants the same result on every machine and beside any number of other processes
+    therefore sets the number, rather than take that of the free cores.
+
+    Parameters
+    ----------
+    count : int
+        Number of threads, from 1.
+
+    Raises
+    ------
+    InputError
+        If the number is below 1.
+    """
+    if count < 1:
+        raise InputError(f"threads: expected at least 1, received {count}")
+    before = torch.get_num_threads()
+    torch.set_num_threads(count)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
