@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 # Settings that columns of their own tell apart.
-COLUMNS = ("training_seed", "outer_fold", "seed")
+COLUMNS = ("training_seed", "outer_fold", "seed", "init")
 
 
 @dataclass(frozen=True)

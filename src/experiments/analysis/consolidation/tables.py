@@ -153,8 +153,8 @@ def calibration_table(cases: pd.DataFrame) -> pd.DataFrame:
     -------
     pandas.DataFrame
         One row for each network, data set, candidate and calibration: NLL, Brier score, ECE and ACE of all pixels,
-        ECE in the band around the boundary with a bootstrap 95 % interval over groups. Bins are pooled over outer folds;
-        scores are means over seeds (and folds, of the mean fold), as are ACE, temperature and bias.
+        ECE in the band around the boundary with a bootstrap 95 % interval over groups. Bins are pooled over outer
+        folds; scores are means over seeds (and folds, of the mean fold), as are ACE, temperature and bias.
     """
     import pandas as pd
 

@@ -256,7 +256,7 @@ def run(
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
     about = {
-        "network": one.model_name,
+        "network": _network(one),
         "dataset": reported_name(dataset),
         "simulated": frames.simulated,
         "data_digest": record.digest,
@@ -290,6 +290,13 @@ def run(
         },
         inputs=(input_data(dataset, frames),),
     )
+
+
+def _network(run: FoldRun) -> str:
+    """Name of the network with what its folds start from, where that is trained."""
+    learnt_from = getattr(run.initialisation, "trained_on", ())
+    start = ", ".join(data.label for data in learnt_from)
+    return f"{run.model_name} from {start}" if start else run.model_name
 
 
 def summarise(results: list[JobResult]) -> Outcome:
