@@ -1,8 +1,8 @@
 """Write results/consolidation_<data set>.md from the runs under results/runs: no training is repeated for it.
 
 Usage: python scripts/consolidation_results.py DATASET [ARCHIVE] [OUT], where DATASET is usgra, carotid or simulated.
-The
-runs come from ctus -m +preset=consolidation_<data set>, followed by ctus study=export_runs "experiments=[consolidation]".
+The runs come from ctus -m +preset=consolidation_<DATASET>, followed by ctus study=export_runs
+"experiments=[consolidation]".
 """
 
 from __future__ import annotations
