@@ -38,11 +38,19 @@ KEPT_IN = {
 LAYERS: dict[str, list[list[str]]] = {
     "models": [
         ["models"],
-        ["models.networks", "models.preprocessing", "models.metrics"],
+        [
+            "models.networks",
+            "models.preprocessing",
+            "models.metrics",
+            "models.calibration",
+            "models.postprocessing",
+        ],
+        ["models.weights_file"],
         ["models.checkpoint"],
+        ["models.model_file"],
         ["models.predictor"],
         ["models.averaging"],
-        ["models.training", "models.evaluation", "models.calibration", "models.postprocessing"],
+        ["models.training", "models.evaluation"],
         ["models.train"],
     ],
     "registration": [

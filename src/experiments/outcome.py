@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
@@ -58,6 +58,9 @@ class Outcome:
         Text by the name of the tag.
     inputs : tuple of InputData, optional
         Data sets used.
+    files : Mapping[str, callable], optional
+        What writes a further file, given its path, by the file's name. A summary, which has no workspace, leaves files
+        this way.
     """
 
     metrics: Mapping[str, float] = field(default_factory=dict)
@@ -68,6 +71,7 @@ class Outcome:
     findings: tuple[str, ...] = ()
     tags: Mapping[str, str] = field(default_factory=dict)
     inputs: tuple[InputData, ...] = ()
+    files: Mapping[str, Callable[[Path], None]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,9 @@ The file holds tensors, text and numbers alone and is read as such, so that no f
 from __future__ import annotations
 
 import dataclasses
-import pickle
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -20,19 +17,10 @@ from models.atomic import atomic_write
 from models.errors import InputError
 from models.networks.registry import NetworkRecipe, recipe_of, settings_of
 from models.preprocessing.preprocessing import Preprocessing
+from models.weights_file import are_weights, network_with, read_weights_file, require_fitting
 
 FORMAT = "ctus-checkpoint"
 VERSION = 1
-# What torch raises for a file that it can't read, by how far it gets.
-UNREADABLE = (
-    pickle.UnpicklingError,
-    zipfile.BadZipFile,
-    RuntimeError,
-    EOFError,
-    OSError,
-    ValueError,
-    KeyError,
-)
 
 
 @dataclass(frozen=True)
@@ -95,8 +83,8 @@ class Checkpoint:
         InputError
             If the file is missing, damaged, of another program or version, or its weights do not fit its recipe.
         """
-        content = _read(Path(path))
-        if not _are_weights(content.get("weights")):
+        content = read_weights_file(Path(path), {FORMAT: VERSION}, "checkpoint")
+        if not are_weights(content.get("weights")):
             raise InputError(f"{path}: expected the weights of a network by name, received something else")
         try:
             recipe = recipe_of(content["network"], content["settings"])
@@ -107,7 +95,7 @@ class Checkpoint:
             raise InputError(
                 f"{path}: expected a checkpoint of a known network, received another ({refusal})"
             ) from refusal
-        checkpoint._require_weights_that_fit(path)
+        require_fitting(recipe, checkpoint.weights, path)
         return checkpoint
 
     def network(self) -> nn.Module:
@@ -118,55 +106,4 @@ class Checkpoint:
         nn.Module
             Network on the CPU in evaluation mode.
         """
-        network = _without_weights(self.recipe)
-        network.load_state_dict({name: tensor.clone() for name, tensor in self.weights.items()}, assign=True)
-        return network.eval()
-
-    def _require_weights_that_fit(self, path: str | Path) -> None:
-        expected = {name: tuple(t.shape) for name, t in _without_weights(self.recipe).state_dict().items()}
-        received = {name: tuple(t.shape) for name, t in self.weights.items()}
-        for name in sorted(expected.keys() | received.keys()):
-            if expected.get(name) != received.get(name):
-                raise InputError(
-                    f"{path}: expected weights of {self.recipe} with {name} {expected.get(name, 'absent')}, "
-                    f"received {received.get(name, 'absent')}"
-                )
-
-
-def _read(path: Path) -> dict[str, Any]:
-    if not path.is_file():
-        raise InputError(f"{path}: expected a checkpoint file, found none")
-    try:
-        _require_undamaged(path)
-        content = torch.load(path, map_location="cpu", weights_only=True)
-    except UNREADABLE as error:
-        raise InputError(
-            f"{path}: expected a checkpoint of this program, received a file that is damaged or of another kind"
-        ) from error
-    if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise InputError(f"{path}: expected a checkpoint of this program, received another program's file")
-    if content.get("version") != VERSION:
-        raise InputError(
-            f"{path}: expected a checkpoint of version {VERSION}, received version {content.get('version')}"
-        )
-    return content
-
-
-def _require_undamaged(path: Path) -> None:
-    """Raise BadZipFile if a checksum in the file doesn't fit: torch writes them but doesn't look at them."""
-    with zipfile.ZipFile(path) as archive:
-        damaged = archive.testzip()
-    if damaged is not None:
-        raise zipfile.BadZipFile(damaged)
-
-
-def _are_weights(content: object) -> bool:
-    return isinstance(content, Mapping) and all(
-        isinstance(name, str) and isinstance(tensor, Tensor) for name, tensor in content.items()
-    )
-
-
-def _without_weights(recipe: NetworkRecipe) -> nn.Module:
-    """The network of a recipe with shapes alone: no memory taken, no random number drawn."""
-    with torch.random.fork_rng(devices=[]), torch.device("meta"):
-        return recipe()
+        return network_with(self.recipe, self.weights)

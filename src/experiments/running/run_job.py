@@ -227,7 +227,7 @@ def load_result(report: Report, job: Job, store: Store) -> JobResult:
 
 
 def write_outcome(outcome: Outcome, folder: Path) -> None:
-    """Keep metrics, per-case table, result tables and figures as files in ``folder``.
+    """Keep metrics, per-case table, result tables, figures and further files in ``folder``.
 
     Parameters
     ----------
@@ -245,6 +245,8 @@ def write_outcome(outcome: Outcome, folder: Path) -> None:
         files.write_text(folder / "summary.md", terminal.markdown(dict(outcome.tables)))
     for name, figure in outcome.figures.items():
         save_figure(figure, folder / name)
+    for name, write in outcome.files.items():
+        write(folder / name)
 
 
 def log_results(run: RunWriter, outcome: Outcome, folder: Path, names: Sequence[str]) -> None:

@@ -19,6 +19,7 @@ from torch.utils.data import (
     TensorDataset,
 )
 
+from models.array_types import Float
 from models.labelled_frames import LabelledFrames
 from models.preprocessing.preprocessing import Preprocessing
 from models.seeds import AUGMENTATION, SHUFFLING, seed_of
@@ -45,6 +46,8 @@ class FoldData(LightningDataModule):
         Seed of the shuffling and the augmentation.
     empty_weight : float, optional
         How often an image without a vessel is drawn in an epoch.
+    targets : ndarray of float, shape (n, s, s), or None
+        Probabilities that training frames have in the place of masks, at the network's size.
     """
 
     def __init__(
@@ -56,6 +59,7 @@ class FoldData(LightningDataModule):
         batch_size: int,
         seed: int,
         empty_weight: float = 1.0,
+        targets: Float[np.ndarray, "n s s"] | None = None,
     ) -> None:
         super().__init__()
         self.preprocessing = preprocessing
@@ -63,6 +67,9 @@ class FoldData(LightningDataModule):
         self.batch_size = batch_size
         self.seed = seed
         self.train_set = prepared(train, preprocessing)
+        self.binary = targets is None
+        if targets is not None:
+            self.train_set = TensorDataset(self.train_set.tensors[0], torch.from_numpy(targets)[:, None])
         self.validation_set = prepared(validation, preprocessing)
         self._shuffle_generator = Generator()
         self._order = self._training_order(empty_weight)
@@ -136,21 +143,22 @@ class FoldData(LightningDataModule):
         Returns
         -------
         list of Tensor
-            Normalised images in channels-last layout, and masks of 0 and 1.
+            Normalised images in channels-last layout, and masks of 0 and 1 or, in training, the targets given.
         """
         images, masks = batch[0], batch[1].float()
         if self.trainer is not None and self.trainer.training:
             if self._augmentation_generator is None:
                 seed = seed_of(self.seed, AUGMENTATION, self.epoch)
                 self._augmentation_generator = Generator(images.device).manual_seed(seed)
-            images, masks = self.augmentation(images, masks, self._augmentation_generator)
+            images, masks = self.augmentation(images, masks, self._augmentation_generator, binary=self.binary)
         images = self.preprocessing.normalise(images)
         return [images.contiguous(memory_format=torch.channels_last), masks]
 
     def _training_order(self, empty_weight: float) -> Sampler[int]:
         if empty_weight == 1:
             return RandomSampler(self.train_set, generator=self._shuffle_generator)
-        shown = self.train_set.tensors[1].flatten(1).any(dim=1)
+        # Soft targets are above 0 everywhere: half a vessel pixel is what shows one.
+        shown = (self.train_set.tensors[1] >= 0.5).flatten(1).any(dim=1)
         return EmptyFrameSampler(shown, empty_weight, self._shuffle_generator)
 
     def _loader(self, order: Iterable[int], frames: TensorDataset) -> DataLoader[Batch]:

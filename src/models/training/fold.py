@@ -171,6 +171,7 @@ def _run(
         settings.batch_size,
         seed,
         settings.empty_weight,
+        training.targets,
     )
     callback = TrainingCallback(
         phase, data, start, _writer(training, weights_path), folder.save if folder else None, on_epoch

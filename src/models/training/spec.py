@@ -8,8 +8,10 @@ import json
 from dataclasses import dataclass, field
 from functools import cached_property
 
+import numpy as np
 import torch
 
+from models.array_types import Float
 from models.errors import InputError
 from models.labelled_frames import LabelledFrames
 from models.networks.blocks import require_size
@@ -53,12 +55,15 @@ class FoldTraining:
         Weights to start from.
     data : tuple of TrainingData, optional
         Data sets that ``train`` and ``validation`` are from.
+    targets : ndarray of float, shape (n, s, s), or None, optional
+        Probabilities at the network's size that the training frames have in the place of masks: those of an ensemble
+        that is distilled.
 
     Raises
     ------
     InputError
         If the network does not take the image size, if the start is of another architecture or has learnt from
-        ``data``, if the training or validation frames show no vessel, or if a GPU
+        ``data``, if targets are of another size, if the training or validation frames show no vessel, or if a GPU
         is asked for and there is none.
     """
 
@@ -73,6 +78,7 @@ class FoldTraining:
     fold: int
     initialisation: Initialisation = field(default_factory=SharedRandom)
     data: tuple[TrainingData, ...] = ()
+    targets: Float[np.ndarray, "n s s"] | None = None
 
     def __post_init__(self) -> None:
         size = self.preprocessing.image_size_px
@@ -82,6 +88,11 @@ class FoldTraining:
                 raise InputError(
                     f"{name}: expected frames with a vessel, received {len(frames)} frames without any"
                 )
+        shape = (len(self.train), size, size)
+        if self.targets is not None and self.targets.shape != shape:
+            raise InputError(
+                f"targets: expected probabilities of shape {shape}, received {self.targets.shape}"
+            )
         self.initialisation.require_fit(self.model)
         self.initialisation.require_unseen(self.data)
         gpu = torch.cuda.is_available() or torch.backends.mps.is_available()
@@ -117,4 +128,6 @@ class FoldTraining:
             "start": self.start.digest,
             "seed": [self.seed, self.fold],
         }
+        if self.targets is not None:
+            content["targets"] = hashlib.sha256(np.ascontiguousarray(self.targets).tobytes()).hexdigest()
         return hashlib.sha256(json.dumps(content, sort_keys=True, default=repr).encode()).hexdigest()

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from experiments.errors import InputError
-from experiments.outcome import Outcome
+from experiments.outcome import JobResult, Outcome
 from experiments.reporting.figure_files import save_figure
+from experiments.tracking.archive import read_archive
+from experiments.tracking.run_record import RunRecord
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,6 +49,46 @@ def read_cases(folder: Path, writer: str, subset: str = "") -> pd.DataFrame:
     if not path.is_file():
         raise InputError(f"{folder}: expected the folder that {writer}, found none")
     return pd.read_parquet(path)
+
+
+def finished_jobs(archive: Path, study: str) -> Iterator[RunRecord]:
+    """Read the finished runs of a study's jobs from an archive.
+
+    Parameters
+    ----------
+    archive : Path
+        Folder of exported runs.
+    study : str
+        Name of the study.
+
+    Yields
+    ------
+    RunRecord
+        Each run.
+    """
+    for run in read_archive(archive, [study]):
+        if run.tags.get("ctus.kind") == "job" and run.status == "FINISHED":
+            yield run
+
+
+def archived_result(run: RunRecord) -> JobResult:
+    """Take an exported run for the result of a job, as the summary of its study does.
+
+    Parameters
+    ----------
+    run : RunRecord
+        Run of a job.
+
+    Returns
+    -------
+    JobResult
+        Its result; the workspace is none that exists.
+    """
+    import yaml
+
+    last = run.history.sort_values("step").groupby("metric")["value"].last()
+    metrics = {str(name): float(value) for name, value in last.items()}
+    return JobResult(yaml.safe_load(run.config), metrics, run.cases, Path(run.name), run.run_id)
 
 
 def listed(findings: Iterable[str]) -> str:

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
-import yaml
-
 from experiments import files
-from experiments.analysis.pages.page_parts import listed
+from experiments.analysis.pages.page_parts import archived_result, finished_jobs, listed
 from experiments.errors import InputError
 from experiments.outcome import JobResult, Outcome
 from experiments.running.terminal import markdown
-from experiments.tracking.archive import read_archive
 from experiments.tracking.run_record import RunRecord
 
 HEAD = """# Segmentation of USGRA's vessels
@@ -55,23 +52,11 @@ def write_page(
     """
     parts = [HEAD]
     for study, summary in summarise.items():
-        runs = sorted(_jobs(archive, study), key=lambda run: run.start_ms)
+        runs = sorted(finished_jobs(archive, study), key=lambda run: run.start_ms)
         if not runs:
             raise InputError(f"{archive}: expected finished runs of {study}, found none")
-        parts.append(_section(study, summary([_result(run) for run in runs]), runs))
+        parts.append(_section(study, summary([archived_result(run) for run in runs]), runs))
     files.write_text(out, "\n".join(parts).strip() + "\n")
-
-
-def _jobs(archive: Path, study: str) -> Iterator[RunRecord]:
-    for run in read_archive(archive, [study]):
-        if run.tags.get("ctus.kind") == "job" and run.status == "FINISHED":
-            yield run
-
-
-def _result(run: RunRecord) -> JobResult:
-    last = run.history.sort_values("step").groupby("metric")["value"].last()
-    metrics = {str(name): float(value) for name, value in last.items()}
-    return JobResult(yaml.safe_load(run.config), metrics, run.cases, Path(run.name), run.run_id)
 
 
 def _section(study: str, outcome: Outcome, runs: list[RunRecord]) -> str:

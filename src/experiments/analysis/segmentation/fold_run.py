@@ -277,7 +277,7 @@ class FoldRun:
         nested = {} if self.outer_fold is None else {"outer_fold": self.outer_fold}
         known = {**nested, "fold": self.fold, "model": self.model_name, "dataset": reported_name(dataset)}
         known |= {"seed": self.seed, "part": part, **about}
-        device, batch_size = _device(self.trainer.accelerator), self.trainer.batch_size
+        device, batch_size = device_of(self.trainer.accelerator), self.trainer.batch_size
         rows: dict[int, dict[str, Any]] = {}
         with fixed_threads(self.trainer.threads):
             found = predict_logits(network, self.preprocessing, frames, batch_size, device)
@@ -358,7 +358,19 @@ def _bar(progress: Progress, most: int, description: str) -> Iterator[int]:
     return epochs
 
 
-def _device(accelerator: str) -> str:
+def device_of(accelerator: str) -> str:
+    """Name the device that networks are used on.
+
+    Parameters
+    ----------
+    accelerator : str
+        Accelerator of the trainer's settings.
+
+    Returns
+    -------
+    str
+        ``cuda`` if there is a GPU and the settings allow it, else ``cpu``.
+    """
     import torch
 
     return "cuda" if accelerator != "cpu" and torch.cuda.is_available() else "cpu"

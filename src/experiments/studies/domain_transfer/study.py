@@ -213,16 +213,13 @@ def run(
         ],
         ignore_index=True,
     )
+    title = f"{one.model_name} on {source['train_dataset']}"
     return Outcome(
         metrics={**pooled_metrics(cases), **training_metrics(trained)},
         cases=cases,
         history=trained.history,
         tables={"transfer": transfer_table(cases)},
-        figures={
-            "training_curves": training_curves(
-                trained.history, trained.best_epoch, f"{one.model_name} on {source['train_dataset']}"
-            )
-        },
+        figures={"training_curves": training_curves(trained.history, trained.best_epoch, title)},
         findings=smoke_note(cases) + tuple(note for dataset in sets.values() for note in notes_of(dataset)),
         tags={
             "model": one.model_name,

@@ -69,6 +69,8 @@ class Augmentation:
         images: Float32[Tensor, "b 1 h w"],
         masks: Float32[Tensor, "b 1 h w"],
         generator: Generator,
+        *,
+        binary: bool = True,
     ) -> tuple[Float32[Tensor, "b 1 h w"], Float32[Tensor, "b 1 h w"]]:
         """Transform a batch.
 
@@ -77,21 +79,23 @@ class Augmentation:
         images : Tensor, shape (b, 1, h, w)
             Grey values of 0 to 1.
         masks : Tensor, shape (b, 1, h, w)
-            Values 0 and 1.
+            Values 0 and 1, or probabilities.
         generator : torch.Generator
             Source of all random numbers.
+        binary : bool, optional
+            Whether ``masks`` are masks of 0 and 1, as against probabilities.
 
         Returns
         -------
         images : Tensor, shape (b, 1, h, w)
             Grey values of 0 to 1.
         masks : Tensor, shape (b, 1, h, w)
-            Values 0 and 1.
+            Values 0 and 1, or probabilities.
         """
         draws = RandomDraws(len(images), images.device, generator)
         linear, displacements, intensity = self._by_kind
         if linear or displacements:
-            images, masks = resample(images, masks, linear, displacements, draws)
+            images, masks = resample(images, masks, linear, displacements, draws, binary=binary)
         before: IntensityTransform | None = None
         for each in intensity:
             if before is not None and before.stage != each.stage:

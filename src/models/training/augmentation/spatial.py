@@ -181,6 +181,8 @@ def resample(
     linear: Sequence[LinearTransform],
     displacements: Sequence[DisplacementTransform],
     draws: RandomDraws,
+    *,
+    binary: bool = True,
 ) -> tuple[Float32[Tensor, "b 1 h w"], Float32[Tensor, "b 1 h w"]]:
     """Apply spatial transforms to images and masks in one bilinear interpolation.
 
@@ -189,20 +191,22 @@ def resample(
     images : Tensor, shape (b, 1, h, w)
         Images of values 0 to 1.
     masks : Tensor, shape (b, 1, h, w)
-        Masks of 0 and 1.
+        Masks of 0 and 1, or probabilities.
     linear : sequence of LinearTransform
         Their matrices are multiplied in this order; then their shifts are added.
     displacements : sequence of DisplacementTransform
         Their displacements are added last.
     draws : RandomDraws
         Source of the random numbers.
+    binary : bool, optional
+        Whether masks are thresholded at a half again; probabilities are not.
 
     Returns
     -------
     images : Tensor, shape (b, 1, h, w)
         Values 0 to 1, 0 where the transformed image has no data.
     masks : Tensor, shape (b, 1, h, w)
-        Values 0 and 1.
+        Values 0 and 1, or probabilities.
     """
     height, width = images.shape[-2:]
     maps = [each.linear(draws, width / height) for each in linear]
@@ -220,7 +224,8 @@ def resample(
         grid += field.displacement(draws, height, width)
     both = torch.cat([images, masks], dim=1)
     moved = functional.grid_sample(both, grid.permute(0, 2, 3, 1), align_corners=False)
-    return moved[:, :1].clamp(0, 1), (moved[:, 1:] >= 0.5).to(masks.dtype)
+    after = (moved[:, 1:] >= 0.5).to(masks.dtype) if binary else moved[:, 1:].clamp(0, 1)
+    return moved[:, :1].clamp(0, 1), after
 
 
 def _pixel_centres(count: int, device: torch.device) -> Tensor:

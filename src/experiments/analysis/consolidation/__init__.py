@@ -1,0 +1,1 @@
+"""One model from the folds: candidates, their calibration and thresholds, and the certificate of the choice."""
