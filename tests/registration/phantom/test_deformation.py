@@ -19,16 +19,16 @@ PRESS = Press(
 )
 
 
-def bend(most_mm: float = 3.0) -> Bend:
-    drawn = draw_bend(GUIDE_MM, most_mm, 22.0, np.random.default_rng(1))
+def bend(max_mm: float = 3.0) -> Bend:
+    drawn = draw_bend(GUIDE_MM, max_mm, 22.0, np.random.default_rng(1))
     assert drawn is not None
     return drawn
 
 
-@pytest.mark.parametrize("most_mm", [0.5, 3.0, 6.0])
-def test_largest_displacement_along_the_vessel_is_as_asked(most_mm: float) -> None:
-    moved_mm = np.linalg.norm(bend(most_mm)(GUIDE_MM) - GUIDE_MM, axis=1)
-    assert moved_mm.max() == pytest.approx(most_mm, rel=0.02)
+@pytest.mark.parametrize("max_mm", [0.5, 3.0, 6.0])
+def test_largest_displacement_along_the_vessel_is_as_asked(max_mm: float) -> None:
+    moved_mm = np.linalg.norm(bend(max_mm)(GUIDE_MM) - GUIDE_MM, axis=1)
+    assert moved_mm.max() == pytest.approx(max_mm, rel=0.02)
     assert draw_bend(GUIDE_MM, 0.0, 22.0, np.random.default_rng(1)) is None
 
 
