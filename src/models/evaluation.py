@@ -9,11 +9,11 @@ import numpy as np
 
 from models.labelled_frames import LabelledFrames
 from models.metrics.scoring import columns_for, score_case
-from models.predictor import Predictor
+from models.predictor import Frame, Predictor
 
 
 def predict(predictor: Predictor, frames: LabelledFrames) -> Iterator[tuple[str, np.ndarray]]:
-    """Segment labelled frames case by case; consecutive cases of one size share batches.
+    """Segment labelled frames case by case.
 
     Parameters
     ----------
@@ -29,14 +29,9 @@ def predict(predictor: Predictor, frames: LabelledFrames) -> Iterator[tuple[str,
     mask : ndarray of bool, shape (h, w)
         Mask of the case's own size.
     """
-    by_size: dict[tuple[int, ...], list[int]] = {}
-    for index, image in enumerate(frames.images):
-        by_size.setdefault(image.shape, []).append(index)
-    for indices in by_size.values():
-        for first in range(0, len(indices), predictor.batch_size):
-            batch = indices[first : first + predictor.batch_size]
-            masks = predictor(np.stack([frames.images[index] for index in batch]))
-            yield from ((frames.case_ids[index], mask) for index, mask in zip(batch, masks, strict=True))
+    given = map(Frame, frames.images, frames.spacing_mm)
+    for case, found in zip(frames.case_ids, predictor.stream(given), strict=True):
+        yield case, found.mask
 
 
 def score_cases(

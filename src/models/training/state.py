@@ -17,9 +17,9 @@ import torch
 from filelock import FileLock, Timeout
 
 from models.atomic import atomic_write
-from models.checkpoint import UNREADABLE
 from models.errors import InputError
 from models.training.phase import best_epoch
+from models.weights_file import UNREADABLE
 
 FORMAT = "ctus-training-state"
 VERSION = 1
