@@ -58,6 +58,8 @@ class Outcome:
         Text by the name of the tag.
     inputs : tuple of InputData, optional
         Data sets used.
+    refused : tuple of str, optional
+        Inputs that were left out because they are not what they must be, a sentence each; all others were done.
     """
 
     metrics: Mapping[str, float] = field(default_factory=dict)
@@ -68,6 +70,7 @@ class Outcome:
     findings: tuple[str, ...] = ()
     tags: Mapping[str, str] = field(default_factory=dict)
     inputs: tuple[InputData, ...] = ()
+    refused: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,6 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from models.array_types import Shaped
 from models.calibration.temperature import TemperatureScaling, logits_of
 from models.errors import InputError
 from models.inference.engines import Forward, forward_of, require_engine
@@ -29,7 +28,8 @@ from models.preprocessing.preprocessing import Preprocessing
 
 __all__ = ["Frame", "FramePrediction", "Prediction", "Predictor", "StageTimes"]
 
-Frames = Shaped[np.ndarray, "..."] | Sequence[np.ndarray]
+# What a caller may hand over; anything else is refused with a sentence.
+Frames = Any
 HALF = Option(Hysteresis(), Morphology())
 
 
@@ -219,7 +219,7 @@ class Predictor:
         found = self.stream(frames_of(frames, spacing_mm))
         return _in_form_of(frames, [each.soft_mask for each in found], np.float32)
 
-    def timed(self, frames: Shaped[np.ndarray, "n h w *rgb"]) -> Prediction:
+    def timed(self, frames: Frames) -> Prediction:
         """Segment a stack of frames and time each stage; on a GPU each stage waits for the one before.
 
         Parameters

@@ -84,7 +84,7 @@ def test_a_loaded_checkpoint_predicts_as_its_network(tmp_path) -> None:
     np.testing.assert_allclose(
         loaded.probability(frames), Predictor(network, Preprocessing(16)).probability(frames), atol=1e-6
     )
-    assert not loaded.network.training
+    assert not any(network.training for network in loaded.networks)
 
 
 CLEANING = Preprocessing(32, "standard_sector", sector="auto", overlays="auto")

@@ -62,7 +62,7 @@ def chosen_engine(engine: str, device: str) -> str:
     require_engine(engine)
     if engine != "auto":
         return engine
-    found = [name for name in FASTEST if device == "cpu" and _is_installed(name)]
+    found = [name for name in FASTEST if device == "cpu" and is_installed(name)]
     return found[0] if found else "eager"
 
 
@@ -99,7 +99,7 @@ def forward_of(ensemble: MeanProbability, engine: str, image_size_px: int, devic
         return compiled
     if device != "cpu":
         raise InputError(f"engine: expected eager or compiled for device {device}, received {chosen}")
-    if not _is_installed(chosen):
+    if not is_installed(chosen):
         packages = " and ".join(PACKAGES[chosen])
         raise InputError(
             f"engine: expected the packages {packages} for {chosen}, found not both (pip install 'ctus[{chosen}]')"
@@ -109,7 +109,19 @@ def forward_of(ensemble: MeanProbability, engine: str, image_size_px: int, devic
     return lambda images: [torch.from_numpy(output) for output in run(images.contiguous().numpy())]
 
 
-def _is_installed(engine: str) -> bool:
+def is_installed(engine: str) -> bool:
+    """Tell whether the packages of an engine are there.
+
+    Parameters
+    ----------
+    engine : str
+        One of ``PACKAGES``.
+
+    Returns
+    -------
+    bool
+        True if all of them are.
+    """
     return all(importlib.util.find_spec(package) is not None for package in PACKAGES[engine])
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import islice
 
@@ -33,12 +33,10 @@ class Frame:
         If the frame has another shape or type.
     """
 
-    image: UInt8[np.ndarray, "*size"]
+    image: Shaped[np.ndarray, "..."]
     spacing_mm: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.image, np.ndarray):
-            raise InputError(f"frames: expected numpy arrays, received a {type(self.image).__name__}")
         shape = self.image.shape
         is_frame = len(shape) == 2 or (len(shape) == 3 and shape[2] in CHANNELS)
         if self.image.dtype != np.uint8 or not is_frame or 0 in shape:
@@ -55,9 +53,7 @@ class Frame:
         return np.asarray(self.image if self.image.ndim == 2 else echo_grey(self.image))
 
 
-def frames_of(
-    frames: Shaped[np.ndarray, "..."] | Sequence[np.ndarray], spacing_mm: tuple[float, float] | None
-) -> list[Frame]:
+def frames_of(frames: object, spacing_mm: tuple[float, float] | None) -> list[Frame]:
     """List the frames that a caller hands over at once.
 
     Parameters
@@ -87,6 +83,9 @@ def frames_of(
             )
     elif not isinstance(frames, (list, tuple)):
         raise InputError(f"frames: expected a numpy array or a list, received a {type(frames).__name__}")
+    other = next((frame for frame in frames if not isinstance(frame, np.ndarray)), None)
+    if other is not None:
+        raise InputError(f"frames: expected numpy arrays, received a {type(other).__name__}")
     return [Frame(frame, spacing_mm) for frame in frames]
 
 

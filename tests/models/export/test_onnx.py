@@ -1,3 +1,4 @@
+import jaxtyping
 import numpy as np
 import pytest
 import torch
@@ -15,6 +16,12 @@ RECIPES = [
     AttentionUNet(width=8, depth=3),
     UNet3Plus(width=8, depth=4, classification_guided=True),
 ]
+
+
+@pytest.fixture(autouse=True)
+def traceable(monkeypatch) -> None:
+    """Without checks of types: while the exporter traces a network, sizes are tensors."""
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
 
 
 @pytest.mark.parametrize("recipe", RECIPES, ids=lambda recipe: recipe.name)
