@@ -66,7 +66,9 @@ def main() -> None:
     engines = ["eager", "compiled", *(name for name in PACKAGES if is_installed(name))]
     model = model_of(given.size, given.width)
     parameters = model.members[0].parameters
-    print(f"{parameters / 1e6:.2f}M values, {given.size} px, {given.threads} threads, batches of {given.batch}")
+    print(
+        f"{parameters / 1e6:.2f}M values, {given.size} px, {given.threads} threads, batches of {given.batch}"
+    )
     with tempfile.TemporaryDirectory() as folder:
         paths = written_frames(Path(folder), given.frames, given.size)
         (out := Path(folder) / "masks").mkdir()
@@ -82,7 +84,9 @@ def main() -> None:
             for _ in range(given.rounds)
         ]
     eager_s = [each["eager"][0] for each in rounds]
-    print(f"{'engine':12s}{'frames/s':>9s}{'best':>7s}{'ratio':>7s}{'network':>9s}{'start_s':>9s}  max difference")
+    print(
+        f"{'engine':12s}{'frames/s':>9s}{'best':>7s}{'ratio':>7s}{'network':>9s}{'start_s':>9s}  max difference"
+    )
     for engine in predictors:
         times = [each[engine] for each in rounds]
         rate = 1 / statistics.median(total for total, _ in times)

@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import torch
@@ -99,6 +100,7 @@ def onnx_graph(module: nn.Module, image_size_px: int) -> bytes:
     with torch.inference_mode():
         outputs = OUTPUTS[: len(module(images))]
     graph = io.BytesIO()
+    torch.onnx.register_custom_op_symbolic("aten::logaddexp", _logaddexp, OPSET)
     with warnings.catch_warnings(), torch.no_grad():
         # The exporter by tracing needs onnx alone; what it warns of is that sizes become constants, as they shall.
         warnings.simplefilter("ignore")
@@ -211,3 +213,9 @@ def max_difference(
     return max(
         float(np.abs(one.numpy() - another).max()) for one, another in zip(expected, received, strict=True)
     )
+
+
+def _logaddexp(graph: Any, one: Any, other: Any) -> Any:
+    """The logarithm of a sum of exponentials, which ONNX has not: max + log(1 + exp(-|difference|))."""
+    distance = graph.op("Neg", graph.op("Abs", graph.op("Sub", one, other)))
+    return graph.op("Add", graph.op("Max", one, other), graph.op("Softplus", distance))
