@@ -138,6 +138,8 @@ def onnx_session(graph: bytes) -> Callable[[Float32[np.ndarray, "b 1 s s"]], lis
     runtime = required("onnxruntime")
     options = runtime.SessionOptions()
     options.intra_op_num_threads = torch.get_num_threads()
+    # Threads that wait do not take the cores from others.
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     session = runtime.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
     return lambda images: list(session.run(None, {INPUT: images}))
 

@@ -101,8 +101,9 @@ def forward_of(ensemble: MeanProbability, engine: str, image_size_px: int, devic
         raise InputError(f"engine: expected eager or compiled for device {device}, received {chosen}")
     if not is_installed(chosen):
         packages = " and ".join(PACKAGES[chosen])
+        extra = "openvino" if chosen == "openvino" else "onnx"
         raise InputError(
-            f"engine: expected the packages {packages} for {chosen}, found not both (pip install 'ctus[{chosen}]')"
+            f"engine: expected the packages {packages} for {chosen}, found not both (pip install 'ctus[{extra}]')"
         )
     graph = onnx_graph(ensemble, image_size_px)
     run = onnx_session(graph) if chosen == "onnxruntime" else _openvino(graph)

@@ -27,6 +27,10 @@ class MeanProbability(nn.Module):
     def __init__(self, networks: Sequence[nn.Module], flips: bool = False) -> None:
         super().__init__()
         self.networks = nn.ModuleList(networks)
+        for network in networks:
+            # A network with a presence branch returns logits alone unless it is asked.
+            if getattr(network, "presence", None) is not None:
+                network.returns_presence = True  # type: ignore[assignment]
         self.flips = flips
 
     def forward(self, images: Float32[Tensor, "b 1 h w"]) -> tuple[Tensor, ...]:
