@@ -100,14 +100,14 @@ def onnx_graph(module: nn.Module, image_size_px: int) -> bytes:
     with torch.inference_mode():
         outputs = OUTPUTS[: len(module(images))]
     graph = io.BytesIO()
-    torch.onnx.register_custom_op_symbolic("aten::logaddexp", _logaddexp, OPSET)
+    torch.onnx.register_custom_op_symbolic("aten::logaddexp", _logaddexp, OPSET)  # type: ignore[attr-defined]
     with warnings.catch_warnings(), torch.no_grad():
         # The exporter by tracing needs onnx alone; what it warns of is that sizes become constants, as they shall.
         warnings.simplefilter("ignore")
         torch.onnx.export(
             module,
             (images,),
-            graph,
+            graph,  # type: ignore[arg-type] # the exporter by tracing writes to streams
             dynamo=False,
             input_names=[INPUT],
             output_names=list(outputs),
