@@ -29,7 +29,12 @@ FORBIDDEN = {
 }
 # A library and the only modules that may import it.
 KEPT_IN = {
-    "mlflow": {"experiments.tracking.store", "experiments.tracking.run_writer"},
+    "mlflow": {
+        "experiments.tracking.store",
+        "experiments.tracking.run_writer",
+        "experiments.tracking.model_registry",
+        "experiments.tracking.served_model",
+    },
     "hydra": {"experiments.cli"},
     "omegaconf": {"experiments.cli", "experiments.command_line.method_settings"},
 }
@@ -48,6 +53,8 @@ LAYERS: dict[str, list[list[str]]] = {
         ["models.weights_file"],
         ["models.checkpoint"],
         ["models.model_file"],
+        ["models.export"],
+        ["models.inference"],
         ["models.predictor"],
         ["models.averaging"],
         ["models.training", "models.evaluation"],

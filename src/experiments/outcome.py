@@ -61,6 +61,8 @@ class Outcome:
     files : Mapping[str, callable], optional
         What writes a further file, given its path, by the file's name. A summary, which has no workspace, leaves files
         this way.
+    refused : tuple of str, optional
+        Inputs that were left out because they are not what they must be, a sentence each; all others were done.
     """
 
     metrics: Mapping[str, float] = field(default_factory=dict)
@@ -72,6 +74,7 @@ class Outcome:
     tags: Mapping[str, str] = field(default_factory=dict)
     inputs: tuple[InputData, ...] = ()
     files: Mapping[str, Callable[[Path], None]] = field(default_factory=dict)
+    refused: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,12 @@ from torch import nn
 from models.array_types import Bool, Float32
 from models.labelled_frames import LabelledFrames
 from models.metrics.scoring import columns_for, score_case
-from models.predictor import Predictor
+from models.predictor import Frame, Predictor
 from models.preprocessing.preprocessing import Placement, Preprocessing
 
 
 def predict(predictor: Predictor, frames: LabelledFrames) -> Iterator[tuple[str, np.ndarray]]:
-    """Segment labelled frames case by case; consecutive cases of one size share batches.
+    """Segment labelled frames case by case.
 
     Parameters
     ----------
@@ -34,9 +34,9 @@ def predict(predictor: Predictor, frames: LabelledFrames) -> Iterator[tuple[str,
     mask : ndarray of bool, shape (h, w)
         Mask of the case's own size.
     """
-    for batch in _batches(frames, predictor.batch_size):
-        masks = predictor(np.stack([frames.images[index] for index in batch]))
-        yield from ((frames.case_ids[index], mask) for index, mask in zip(batch, masks, strict=True))
+    given = map(Frame, frames.images, frames.spacing_mm)
+    for case, found in zip(frames.case_ids, predictor.stream(given), strict=True):
+        yield case, found.mask
 
 
 @dataclass(frozen=True)

@@ -1,184 +1,226 @@
-"""Vessel masks from frames, by a trained network."""
+"""Vessel masks from frames, by a trained model."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
-from models.array_types import Bool, Float32, UInt8
-from models.checkpoint import Checkpoint
+from models.calibration.temperature import TemperatureScaling, logits_of
 from models.errors import InputError
-from models.preprocessing.grey import echo_grey
+from models.inference.engines import Forward, forward_of, require_engine
+from models.inference.ensemble import MeanProbability
+from models.inference.frames import Frame, batches_of, frames_of, is_one_frame
+from models.inference.results import FramePrediction, Prediction, StageTimes
+from models.model_file import SegmentationModel
+from models.postprocessing.hysteresis import Hysteresis
+from models.postprocessing.morphology import Morphology
+from models.postprocessing.options import Option
 from models.preprocessing.preprocessing import Preprocessing
 
-CHANNELS = (3, 4)
+__all__ = ["Frame", "FramePrediction", "Prediction", "Predictor", "StageTimes"]
 
-
-@dataclass(frozen=True)
-class StageTimes:
-    """Seconds that each stage of a prediction took; those of several calls add up.
-
-    Parameters
-    ----------
-    frames : int
-        Number of frames.
-    preprocessing_s : float
-        From the frames as recorded to the network's input.
-    network_s : float
-        The network alone.
-    restoration_s : float
-        From the network's output to masks of the frames' own size.
-    """
-
-    frames: int = 0
-    preprocessing_s: float = 0.0
-    network_s: float = 0.0
-    restoration_s: float = 0.0
-
-    @property
-    def total_s(self) -> float:
-        """Seconds of all stages together."""
-        return self.preprocessing_s + self.network_s + self.restoration_s
-
-    def __add__(self, other: StageTimes) -> StageTimes:
-        return StageTimes(
-            self.frames + other.frames,
-            self.preprocessing_s + other.preprocessing_s,
-            self.network_s + other.network_s,
-            self.restoration_s + other.restoration_s,
-        )
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """Result of a timed prediction.
-
-    Parameters
-    ----------
-    masks : ndarray of bool, shape (n, h, w)
-        Masks of the frames.
-    probability : ndarray of float32, shape (n, h, w)
-        Probability of vessel, 0 to 1.
-    times : StageTimes
-        Seconds of each stage.
-    """
-
-    masks: Bool[np.ndarray, "n h w"]
-    probability: Float32[np.ndarray, "n h w"]
-    times: StageTimes
+# What a caller may hand over; anything else is refused with a sentence.
+Frames = Any
+HALF = Option(Hysteresis(), Morphology())
 
 
 @dataclass(frozen=True)
 class Predictor:
-    """Trained network in use: frames in, masks or probabilities of the frames' own size out.
+    """Trained model in use: frames in, masks or probabilities of the frames' own size out.
+
+    The stages of a frame: preprocessing, the networks' mean probability, restoration to the frame's size, calibration,
+    and thresholds with morphology.
 
     Parameters
     ----------
-    network : nn.Module
-        Network in evaluation mode.
+    networks : nn.Module or sequence of nn.Module
+        Network, or several whose probabilities are averaged, on the device.
     preprocessing : Preprocessing
-        Preprocessing that the network expects.
-    batch_size : int
+        Preprocessing that all of them expect.
+    calibration : TemperatureScaling or None, optional
+        Calibration of the logit of the probability.
+    postprocessing : Option, optional
+        From probability to mask; as it stands, a threshold of 0.5.
+    min_presence : float or None, optional
+        Frames whose probability of showing a vessel is below this have an empty mask; None for no such gate, and
+        without effect for networks that have no such output.
+    flips : bool, optional
+        Whether probabilities are means over the frame and its mirror image.
+    batch_size : int, optional
         Number of frames that pass at a time.
-    threshold : float
-        Probability from which a pixel is vessel, 0 to 1.
-    device : str
+    device : str, optional
         ``cpu`` or ``cuda``.
+    engine : str, optional
+        What runs the networks; one of ``models.inference.engines.ENGINES``.
+
+    Raises
+    ------
+    InputError
+        If a setting is out of range.
     """
 
-    network: nn.Module
+    networks: nn.Module | Sequence[nn.Module]
     preprocessing: Preprocessing
+    calibration: TemperatureScaling | None = None
+    postprocessing: Option = HALF
+    min_presence: float | None = None
+    flips: bool = False
     batch_size: int = 8
-    threshold: float = 0.5
     device: str = "cpu"
+    engine: str = "eager"
 
     def __post_init__(self) -> None:
         if self.batch_size < 1:
             raise InputError(f"batch_size: expected at least 1, received {self.batch_size}")
-        if not 0 <= self.threshold <= 1:
-            raise InputError(f"threshold: expected 0 to 1, received {self.threshold}")
+        if self.min_presence is not None and not 0 <= self.min_presence <= 1:
+            raise InputError(f"min_presence: expected 0 to 1, received {self.min_presence}")
+        require_engine(self.engine)
 
     @classmethod
-    def load(cls, path: str | Path, batch_size: int = 8, device: str = "cpu") -> Predictor:
-        """Load a network from a checkpoint file.
+    def load(
+        cls, path: str | Path, batch_size: int = 8, device: str = "cpu", engine: str = "eager"
+    ) -> Predictor:
+        """Load a model from a model file, or one network from the checkpoint of a fold.
 
         Parameters
         ----------
         path : str or Path
-            Checkpoint.
+            File of a model.
         batch_size : int
             Number of frames that pass at a time.
         device : str
             ``cpu`` or ``cuda``.
+        engine : str
+            What runs the networks; other ones than ``eager`` take seconds to prepare.
 
         Returns
         -------
         Predictor
-            The network in use.
+            The model in use.
 
         Raises
         ------
         InputError
-            If the file is no checkpoint of a known network.
+            If the file is neither, or the engine is unknown.
         """
-        checkpoint = Checkpoint.load(path)
-        network = checkpoint.network().to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
-        return cls(network, checkpoint.preprocessing, batch_size=batch_size, device=device)
+        return cls.from_model(SegmentationModel.load(path), batch_size, device, engine)
 
-    def __call__(self, frames: UInt8[np.ndarray, "n h w *rgb"]) -> Bool[np.ndarray, "n h w"]:
+    @classmethod
+    def from_model(
+        cls, model: SegmentationModel, batch_size: int = 8, device: str = "cpu", engine: str = "eager"
+    ) -> Predictor:
+        """Put a model to use.
+
+        Parameters
+        ----------
+        model : SegmentationModel
+            The model.
+        batch_size : int
+            Number of frames that pass at a time.
+        device : str
+            ``cpu`` or ``cuda``.
+        engine : str
+            What runs the networks.
+
+        Returns
+        -------
+        Predictor
+            The model in use.
+        """
+        networks = tuple(
+            member.network().to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+            for member in model.members
+        )
+        return cls(
+            networks,
+            model.preprocessing,
+            model.calibration,
+            HALF if model.postprocessing is None else model.postprocessing,
+            model.min_presence,
+            model.flips,
+            batch_size,
+            device,
+            engine,
+        )
+
+    def __call__(self, frames: Frames, spacing_mm: tuple[float, float] | None = None) -> Any:
         """Segment frames.
 
         Parameters
         ----------
-        frames : ndarray of uint8, shape (n, h, w) or (n, h, w, 3)
-            Grey or RGB frames of one size.
+        frames : ndarray or sequence of ndarray of uint8
+            One frame (h, w) or (h, w, 3), a stack (n, h, w) or (n, h, w, 3), or a sequence of frames of any sizes.
+        spacing_mm : tuple of float or None, optional
+            Vertical and horizontal size of their pixels in mm, for thresholds of area in mm^2; None where unknown.
 
         Returns
         -------
-        ndarray of bool, shape (n, h, w)
-            Masks of the frames.
+        ndarray of bool or list of ndarray
+            The masks in the same form: (h, w), (n, h, w), or a list.
 
         Raises
         ------
         InputError
-            If the frames have another shape or type.
+            If the frames have another shape or type, or a spacing is needed and unknown.
         """
-        masks = np.empty(_checked(frames).shape[:3], dtype=bool)
-        for part, probability, _ in self._batches(frames):
-            masks[part] = probability >= self.threshold
-        return masks
+        found = self.stream(frames_of(frames, spacing_mm))
+        return _in_form_of(frames, [each.mask for each in found], np.bool_)
 
-    def probability(self, frames: UInt8[np.ndarray, "n h w *rgb"]) -> Float32[np.ndarray, "n h w"]:
-        """Compute the probability of vessel in each pixel of each frame.
+    def probability(self, frames: Frames) -> Any:
+        """Compute the calibrated probability of vessel in each pixel of each frame.
 
         Parameters
         ----------
-        frames : ndarray of uint8, shape (n, h, w) or (n, h, w, 3)
-            Grey or RGB frames of one size.
+        frames : ndarray or sequence of ndarray of uint8
+            As in a call.
 
         Returns
         -------
-        ndarray of float32, shape (n, h, w)
-            Probabilities, 0 to 1.
+        ndarray of float32 or list of ndarray
+            Probabilities, 0 to 1, in the same form.
 
         Raises
         ------
         InputError
             If the frames have another shape or type.
         """
-        probabilities = np.empty(_checked(frames).shape[:3], dtype=np.float32)
-        for part, probability, _ in self._batches(frames):
-            probabilities[part] = probability
-        return probabilities
+        found = self._probabilities(iter(frames_of(frames, None)))
+        return _in_form_of(frames, [probability for probability, *_ in found], np.float32)
 
-    def timed(self, frames: UInt8[np.ndarray, "n h w *rgb"]) -> Prediction:
-        """Segment frames and time each stage; on a GPU each stage waits for the one before.
+    def soft_masks(self, frames: Frames, spacing_mm: tuple[float, float] | None = None) -> Any:
+        """Compute maps whose level of one half is the outline of the masks, for outlines of sub-pixel accuracy.
+
+        Parameters
+        ----------
+        frames : ndarray or sequence of ndarray of uint8
+            As in a call.
+        spacing_mm : tuple of float or None, optional
+            As in a call.
+
+        Returns
+        -------
+        ndarray of float32 or list of ndarray
+            Values 0 to 1 in the same form: the probability itself for a plain threshold of one half.
+
+        Raises
+        ------
+        InputError
+            As in a call.
+        """
+        found = self.stream(frames_of(frames, spacing_mm))
+        return _in_form_of(frames, [each.soft_mask for each in found], np.float32)
+
+    def timed(self, frames: Frames) -> Prediction:
+        """Segment a stack of frames and time each stage; on a GPU each stage waits for the one before.
 
         Parameters
         ----------
@@ -195,65 +237,107 @@ class Predictor:
         InputError
             If the frames have another shape or type.
         """
-        probabilities = np.empty(_checked(frames).shape[:3], dtype=np.float32)
-        times = StageTimes()
-        for part, probability, batch in self._batches(frames, wait=True):
-            probabilities[part] = probability
-            times += batch
-        begin_s = time.perf_counter()
-        masks = probabilities >= self.threshold
-        return Prediction(
-            masks, probabilities, times + StageTimes(restoration_s=time.perf_counter() - begin_s)
-        )
+        found = list(self.stream(frames_of(frames, None)))
+        masks = _in_form_of(frames, [each.mask for each in found], np.bool_)
+        maps = _in_form_of(frames, [each.probability for each in found], np.float32)
+        times = sum((each.times for each in found), StageTimes())
+        return Prediction(np.asarray(masks), np.asarray(maps), times)
 
-    def _batches(
-        self, frames: np.ndarray, wait: bool = False
-    ) -> Iterator[tuple[slice, np.ndarray, StageTimes]]:
-        """Which frames, their probabilities, and the times of this batch."""
-        placement = self.preprocessing.placement(*frames.shape[1:3])
-        self.network.eval()
-        for first in range(0, len(frames), self.batch_size):
-            part = slice(first, first + self.batch_size)
+    def stream(self, frames: Iterable[Frame | np.ndarray]) -> Iterator[FramePrediction]:
+        """Segment a stream of frames of any sizes; a batch of them is held at a time.
+
+        Parameters
+        ----------
+        frames : iterable of Frame or ndarray
+            Frames, which may be read as they are asked for.
+
+        Yields
+        ------
+        FramePrediction
+            Result for each frame, in order.
+
+        Raises
+        ------
+        InputError
+            If a frame has another shape or type, or its spacing is needed and unknown.
+        """
+        given = (frame if isinstance(frame, Frame) else Frame(frame) for frame in frames)
+        for probability, presence, frame, times in self._probabilities(given):
+            begin_s = time.perf_counter()
+            mask = self._mask(probability, presence, frame)
+            spent = StageTimes(postprocessing_s=time.perf_counter() - begin_s)
+            yield FramePrediction(mask, probability, presence, times + spent, self.postprocessing)
+
+    @cached_property
+    def _forward(self) -> Forward:
+        networks = (self.networks,) if isinstance(self.networks, nn.Module) else tuple(self.networks)
+        ensemble = MeanProbability(networks, self.flips)
+        return forward_of(ensemble, self.engine, self.preprocessing.image_size_px, self.device)
+
+    def _probabilities(
+        self, frames: Iterator[Frame]
+    ) -> Iterator[tuple[np.ndarray, float | None, Frame, StageTimes]]:
+        """Calibrated probability, that of presence, the frame and its share of the times, frame by frame."""
+        for batch in batches_of(frames, self.batch_size):
             begin_s = time.perf_counter()
             with torch.inference_mode():
-                squares = self._prepared(frames[part])
-                prepared_s = self._clock(wait)
-                logits = self.network(squares)
-                network_s = self._clock(wait)
-                maps = self.preprocessing.restore(torch.sigmoid(logits.float()), placement).cpu().numpy()
+                squares = self._squares(batch)
+                prepared_s = self._clock()
+                outputs = self._forward(squares)
+                network_s = self._clock()
+                maps = self._restored(outputs[0], batch)
+            presences = outputs[1].tolist() if len(outputs) > 1 else [None] * len(batch)
+            restored_s = time.perf_counter()
+            if self.calibration is not None:
+                maps = [self.calibration(logits_of(each)) for each in maps]
             end_s = time.perf_counter()
-            yield (
-                part,
-                maps,
-                StageTimes(len(maps), prepared_s - begin_s, network_s - prepared_s, end_s - network_s),
+            times = StageTimes(
+                len(batch),
+                prepared_s - begin_s,
+                network_s - prepared_s,
+                restored_s - network_s,
+                end_s - restored_s,
+            ).share(len(batch))
+            yield from (
+                (probability, presence, frame, times)
+                for probability, presence, frame in zip(maps, presences, batch, strict=True)
             )
 
-    def _prepared(self, frames: np.ndarray) -> Tensor:
-        """The network's input: the stage that a training data set goes through, image by image."""
-        grey = frames if frames.ndim == 3 else np.stack([echo_grey(frame) for frame in frames])
-        # Cleaned before they go to the device: it works on arrays.
-        # Rotated or flipped frames are views with negative strides, which torch does not take; of a batch of one, numpy
-        # calls even such a view contiguous.
-        clean = np.array(self.preprocessing.clean(grey), order="C")
-        images = torch.tensor(clean, device=self.device)
-        squares = self.preprocessing.normalise(self.preprocessing.resize(images))
-        return squares.contiguous(memory_format=torch.channels_last)
+    def _squares(self, batch: Sequence[Frame]) -> Tensor:
+        """The networks' input: the stage that a training data set goes through, frames of one size at a time."""
+        parts = []
+        for _, run in groupby(batch, key=lambda frame: frame.size):
+            # Cleaned before they go to the device: it works on arrays. Rotated or flipped frames are views with
+            # negative strides, which torch does not take; numpy calls even such a view of one frame contiguous.
+            clean = np.array(self.preprocessing.clean(np.stack([frame.grey for frame in run])), order="C")
+            images = torch.tensor(clean, device=self.device)
+            parts.append(self.preprocessing.normalise(self.preprocessing.resize(images)))
+        return torch.cat(parts).contiguous(memory_format=torch.channels_last)
 
-    def _clock(self, wait: bool) -> float:
-        if wait and self.device != "cpu":
+    def _restored(self, maps: Tensor, batch: Sequence[Frame]) -> list[np.ndarray]:
+        """Probabilities at the frames' own sizes."""
+        restored: list[np.ndarray] = []
+        for size, run in groupby(batch, key=lambda frame: frame.size):
+            part = maps[len(restored) : len(restored) + len(list(run))].to(self.device)
+            native = self.preprocessing.restore(part, self.preprocessing.placement(*size))
+            restored.extend(native.clamp(0, 1).cpu().numpy())  # interpolation may leave the range by rounding
+        return restored
+
+    def _mask(self, probability: np.ndarray, presence: float | None, frame: Frame) -> np.ndarray:
+        if presence is not None and self.min_presence is not None and presence < self.min_presence:
+            return np.zeros(probability.shape, dtype=bool)
+        return self.postprocessing(probability, frame.spacing_mm)
+
+    def _clock(self) -> float:
+        if self.device != "cpu":
             torch.cuda.synchronize(self.device)
         return time.perf_counter()
 
 
-def _checked(frames: np.ndarray) -> np.ndarray:
+def _in_form_of(frames: Frames, maps: list[np.ndarray], dtype: type) -> Any:
+    """Maps as their frames were handed over: one, in one array, or as a list."""
     if not isinstance(frames, np.ndarray):
-        raise InputError(f"frames: expected a numpy array, received a {type(frames).__name__}")
-    # Three or four columns are the channels of one colour frame that was not put in a stack.
-    is_grey = frames.ndim == 3 and frames.shape[2] not in CHANNELS
-    is_colour = frames.ndim == 4 and frames.shape[3] in CHANNELS
-    if frames.dtype != np.uint8 or not (is_grey or is_colour) or 0 in frames.shape[1:]:
-        raise InputError(
-            "frames: expected uint8 of shape (n, height, width) or (n, height, width, 3), "
-            f"received {frames.dtype} {frames.shape}"
-        )
-    return frames
+        return maps
+    if is_one_frame(frames):
+        return maps[0]
+    return np.stack(maps) if maps else np.empty(frames.shape[:3], dtype=dtype)

@@ -4,11 +4,17 @@ import torch
 from drawn_screens import cross_hairs, rectangle, speckle
 from torch import nn
 
+from models.calibration.temperature import TemperatureScaling
 from models.checkpoint import Checkpoint
 from models.errors import InputError
 from models.labelled_frames import LabelledFrames
+from models.model_file import ModelMember, SegmentationModel
+from models.networks.outputs import SideOutputs
 from models.networks.unet import UNet
-from models.predictor import Predictor, StageTimes
+from models.postprocessing.hysteresis import Hysteresis
+from models.postprocessing.morphology import Morphology
+from models.postprocessing.options import Option
+from models.predictor import Frame, Predictor, StageTimes
 from models.preprocessing.grey import echo_grey
 from models.preprocessing.preprocessing import Preprocessing
 from models.training.datamodule import prepared
@@ -22,6 +28,10 @@ class BrightIsVessel(nn.Module):
 
 
 BRIGHT = Predictor(BrightIsVessel(), Preprocessing(32, "unit"), batch_size=2)
+
+
+def threshold(value: float) -> Option:
+    return Option(Hysteresis(value, value), Morphology())
 
 
 def bright_square(height: int, width: int) -> np.ndarray:
@@ -50,7 +60,7 @@ def test_probability_is_between_zero_and_one_and_agrees_with_the_masks() -> None
 def test_threshold_is_where_vessel_begins() -> None:
     frames = np.stack([bright_square(64, 64)])
     sizes = [
-        int(Predictor(BrightIsVessel(), BRIGHT.preprocessing, threshold=t)(frames).sum())
+        int(Predictor(BrightIsVessel(), BRIGHT.preprocessing, postprocessing=threshold(t))(frames).sum())
         for t in (0.01, 0.5, 0.99)
     ]
     assert sizes[0] > sizes[1] > sizes[2] > 0
@@ -74,7 +84,7 @@ def test_a_loaded_checkpoint_predicts_as_its_network(tmp_path) -> None:
     np.testing.assert_allclose(
         loaded.probability(frames), Predictor(network, Preprocessing(16)).probability(frames), atol=1e-6
     )
-    assert not loaded.network.training
+    assert not any(network.training for network in loaded.networks)
 
 
 CLEANING = Preprocessing(32, "standard_sector", sector="auto", overlays="auto")
@@ -122,16 +132,17 @@ def test_timed_gives_the_same_masks_and_where_the_time_went(monkeypatch) -> None
     result = predictor.timed(frames)
     np.testing.assert_array_equal(result.masks, predictor(frames))
     np.testing.assert_array_equal(result.probability, predictor.probability(frames))
-    # A clock that steps on by one: each of 3 batches has one step a stage, and the masks take one more.
+    # A clock that steps on by one: each of 3 batches has one step a stage, and each of 5 masks one.
     steps = iter(range(100))
     monkeypatch.setattr("models.predictor.time.perf_counter", lambda: float(next(steps)))
-    assert predictor.timed(frames).times == StageTimes(5, 3.0, 3.0, 4.0)
+    assert predictor.timed(frames).times == StageTimes(5, 3.0, 3.0, 3.0, 3.0, 5.0)
     assert predictor.timed(frames[:0]).times.frames == 0
 
 
 def test_times_add_up() -> None:
-    total = StageTimes(2, 1.0, 2.0, 3.0) + StageTimes(1, 0.5, 0.25, 0.125)
-    assert total == StageTimes(3, 1.5, 2.25, 3.125) and total.total_s == 6.875
+    total = StageTimes(2, 1.0, 2.0, 3.0) + StageTimes(1, 0.5, 0.25, 0.125, postprocessing_s=2.0)
+    assert total == StageTimes(3, 1.5, 2.25, 3.125, 0.0, 2.0) and total.total_s == 8.875
+    assert StageTimes(4, 1.0, 2.0).share(4) == StageTimes(1, 0.25, 0.5)
 
 
 def test_a_crop_is_put_back_where_it_was_cut() -> None:
@@ -154,16 +165,146 @@ def test_read_only_frames_and_none_at_all_are_fine() -> None:
 def test_refuses_frames_without_pixels_and_settings() -> None:
     with pytest.raises(InputError, match=r"frames: expected uint8 of shape .* received uint8 \(2, 0, 5\)"):
         BRIGHT(np.zeros((2, 0, 5), np.uint8))
-    for size in ((50, 60, 3), (2, 8, 8, 2)):
-        for call in (BRIGHT, BRIGHT.probability, BRIGHT.timed):
-            with pytest.raises(
-                InputError, match=r"frames: expected uint8 of shape .* or \(n, height, width, 3\)"
-            ):
-                call(np.zeros(size, np.uint8))
+    for wrong in (np.zeros((2, 8, 8, 2), np.uint8), np.zeros((4, 4)), [np.zeros((2, 8, 8), np.uint8)]):
+        for call in (BRIGHT, BRIGHT.probability, BRIGHT.soft_masks, BRIGHT.timed):
+            with pytest.raises(InputError, match=r"frames: expected uint8 of shape \(height, width\)"):
+                call(wrong)
+    with pytest.raises(InputError, match="frames: expected a numpy array or a list, received a str"):
+        BRIGHT("frame.png")
+    with pytest.raises(InputError, match="frames: expected numpy arrays, received a list"):
+        BRIGHT([[1, 2], [3, 4]])
     with pytest.raises(InputError, match="batch_size: expected at least 1, received 0"):
         Predictor(BrightIsVessel(), Preprocessing(32), batch_size=0)
-    with pytest.raises(InputError, match="threshold: expected 0 to 1, received 2"):
-        Predictor(BrightIsVessel(), Preprocessing(32), threshold=2.0)
+    with pytest.raises(InputError, match="min_presence: expected 0 to 1, received 2"):
+        Predictor(BrightIsVessel(), Preprocessing(32), min_presence=2.0)
+    with pytest.raises(InputError, match=r"engine: expected one of auto, .* received 'tensorrt'"):
+        Predictor(BrightIsVessel(), Preprocessing(32), engine="tensorrt")
+
+
+NOISE = np.random.default_rng(0).integers(0, 256, (4, 40, 56), dtype=np.uint8)
+
+
+def member(seed: int, width: int = 2) -> ModelMember:
+    torch.manual_seed(seed)
+    recipe = UNet(width=width, depth=2, normalisation="none")
+    return ModelMember(f"network {seed}", recipe, recipe().state_dict())
+
+
+def model(*seeds: int, **settings: object) -> SegmentationModel:
+    return SegmentationModel(tuple(member(seed) for seed in seeds), Preprocessing(32), **settings)
+
+
+def test_frames_of_mixed_sizes_and_colours_give_what_each_gives_alone() -> None:
+    colour = cross_hairs(np.dstack([speckle((60, 80))] * 3), (30, 40), 8, (255, 255, 0))
+    frames = [NOISE[0], NOISE[1, :, :33], colour, NOISE[2], NOISE[3]]
+    predictor = Predictor.from_model(model(0), batch_size=3)
+    for call in (predictor.probability, predictor, predictor.soft_masks):
+        together = call(frames)
+        assert [each.shape for each in together] == [frame.shape[:2] for frame in frames]
+        for frame, found in zip(frames, together, strict=True):
+            np.testing.assert_allclose(call(frame), found, atol=1e-6)
+            np.testing.assert_allclose(call(frame[None])[0], found, atol=1e-6)
+    assert predictor([]) == []
+
+
+def test_a_stream_holds_no_more_than_a_batch_and_gives_what_a_stack_gives() -> None:
+    read: list[int] = []
+
+    def frames():
+        for index, frame in enumerate(NOISE):
+            read.append(index)
+            yield frame
+
+    predictor = Predictor.from_model(model(0), batch_size=2)
+    stream = predictor.stream(frames())
+    first = next(stream)
+    assert read == [0, 1]
+    found = [first, *stream]
+    np.testing.assert_array_equal([each.mask for each in found], predictor(NOISE))
+    np.testing.assert_array_equal([each.probability for each in found], predictor.probability(NOISE))
+
+
+def test_an_ensemble_is_the_mean_of_its_networks_and_of_one_that_one() -> None:
+    singles = [Predictor.from_model(model(seed)).probability(NOISE) for seed in (0, 1)]
+    both = Predictor.from_model(model(0, 1)).probability(NOISE)
+    assert np.abs(singles[0] - singles[1]).max() > 0.05
+    np.testing.assert_allclose(both, np.mean(singles, axis=0), atol=1e-6)
+    network = member(0).network()
+    np.testing.assert_allclose(
+        Predictor((network,), Preprocessing(32)).probability(NOISE), singles[0], atol=1e-6
+    )
+
+
+def test_flips_take_the_mean_with_the_mirror_image() -> None:
+    plain = Predictor.from_model(model(0))
+    mirrored = plain.probability(NOISE[..., ::-1])[..., ::-1]
+    flipped = Predictor.from_model(model(0, flips=True))
+    expected = (plain.probability(NOISE) + mirrored) / 2
+    np.testing.assert_allclose(flipped.probability(NOISE), expected, atol=1e-5)
+    np.testing.assert_allclose(
+        flipped.probability(NOISE[..., ::-1]), flipped.probability(NOISE)[..., ::-1], atol=1e-5
+    )
+
+
+def test_calibration_acts_on_the_logit_and_the_neutral_one_not_at_all() -> None:
+    raw = Predictor.from_model(model(0, 1)).probability(NOISE)
+    neutral = Predictor.from_model(model(0, 1, calibration=TemperatureScaling()))
+    np.testing.assert_allclose(neutral.probability(NOISE), raw, atol=1e-6)
+    platt = Predictor.from_model(model(0, 1, calibration=TemperatureScaling(2.0, 1.0)))
+    logit = np.log(raw.astype(np.float64) / (1 - raw)) / 2 + 1
+    np.testing.assert_allclose(platt.probability(NOISE), 1 / (1 + np.exp(-logit)), atol=1e-6)
+
+
+@pytest.mark.parametrize("temperature", [0.3, 1.0, 7.0])
+def test_a_temperature_alone_does_not_change_the_mask_at_one_half(temperature: float) -> None:
+    raw = Predictor.from_model(model(0, 1))
+    scaled = Predictor.from_model(model(0, 1, calibration=TemperatureScaling(temperature)))
+    assert 0 < raw(NOISE).sum() < NOISE.size
+    np.testing.assert_array_equal(scaled(NOISE), raw(NOISE))
+
+
+OPTION = Option(Hysteresis(0.3, 0.6), Morphology(min_area_mm2=30.0, min_area_px=12.0, fill_holes=True))
+
+
+def test_thresholds_and_morphology_are_the_models_own_with_the_frames_spacing() -> None:
+    predictor = Predictor(BrightIsVessel(), BRIGHT.preprocessing, postprocessing=OPTION)
+    frame = bright_square(64, 64)
+    (found,) = predictor.stream([Frame(frame, (0.1, 0.1))])
+    assert found.probability.max() > 0.9 and not found.mask.any()
+    (found,) = predictor.stream([Frame(frame, (1.0, 1.0))])
+    np.testing.assert_array_equal(found.mask, OPTION(found.probability, (1.0, 1.0)))
+    assert found.area_px == found.mask.sum() > 200
+    assert found.confidence == pytest.approx(float(found.probability[found.mask].mean()))
+    np.testing.assert_array_equal(predictor(frame), predictor(frame, (1.0, 1.0)))
+    assert not predictor(frame, (0.1, 0.1)).any()
+
+
+class Absent(nn.Module):
+    """Finds a vessel in the bright and is sure that there is one where the image is bright on average."""
+
+    def forward(self, images: torch.Tensor) -> SideOutputs:
+        return SideOutputs(20 * (images - 0.5), (), 100 * (images.mean(dim=(1, 2, 3)) - 0.02))
+
+
+def test_the_presence_gate_empties_masks_of_frames_without_a_vessel() -> None:
+    faint = np.zeros((64, 64), np.uint8)
+    faint[30:34, 30:34] = 255
+    frames = [Frame(bright_square(64, 64)), Frame(faint)]
+    gated = Predictor(Absent(), BRIGHT.preprocessing, min_presence=0.5)
+    open_gate = Predictor(Absent(), BRIGHT.preprocessing)
+    shown, empty = gated.stream(frames)
+    assert shown.presence > 0.9 and empty.presence < 0.3
+    assert shown.mask.any() and not empty.mask.any() and not empty.soft_mask.max() >= 0.5
+    assert all(found.mask.any() for found in open_gate.stream(frames))
+    assert [found.presence for found in BRIGHT.stream(frames)] == [None, None]
+
+
+def test_a_model_file_predicts_as_its_model(tmp_path) -> None:
+    whole = model(0, 1, calibration=TemperatureScaling(1.4, -0.2), postprocessing=threshold(0.4), flips=True)
+    whole.save(tmp_path / "model.pt")
+    loaded, before = Predictor.load(tmp_path / "model.pt"), Predictor.from_model(whole)
+    np.testing.assert_array_equal(loaded.probability(NOISE), before.probability(NOISE))
+    np.testing.assert_array_equal(loaded(NOISE), before.probability(NOISE) >= np.float32(0.4))
 
 
 def test_flipped_and_turned_frames_are_taken_like_their_copies() -> None:

@@ -21,6 +21,7 @@ NAMES = frozenset(
         "session",
         "target",
         "title",
+        "register_as",
         "experiments",
         "image_topic",
         "pose_topic",

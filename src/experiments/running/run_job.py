@@ -50,6 +50,8 @@ class Report:
         What went wrong; empty if all is well.
     findings : tuple[str, ...], optional
         Results as plain sentences.
+    refused : tuple[str, ...], optional
+        Inputs that a finished job left out, a sentence each.
     """
 
     hash: str
@@ -59,6 +61,7 @@ class Report:
     run_id: str | None = None
     message: str = ""
     findings: tuple[str, ...] = ()
+    refused: tuple[str, ...] = ()
 
     def write(self, path: Path) -> None:
         """Write as JSON, so that the process that waits for all jobs can read it.
@@ -85,7 +88,8 @@ class Report:
             What was written.
         """
         content = json.loads(path.read_text(encoding="utf-8"))
-        return Report(**{**content, "findings": tuple(content["findings"])})
+        lists = {name: tuple(content[name]) for name in ("findings", "refused")}
+        return Report(**{**content, **lists})
 
 
 def report_file(folder: Path, key: str) -> Path:
@@ -166,7 +170,8 @@ def run_job(
             return _report(job, plan, "resumed", run_id=done), None
         arguments = jobs.arguments(job.config)
         if not tracked:
-            return _report(job, plan, "finished"), _compute(job, plan, store, progress, arguments, None)
+            outcome = _compute(job, plan, store, progress, arguments, None)
+            return _report(job, plan, "finished", refused=outcome.refused), outcome
         run = store.start(
             plan.study, job.label or plan.study, {HASH_TAG: job.hash, "ctus.kind": "job"}, plan.parent_id
         )
@@ -175,7 +180,8 @@ def run_job(
             outcome = _compute(job, plan, store, progress, arguments, run)
         if run.lost:
             _keep_for_later(job, plan, run, outcome)
-        return _report(job, plan, "finished", run_id=run_id, findings=outcome.findings), outcome
+        said, refused = outcome.findings, outcome.refused
+        return _report(job, plan, "finished", run_id=run_id, findings=said, refused=refused), outcome
     except user_errors() as refusal:
         return _report(job, plan, "refused", run_id=run_id, message=str(refusal)), None
     except Exception as failure:
@@ -379,8 +385,10 @@ def _report(
     run_id: str | None = None,
     message: str = "",
     findings: tuple[str, ...] = (),
+    refused: tuple[str, ...] = (),
 ) -> Report:
-    return Report(job.hash, job.label, status, str(plan.folder_of(job.hash)), run_id, message, findings)
+    folder = str(plan.folder_of(job.hash))
+    return Report(job.hash, job.label, status, folder, run_id, message, findings, refused)
 
 
 def _json_number(value: float) -> float | str:

@@ -166,7 +166,8 @@ def _close(
             file=sys.stderr,
         )
     if not bad:
-        return 0
+        # What a job left out is the user's input at fault, though all else was done.
+        return 2 if any(report.refused for _, report in good) else 0
     return 2 if all(report is not None and report.status == "refused" for _, report in bad) else 1
 
 

@@ -41,7 +41,7 @@ def check(*, model_path: PathSetting) -> None:
     Parameters
     ----------
     model_path : PathSetting
-        File of a trained network (``model.pt``).
+        File of a model; its thresholds and morphology make the masks.
 
     Raises
     ------
@@ -50,7 +50,8 @@ def check(*, model_path: PathSetting) -> None:
     """
     if not Path(model_path).is_file():
         raise InputError(
-            f"model_path: expected a network trained by study=segmentation (model.pt), received {model_path!r}"
+            f"model_path: expected a model file or a network trained by study=segmentation (model.pt), received "
+            f"{model_path!r}"
         )
 
 
@@ -102,7 +103,7 @@ def run(
     rigid : Mapping[str, Any]
         Settings of exactly one rigid registration method by its name.
     model_path : PathSetting
-        File of a trained network (``model.pt``).
+        File of a model; its thresholds and morphology make the masks.
     sweep_index : int
         Number of the simulated sweep, from 0.
     max_gap_s : float
@@ -138,14 +139,14 @@ def run(
     progress.note("simulating the sweep")
     with timed(seconds, "simulation_s"):
         truth = simulate_sweep(phantom, sweep_index)
-    predictor = Predictor.load(model_path)
+    predictor = Predictor.load(model_path, engine="auto")
     progress.note(f"segmenting {len(truth.sweep.images)} frames")
     with timed(seconds, "segmentation_s"):
-        probability = predictor.probability(truth.sweep.images)
+        values = predictor.soft_masks(truth.sweep.images, truth.sweep.calibration.spacing_mm)
     posed = synchronise(truth.sweep, max_gap_s)
-    if not (probability[posed.kept] >= contours.level).any():
+    if not (values[posed.kept] >= contours.level).any():
         raise InputError(f"model_path: expected a network that finds the vessel, {model_path} found none")
-    gathered, built, refusal = _reconstructed(chain, probability[posed.kept], posed.world_A_pixel, seconds)
+    gathered, built, refusal = _reconstructed(chain, values[posed.kept], posed.world_A_pixel, seconds)
     cloud, cloud_mm = gathered.cloud, gathered.cloud.points_mm
     progress.note(f"registering {len(cloud_mm)} points by {name}")
     fixed_mm = _drawn(truth, fixed_points, seed)
@@ -160,7 +161,7 @@ def run(
     )
     found = Registered(cloud_mm, built, refusal, left_out, result, residuals, error)
     write(workspace, truth, found, name)
-    masks = probability >= predictor.threshold
+    masks = values >= 0.5
     return outcome(
         _score_frames(masks, truth), found, seconds, truth, masks, name, sum(posed.dropped.values())
     )
@@ -172,11 +173,11 @@ def _drawn(truth: SimulatedSweep, count: int, seed: int) -> np.ndarray:
 
 
 def _reconstructed(
-    chain: Reconstruction, probability: np.ndarray, world_A_pixel: np.ndarray, seconds: dict[str, float]
+    chain: Reconstruction, values: np.ndarray, world_A_pixel: np.ndarray, seconds: dict[str, float]
 ) -> tuple[Gathered, Reconstructed | None, str]:
     """What there is to register, the surface and centerline through it, or why there are none; stages timed."""
     with timed(seconds, "reconstruction_s"):
-        gathered = chain.gather(probability, world_A_pixel)
+        gathered = chain.gather(values, world_A_pixel)
         try:
             built, refusal = chain.build(gathered), ""
         except RegistrationInputError as refused:

@@ -47,7 +47,7 @@ def check(*, sweep: PathSetting, masks: PathSetting | None, model_path: PathSett
     masks : PathSetting or None
         Folder or .npy file of masks or probabilities; None to use a network.
     model_path : PathSetting or None
-        File of a trained network (``model.pt``); None with ``masks``.
+        File of a model; its thresholds and morphology make the masks. None with ``masks``.
 
     Raises
     ------
@@ -62,7 +62,8 @@ def check(*, sweep: PathSetting, masks: PathSetting | None, model_path: PathSett
         require_exists(masks, "masks")
     elif not Path(str(model_path)).is_file():
         raise InputError(
-            f"model_path: expected a network trained by study=segmentation (model.pt), received {model_path!r}"
+            f"model_path: expected a model file or a network trained by study=segmentation (model.pt), received "
+            f"{model_path!r}"
         )
 
 
@@ -100,7 +101,7 @@ def run(
     masks : PathSetting or None
         Folder or .npy file of masks or probabilities; None to use a network.
     model_path : PathSetting or None
-        File of a trained network (``model.pt``); None with ``masks``.
+        File of a model; its thresholds and morphology make the masks. None with ``masks``.
     mask_outliers : MaskOutliers
         Test that rejects masks that disagree with their neighbours.
     contours : ContourExtractor
@@ -175,7 +176,9 @@ def _masks(
     from models.predictor import Predictor
 
     progress.note(f"segmenting {len(sweep.images)} frames")
-    return Predictor.load(str(model_path)).probability(sweep.images), input_data(Path(str(model_path)))
+    predictor = Predictor.load(str(model_path), engine="auto")
+    values = predictor.soft_masks(sweep.images, sweep.calibration.spacing_mm)
+    return values, input_data(Path(str(model_path)))
 
 
 def _write(workspace: Path, found: Reconstructed) -> None:

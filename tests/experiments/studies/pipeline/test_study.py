@@ -50,14 +50,13 @@ def oracle(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         last["truth"] = simulate(settings, sweep, pictures=False)
         return last["truth"]
 
-    def probability(images: np.ndarray) -> np.ndarray:
+    def soft_masks(images: np.ndarray, spacing_mm: tuple[float, float]) -> np.ndarray:
+        assert spacing_mm == last["truth"].sweep.calibration.spacing_mm
         assert images.shape == last["truth"].masks.shape
         return last["truth"].masks.astype(np.float32) * last.get("confidence", 1.0)
 
     monkeypatch.setattr(pipeline, "simulate_sweep", remembered)
-    monkeypatch.setattr(
-        Predictor, "load", lambda path: SimpleNamespace(probability=probability, threshold=0.5)
-    )
+    monkeypatch.setattr(Predictor, "load", lambda path, engine: SimpleNamespace(soft_masks=soft_masks))
     return last
 
 

@@ -114,7 +114,9 @@ def test_a_network_takes_the_place_of_masks(tmp_path: Path, monkeypatch: pytest.
     sweep, _ = recorded(tmp_path, tube)
     (tmp_path / "model.pt").write_bytes(b"weights")
     monkeypatch.setattr(
-        Predictor, "load", lambda path: SimpleNamespace(probability=lambda images: tube.probability)
+        Predictor,
+        "load",
+        lambda path, engine: SimpleNamespace(soft_masks=lambda images, spacing_mm: tube.probability),
     )
     outcome = run(tmp_path / "out", sweep, None, model_path=str(tmp_path / "model.pt"))
     assert outcome.metrics["frames_with_vessel"] == 41
@@ -234,7 +236,7 @@ def test_what_does_not_fit_is_refused(tmp_path: Path) -> None:
         reconstruct.check(**(here | {"masks": None}))
     with pytest.raises(InputError, match="masks and model_path: expected one of them, received both"):
         reconstruct.check(**(here | {"model_path": "model.pt"}))
-    with pytest.raises(InputError, match="model_path: expected a network"):
+    with pytest.raises(InputError, match="model_path: expected a model file"):
         reconstruct.check(**(here | {"masks": None, "model_path": "absent.pt"}))
     reconstruct.check(**here)
     (masks / "000004.png").unlink()

@@ -1,0 +1,1 @@
+"""A model for others: ONNX for other programs, a model card for readers."""
