@@ -50,6 +50,8 @@ class GroupedResiduals:
         Share of the points that are near the surface.
     noise_mm : float
         Root mean square of the points' gaps around the mean of their group, in mm.
+    group_points : float
+        Mean number of points in a group.
     """
 
     centre_mm: Float64[np.ndarray, "3"]
@@ -61,6 +63,7 @@ class GroupedResiduals:
     shared_frames: Float64[np.ndarray, "g g"] | None
     share: float
     noise_mm: float
+    group_points: float
 
     def motions(self, motion_mm: Float64[np.ndarray, "k u"]) -> Float64[np.ndarray, "k 4 4"]:
         """Turn small motions into transforms.
@@ -85,15 +88,11 @@ def grouped_residuals(
     target: TreeTarget,
     fixed_T_moving: Float64[np.ndarray, "4 4"],
     *,
-    groups: int,
+    block: Int64[np.ndarray, " m"],
     offset: bool,
     frame: Int64[np.ndarray, " m"] | None = None,
-    block: Int64[np.ndarray, " m"] | None = None,
 ) -> GroupedResiduals:
     """Average the point-to-plane residuals at a pose over groups of neighbouring points.
-
-    Groups are compact where their closest fixed points lie: by the moving points' own place a group would be one of
-    points that noise has brought to the same side.
 
     Parameters
     ----------
@@ -103,14 +102,12 @@ def grouped_residuals(
         Fixed cloud with normals.
     fixed_T_moving : ndarray, shape (4, 4)
         Pose.
-    groups : int
-        Number of groups, rounded to a power of two.
+    block : ndarray of int, shape (m,)
+        Group of each point.
     offset : bool
         Whether the walls may lie apart by the same distance everywhere.
     frame : ndarray of int, shape (m,), or None, optional
         Frame that each moving point was seen in.
-    block : ndarray of int, shape (m,), or None, optional
-        Group of each point, where it is known.
 
     Returns
     -------
@@ -118,8 +115,6 @@ def grouped_residuals(
         Residuals of the groups.
     """
     pairs = closest_pairs(moving_mm, target, fixed_T_moving[None])
-    if block is None:
-        block = blocks_of(pairs.fixed_mm[0], groups)
     near = _near(pairs, target.spacing_mm)
     count = np.bincount(block[near], minlength=int(block.max()) + 1)
     # The last group is one for all points that do not count.
@@ -144,7 +139,37 @@ def grouped_residuals(
         shared_frames=None if frame is None else _shared_frames(group, frame[near], count[kept]),
         share=float(near.mean()),
         noise_mm=float(np.sqrt(((gap_mm - mean_gap_mm[group]) ** 2).mean())),
+        group_points=float(count[kept].mean()),
     )
+
+
+def groups_on(
+    moving_mm: Float64[np.ndarray, "m 3"],
+    target: TreeTarget,
+    fixed_T_moving: Float64[np.ndarray, "4 4"],
+    groups: int,
+) -> Int64[np.ndarray, " m"]:
+    """Divide points into groups that are compact where their closest fixed points lie.
+
+    By the moving points' own place a group would be one of points that noise has brought to the same side.
+
+    Parameters
+    ----------
+    moving_mm : ndarray, shape (m, 3)
+        Moving points in mm.
+    target : TreeTarget
+        Fixed cloud.
+    fixed_T_moving : ndarray, shape (4, 4)
+        Pose.
+    groups : int
+        Number of groups, rounded to a power of two.
+
+    Returns
+    -------
+    ndarray of int, shape (m,)
+        Group of each point.
+    """
+    return blocks_of(target.points_mm[target.closest(transforms.apply(fixed_T_moving, moving_mm))], groups)
 
 
 def _near(pairs: Pairs, spacing_mm: float) -> np.ndarray:

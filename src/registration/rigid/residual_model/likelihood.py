@@ -68,13 +68,8 @@ class Fits:
         """Index of the most probable covariance."""
         return int(self.log_likelihood.argmax())
 
-    @property
-    def mean_motion_mm(self) -> Float64[np.ndarray, " u"]:
-        """Motion in mm, averaged over the covariances by their probability."""
-        return np.asarray(self.weights @ self.motion_mm)
-
-    def likely(self, least: float) -> tuple[Ratios, ...]:
-        """List the covariances that are at least so probable, and the best one.
+    def chosen(self, least: float) -> Fits:
+        """Return the fits under the covariances that are at least so probable.
 
         Parameters
         ----------
@@ -83,16 +78,21 @@ class Fits:
 
         Returns
         -------
-        tuple of Ratios
-            The covariances.
+        Fits
+            The fits, the best one among them.
         """
         kept = self.weights >= least * self.weights.max()
-        return tuple(one for one, is_kept in zip(self.ratios, kept, strict=True) if is_kept)
+        return Fits(
+            tuple(one for one, is_kept in zip(self.ratios, kept, strict=True) if is_kept),
+            self.log_likelihood[kept],
+            self.noise_mm2[kept],
+            self.motion_mm[kept],
+            self.spread[kept],
+            self.freedom,
+        )
 
 
-def fit_residuals(
-    residuals: GroupedResiduals, parts: CovarianceParts, tried: Sequence[Ratios]
-) -> Fits:
+def fit_residuals(residuals: GroupedResiduals, parts: CovarianceParts, tried: Sequence[Ratios]) -> Fits:
     """Fit the residuals at a pose under each covariance.
 
     Parameters

@@ -62,7 +62,7 @@ class Posterior:
         ndarray, shape (t, 3)
             Displacement in mm, its rigid part in it.
         """
-        moved = self._moved(points_mm)
+        moved = self.moved(points_mm)
         means = [
             moved @ motion_mm[:6] + self._cross(points_mm, ratios) @ solved.left
             for ratios, motion_mm, solved in zip(
@@ -85,9 +85,22 @@ class Posterior:
             Motion in mm.
         """
         found: np.ndarray = np.linalg.lstsq(
-            self._moved(points_mm), self.mean_mm(points_mm).reshape(-1), rcond=None
+            self.moved(points_mm), self.mean_mm(points_mm).reshape(-1), rcond=None
         )[0]
         return found
+
+    def bent_mm(self) -> float:
+        """Compute the expected displacement of the wall that was swept, its rigid part left out.
+
+        Returns
+        -------
+        float
+            Root mean square displacement in mm.
+        """
+        points_mm = self.residuals.points_mm
+        rigid_mm = self.moved(points_mm) @ self.rigid_part_mm(points_mm)
+        bent_mm = self.mean_mm(points_mm) - rigid_mm.reshape(-1, 3)
+        return float(np.sqrt((bent_mm**2).sum(axis=1).mean()))
 
     def errors_mm(
         self,
@@ -117,7 +130,7 @@ class Posterior:
         ndarray, shape (k, t, 3)
             Errors in mm.
         """
-        moved = self._moved(points_mm)
+        moved = self.moved(points_mm)
         apart_mm = cdist(points_mm, points_mm)
         counts = rng.multinomial(draws, self.fits.weights)
         drawn = []
@@ -134,12 +147,25 @@ class Posterior:
             covariance += trend @ self.fits.spread[place] @ trend.T
             root = _root(covariance)
             normal = rng.standard_normal((counts[place], len(root)))
-            scale_mm = np.sqrt(noise_mm2 * self.fits.freedom / rng.chisquare(self.fits.freedom, (counts[place], 1)))
+            scale_mm = np.sqrt(
+                noise_mm2 * self.fits.freedom / rng.chisquare(self.fits.freedom, (counts[place], 1))
+            )
             drawn.append(mean_mm + inflation * scale_mm * (normal @ root.T))
         return np.concatenate(drawn).reshape(-1, len(points_mm), 3)
 
-    def _moved(self, points_mm: np.ndarray) -> np.ndarray:
-        """Derivative of the points' displacement by the motion, x, y and z of each point after one another."""
+    def moved(self, points_mm: Float64[np.ndarray, "t 3"]) -> Float64[np.ndarray, "w 6"]:
+        """Compute the derivative of points' displacement by the motion of the cloud.
+
+        Parameters
+        ----------
+        points_mm : ndarray, shape (t, 3)
+            Points in mm in the fixed coordinate frame.
+
+        Returns
+        -------
+        ndarray, shape (3 t, 6)
+            Derivatives of x, y and z of each point, one point after the other.
+        """
         arms = np.repeat((points_mm - self.residuals.centre_mm) / self.residuals.radius_mm, 3, axis=0)
         return motion_jacobian(arms, np.tile(np.eye(3), (len(points_mm), 1)))
 

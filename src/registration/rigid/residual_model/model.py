@@ -1,0 +1,207 @@
+"""Settings of the model of the residuals, and its use at a pose: is there a deformation, and what pose does it leave."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from registration import transforms
+from registration.checks import require_at_least, require_count, require_positive
+from registration.errors import InputError
+from registration.rigid.icp.correspondence import TreeTarget
+from registration.rigid.residual_model.covariance import CovarianceParts, Ratios
+from registration.rigid.residual_model.deformation import Deformation
+from registration.rigid.residual_model.grouped_residuals import GroupedResiduals, grouped_residuals, groups_on
+from registration.rigid.residual_model.likelihood import Fits, fit_residuals
+from registration.rigid.residual_model.mirror_image import mirrored_misfit_mm, misfit_mm
+from registration.rigid.residual_model.posterior import Posterior
+from registration.rigid.residual_model.right_vessel import probability_right_vessel
+
+# Covariances less probable than this share of the best one say nothing more.
+LIKELY = 0.1
+# A group has about this many points at least; fewer groups than this many per unknown say too little.
+GROUP_POINTS, GROUPS_PER_UNKNOWN = 4, 3
+
+
+@dataclass(frozen=True)
+class Assessed:
+    """What the residuals at a pose say.
+
+    Parameters
+    ----------
+    fixed_T_moving : ndarray, shape (4, 4)
+        Pose, corrected where a deformation is detected.
+    deformation : Deformation
+        Deformation of tissue.
+    probability_right_vessel : float
+        Probability that both clouds show one vessel.
+    """
+
+    fixed_T_moving: Float64[np.ndarray, "4 4"]
+    deformation: Deformation
+    probability_right_vessel: float
+
+
+@dataclass(frozen=True)
+class ResidualModel:
+    """Gaussian-process model of the residuals at a pose.
+
+    What is left is a smooth displacement of tissue, an error of the borders, a shift of each frame, and noise. Their
+    variances are tried on a grid, and weighed by the restricted likelihood.
+
+    Parameters
+    ----------
+    groups : int, optional
+        Number of groups of neighbouring points that residuals are averaged over, rounded to a power of two.
+    lengths_mm : sequence of float, optional
+        Lengths in mm over which tissue may move together.
+    displacement : sequence of float, optional
+        Variances of the displacement over that of a group's noise, 0 among them.
+    border : sequence of float, optional
+        Variances of the error of the borders over that of a group's noise.
+    jitter : sequence of float, optional
+        Variances of the shift of a frame over that of a group's noise; used where frames are known.
+    min_gain : float, optional
+        Smallest gain in restricted log-likelihood by which a deformation is detected.
+    correct_pose : bool, optional
+        Whether a deformation that is detected corrects the pose.
+    inflation : float, optional
+        Factor on the standard deviation of the errors that are predicted with a deformation.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than 16 groups, a list is empty, a length or a factor is not positive, a variance is negative,
+        or none of the displacement's is 0.
+    """
+
+    groups: int = 128
+    lengths_mm: Sequence[float] = (15.0, 25.0, 45.0)
+    displacement: Sequence[float] = (0.0, 1.0, 5.0, 25.0, 125.0, 625.0, 3000.0)
+    border: Sequence[float] = (0.3, 2.0, 12.0)
+    jitter: Sequence[float] = (0.0, 2.0)
+    min_gain: float = 8.0
+    correct_pose: bool = True
+    inflation: float = 1.0
+
+    def __post_init__(self) -> None:
+        require_count("groups", self.groups, 16)
+        for name in ("lengths_mm", "displacement", "border", "jitter"):
+            values = tuple(getattr(self, name))
+            if not values:
+                raise InputError(f"{name}: expected at least one number, received none")
+            for value in values:
+                require_at_least(name, value, 0.0)
+            # A configuration file hands over a list.
+            object.__setattr__(self, name, values)
+        for length_mm in self.lengths_mm:
+            require_positive("lengths_mm", length_mm)
+        if 0 not in self.displacement:
+            raise InputError(f"displacement: expected 0 among the variances, received {self.displacement}")
+        require_positive("min_gain", self.min_gain)
+        require_positive("inflation", self.inflation)
+
+    def tried(self, with_frames: bool) -> tuple[Ratios, ...]:
+        """List the covariances that are tried.
+
+        Parameters
+        ----------
+        with_frames : bool
+            Whether frames are known.
+
+        Returns
+        -------
+        tuple of Ratios
+            The covariances; without displacement its length makes no difference, and occurs once.
+        """
+        return tuple(
+            Ratios(length_mm, displacement, border, jitter)
+            for number, length_mm in enumerate(self.lengths_mm)
+            for displacement in self.displacement
+            for border in self.border
+            for jitter in (self.jitter if with_frames else (0.0,))
+            if displacement > 0 or number == 0
+        )
+
+    def __call__(
+        self,
+        moving_mm: Float64[np.ndarray, "m 3"],
+        target: TreeTarget,
+        fixed_T_moving: Float64[np.ndarray, "4 4"],
+        places_mm: Float64[np.ndarray, "p 3"],
+        *,
+        offset: bool,
+        frame: Int64[np.ndarray, " m"] | None = None,
+        allowed: Callable[[Float64[np.ndarray, "4 4"]], bool] | None = None,
+        seed: int = 0,
+    ) -> Assessed | None:
+        """Fit the model at a pose.
+
+        Parameters
+        ----------
+        moving_mm : ndarray, shape (m, 3)
+            Moving points in mm.
+        target : TreeTarget
+            Fixed cloud with normals.
+        fixed_T_moving : ndarray, shape (4, 4)
+            Pose.
+        places_mm : ndarray, shape (p, 3)
+            Points of the fixed cloud in mm that a corrected pose brings nearest to where they were swept.
+        offset : bool
+            Whether the walls may lie apart by the same distance everywhere.
+        frame : ndarray of int, shape (m,), or None, optional
+            Frame of each moving point; None leaves out the part of the frames.
+        allowed : callable or None, optional
+            Tells whether a corrected pose may be the result.
+        seed : int, optional
+            Seed of later draws.
+
+        Returns
+        -------
+        Assessed or None
+            Pose, deformation and probability of the right vessel; None for clouds that are too small.
+        """
+        groups = min(self.groups, len(moving_mm) // GROUP_POINTS)
+        if groups < 2:
+            return None
+        block = groups_on(moving_mm, target, fixed_T_moving, groups)
+        at = partial(grouped_residuals, moving_mm, target, block=block, offset=offset, frame=frame)
+        residuals = at(fixed_T_moving)
+        if not _enough(residuals):
+            return None
+        fits = fit_residuals(residuals, CovarianceParts(residuals), self.tried(frame is not None))
+        detected = fits.gain >= self.min_gain
+        posterior = _posterior(residuals, fits)
+        pose, motion_mm = fixed_T_moving, np.zeros(6)
+        if detected and self.correct_pose:
+            first = transforms.compose(
+                residuals.motions(posterior.rigid_part_mm(places_mm)[None])[0], fixed_T_moving
+            )
+            again = at(first)
+            if _enough(again):
+                closer = Posterior(again, fit_residuals(again, CovarianceParts(again), posterior.fits.ratios))
+                step_mm = closer.rigid_part_mm(places_mm)
+                corrected = transforms.compose(again.motions(step_mm[None])[0], first)
+                if allowed is None or allowed(corrected):
+                    pose, motion_mm, posterior = corrected, step_mm, closer
+        mirrored_mm = mirrored_misfit_mm(moving_mm, target, fixed_T_moving, block=block, offset=offset)
+        return Assessed(
+            pose,
+            Deformation(
+                detected, posterior.bent_mm(), fits.gain, posterior, block, motion_mm, self.inflation, seed
+            ),
+            probability_right_vessel(misfit_mm(residuals), mirrored_mm, 1.0 - residuals.share),
+        )
+
+
+def _enough(residuals: GroupedResiduals) -> bool:
+    count, unknowns = residuals.jacobian.shape
+    return count >= GROUPS_PER_UNKNOWN * unknowns
+
+
+def _posterior(residuals: GroupedResiduals, fits: Fits) -> Posterior:
+    return Posterior(residuals, fits.chosen(LIKELY))
