@@ -149,15 +149,17 @@ def _rival(gap: float, named: str) -> str:
 def _another_vessel(probability: float, needed: float) -> str:
     percent = f"{100 * probability:.0f}" if probability >= 0.01 else "less than 1"
     return (
-        "the shapes differ by more than tissue that deforms, or fit as well mirrored: the probability that both show one "
-        f"vessel is {percent} %, {100 * needed:.0f} % are needed"
+        "the shapes differ by more than tissue that deforms, or fit as well mirrored: the probability that both show "
+        f"one vessel is {percent} %, {100 * needed:.0f} % are needed"
     )
 
 
 def _holds(deformation: Deformation | None) -> str:
     """Whether a predicted error holds the deformation of tissue."""
-    if deformation is None or not deformation.detected:
+    if deformation is None or not deformation.is_predicted:
         return "without deformation"
+    if not deformation.detected:
+        return f"with an expected tissue motion of {length_mm(deformation.expected_mm)}"
     return f"with a tissue motion of about {length_mm(deformation.size_mm)}"
 
 

@@ -1,4 +1,4 @@
-"""Which motions the clouds leave open: other poses that explain them as well, and the motion that the fit holds least."""
+"""Which motions the clouds leave open: other poses that explain them as well, and the motion that is least held."""
 
 from __future__ import annotations
 

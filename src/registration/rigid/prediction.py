@@ -1,4 +1,4 @@
-"""Where a result might lie: a bootstrap where residuals are noise, the model of the residuals where tissue has moved."""
+"""Where a result might lie: a bootstrap where residuals are noise, their model where tissue has moved."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from registration.rigid.acceptance import displacement_mm, weak_motion
+from registration.rigid.acceptance import weak_motion
 from registration.rigid.icp.robust_kernels import RobustKernel
 from registration.rigid.pose_comparison import Evidence
-from registration.rigid.residual_model.deformation import Deformation
+from registration.rigid.residual_model.deformation import Deformation, predicted_tre_mm
 from registration.rigid.residual_model.model import ResidualModel
 from registration.rigid.smoothed_target import SmoothedTarget
 from registration.rigid.uncertainty import Uncertainty, bootstrap_motions, local_fit
@@ -107,7 +107,7 @@ def predict(
         bent = assessed.deformation
         motions_mm = bent.rigid_motions_mm(places_mm)
         both = bent.posterior.residuals.motions(np.concatenate([motions_mm, weak_motion(motions_mm)[None]]))
-        expected_mm = float(np.quantile(bent.tre_mm(places_mm), UPPER))
+        expected_mm = float(np.quantile(predicted_tre_mm(places_mm, both, bent), UPPER))
         return Prediction(
             assessed.fixed_T_moving, both[:-1], expected_mm, both[-1], bent, assessed.probability_right_vessel
         )
@@ -116,11 +116,12 @@ def predict(
     )
     motions_mm = bootstrap_motions(local, uncertainty.replicates, uncertainty.inflation, rng)
     samples = local.motions(motions_mm)
+    bent = None if assessed is None else assessed.deformation
     return Prediction(
         fixed_T_moving,
         samples,
-        float(np.quantile(displacement_mm(samples, places_mm), UPPER)),
+        float(np.quantile(predicted_tre_mm(places_mm, samples, bent), UPPER)),
         local.motions(weak_motion(motions_mm)[None])[0],
-        None if assessed is None else assessed.deformation,
+        bent,
         float("nan") if assessed is None else assessed.probability_right_vessel,
     )

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from registration.checks import require_positive
 from registration.errors import InputError
 from registration.geometry.shapes import require_points
-from registration.rigid.residual_model.deformation import Deformation
+from registration.rigid.residual_model.deformation import Deformation, predicted_tre_mm
 from registration.rigid.search_cone import SearchCone
 
 ACCEPTED, AMBIGUOUS, FAILED = "accepted", "ambiguous", "failed"
@@ -151,7 +151,10 @@ class RigidResult:
         offset = "" if np.isnan(self.wall_offset_mm) else f", wall_offset_mm={self.wall_offset_mm:.3f}"
         bent = ""
         if self.deformation is not None:
-            bent = f"    deformation={self.deformation}, probability_right_vessel={self.probability_right_vessel:.3f},\n"
+            bent = (
+                f"    deformation={self.deformation},\n"
+                f"    probability_right_vessel={self.probability_right_vessel:.3f},\n"
+            )
         samples = "none" if self.pose_samples is None else f"{len(self.pose_samples)}"
         return (
             f"RigidResult(verdict={self.verdict!r}, converged={self.converged}{gap}{weak},\n"
@@ -159,16 +162,16 @@ class RigidResult:
             f"    rmse_mm={self.rmse_mm:.4g}, rmse_trimmed_mm={self.rmse_trimmed_mm:.4g}, "
             f"rmse_bidirectional_mm={self.rmse_bidirectional_mm:.4g},\n"
             f"    inlier_share={self.inlier_share:.3f}, coverage={self.coverage:.3f}{offset},\n"
-            f"{bent}    iterations={self.iterations}, runtime_s={self.runtime_s:.3g}, candidates={len(self.candidates)}, "
-            f"pose_samples={samples},\n"
+            f"{bent}    iterations={self.iterations}, runtime_s={self.runtime_s:.3g}, "
+            f"candidates={len(self.candidates)}, pose_samples={samples},\n"
             f"    fixed_T_moving={pose})"
         )
 
     def tre_interval_mm(self, targets_mm: ArrayLike, level: float = 0.9) -> tuple[float, float]:
         """Predict where the target registration error lies.
 
-        Where tissue was found to have moved, the error is the distance between the targets and their material as it was
-        swept, and holds what no rigid pose undoes; elsewhere what deformation adds is not in it.
+        Where tissue was found to have moved, the error is the distance between the targets and their material as it
+        was swept, and holds what no rigid pose undoes; elsewhere what deformation adds is not in it.
 
         Parameters
         ----------
@@ -191,14 +194,9 @@ class RigidResult:
         """
         targets = require_points(targets_mm, "targets_mm", 1)
         require_positive("level", level, 1.0)
-        if self.deformation is not None and self.deformation.detected:
-            errors_mm = self.deformation.tre_mm(targets)
-        elif self.pose_samples is not None:
-            moved_mm = targets @ np.swapaxes(self.pose_samples[:, :3, :3], 1, 2)
-            moved_mm += self.pose_samples[:, None, :3, 3]
-            errors_mm = np.sqrt(((moved_mm - targets) ** 2).sum(axis=2).mean(axis=1))
-        else:
+        if self.pose_samples is None:
             return float("nan"), float("nan")
+        errors_mm = predicted_tre_mm(targets, self.pose_samples, self.deformation)
         low_mm, high_mm = np.quantile(errors_mm, [(1 - level) / 2, (1 + level) / 2])
         return float(low_mm), float(high_mm)
 
@@ -261,6 +259,10 @@ def predicted_sentence(low_mm: float, high_mm: float, deformation: Deformation |
     predicted = f"Predicted TRE {length_mm(low_mm)} to {length_mm(high_mm)} (90 %)"
     if deformation is None:
         return f"{predicted}; what the tissue's deformation adds is not included."
+    if deformation.unseen is not None:
+        predicted += f" with an expected tissue motion of {length_mm(deformation.expected_mm)}"
     if deformation.detected:
         return f"{predicted}, tissue motion of about {length_mm(deformation.size_mm)} detected."
+    if deformation.unseen is not None:
+        return f"{predicted}, none detected."
     return f"{predicted}, no tissue motion detected; motion that the surfaces do not show is not included."

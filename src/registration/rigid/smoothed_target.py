@@ -12,8 +12,8 @@ from registration.rigid.icp.correspondence import TreeTarget, principal_axes, se
 # How often neighbours vote on which side of a wall is outside.
 VOTES = 2
 VOTERS = 12
-# A cloud whose noise is more than this share of the reach is too rough for so few neighbours: normals tilt, and the bend
-# no longer tells which side is outside. It is smoothed over so many times as many.
+# A cloud whose noise is more than this share of the reach is too rough for so few neighbours: normals tilt, and the
+# bend no longer tells which side is outside. It is smoothed over so many times as many.
 ROUGH, ROUGH_FACTOR = 0.25, 2
 # On a rough cloud the middle of so many times as many neighbours lies inside the vessel.
 INSIDE_FACTOR = 3

@@ -45,6 +45,10 @@ class Deformation:
         Seed of the draws.
     posterior_T_fixed : ndarray, shape (4, 4), optional
         Transform from the result's fixed frame to that of the residuals; they differ where the clouds were swapped.
+    expected_mm : float, optional
+        Displacement of tissue in mm, per coordinate, that was expected before.
+    unseen : Posterior or None, optional
+        Displacement of that size which residuals like these would not show; None where none was expected.
     """
 
     detected: bool
@@ -56,6 +60,13 @@ class Deformation:
     inflation: float = 1.0
     seed: int = 0
     posterior_T_fixed: Float64[np.ndarray, "4 4"] = field(default_factory=lambda: np.eye(4), repr=False)
+    expected_mm: float = 0.0
+    unseen: Posterior | None = field(default=None, repr=False)
+
+    @property
+    def is_predicted(self) -> bool:
+        """Whether the motion of tissue is in the errors that are predicted."""
+        return self.detected or self.unseen is not None
 
     def errors_mm(self, points_mm: Float64[np.ndarray, "t 3"]) -> Float64[np.ndarray, "k p 3"]:
         """Draw by how far points of the model and their material, as it was swept, are apart.
@@ -71,11 +82,33 @@ class Deformation:
             Errors in mm, in the frame of the residuals.
         """
         return self.posterior.errors_mm(
-            transforms.apply(self.posterior_T_fixed, _even(points_mm)),
+            transforms.apply(self.posterior_T_fixed, even_choice(points_mm)),
             self.motion_mm,
             DRAWS,
             np.random.default_rng(self.seed),
             self.inflation,
+        )
+
+    def unseen_mm(self, points_mm: Float64[np.ndarray, "t 3"], draws: int) -> Float64[np.ndarray, "k t 3"]:
+        """Draw what an expected motion, which the residuals do not show, adds to the errors.
+
+        Parameters
+        ----------
+        points_mm : ndarray, shape (t, 3)
+            Points in mm in the fixed coordinate frame.
+        draws : int
+            Number of draws.
+
+        Returns
+        -------
+        ndarray, shape (k, t, 3)
+            Errors in mm; 0 where no motion was expected.
+        """
+        if self.unseen is None:
+            return np.zeros((draws, len(points_mm), 3))
+        rng = np.random.default_rng([self.seed, 1])
+        return self.unseen.errors_mm(
+            transforms.apply(self.posterior_T_fixed, points_mm), np.zeros(6), draws, rng
         )
 
     def rigid_motions_mm(self, points_mm: Float64[np.ndarray, "t 3"]) -> Float64[np.ndarray, "k 6"]:
@@ -91,7 +124,7 @@ class Deformation:
         ndarray, shape (k, 6)
             Motions in mm, about the centre of the residuals.
         """
-        chosen_mm = _even(points_mm)
+        chosen_mm = even_choice(points_mm)
         errors_mm = self.errors_mm(chosen_mm).reshape(-1, 3 * len(chosen_mm))
         moved = self.posterior.moved(transforms.apply(self.posterior_T_fixed, chosen_mm))
         return np.asarray(np.linalg.lstsq(moved, errors_mm.T, rcond=None)[0].T)
@@ -140,21 +173,6 @@ class Deformation:
         worse += OUTLIER_CAP**2 * max(own.share - residuals.share, 0.0)
         return worse * float(np.sqrt(0.5 * freedom))
 
-    def tre_mm(self, points_mm: Float64[np.ndarray, "t 3"]) -> Float64[np.ndarray, " k"]:
-        """Draw the target registration error.
-
-        Parameters
-        ----------
-        points_mm : ndarray, shape (t, 3)
-            Targets in mm in the fixed coordinate frame.
-
-        Returns
-        -------
-        ndarray, shape (k,)
-            Root mean square errors in mm.
-        """
-        return np.asarray(np.sqrt((self.errors_mm(points_mm) ** 2).sum(axis=2).mean(axis=1)))
-
     def seen_from(self, posterior_T_fixed: Float64[np.ndarray, "4 4"]) -> Deformation:
         """Return the same for points of another frame.
 
@@ -171,8 +189,51 @@ class Deformation:
         return replace(self, posterior_T_fixed=posterior_T_fixed)
 
 
-def _even(points_mm: np.ndarray) -> np.ndarray:
-    """An even choice of points where there are many."""
+def predicted_tre_mm(
+    points_mm: Float64[np.ndarray, "t 3"],
+    samples: Float64[np.ndarray, "b 4 4"],
+    deformation: Deformation | None,
+) -> Float64[np.ndarray, " k"]:
+    """Draw the target registration error.
+
+    Parameters
+    ----------
+    points_mm : ndarray, shape (t, 3)
+        Targets in mm in the fixed coordinate frame.
+    samples : ndarray, shape (b, 4, 4)
+        Motions to where the pose might as well lie, which make the error where no tissue was found to have moved.
+    deformation : Deformation or None
+        What the residuals say of tissue; None where nobody looked.
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        Root mean square errors in mm.
+    """
+    if deformation is not None and deformation.is_predicted:
+        points_mm = even_choice(points_mm)
+    if deformation is not None and deformation.detected:
+        errors_mm = deformation.errors_mm(points_mm)
+    else:
+        errors_mm = points_mm @ np.swapaxes(samples[:, :3, :3], 1, 2) + samples[:, None, :3, 3] - points_mm
+    if deformation is not None and deformation.unseen is not None:
+        errors_mm = errors_mm + deformation.unseen_mm(points_mm, len(errors_mm))
+    return np.asarray(np.sqrt((errors_mm**2).sum(axis=2).mean(axis=1)))
+
+
+def even_choice(points_mm: Float64[np.ndarray, "t 3"]) -> Float64[np.ndarray, "p 3"]:
+    """Choose points evenly where there are many.
+
+    Parameters
+    ----------
+    points_mm : ndarray, shape (t, 3)
+        Points in mm.
+
+    Returns
+    -------
+    ndarray, shape (p, 3)
+        All points, or an even choice of them.
+    """
     if len(points_mm) <= POINTS:
         return points_mm
     return points_mm[np.linspace(0, len(points_mm) - 1, POINTS).round().astype(int)]

@@ -121,7 +121,9 @@ def fit_residuals(residuals: GroupedResiduals, parts: CovarianceParts, tried: Se
     return Fits(tuple(tried), log_likelihood, noise_mm2, motion_mm, spread, freedom)
 
 
-def _fit(covariance: np.ndarray, both: np.ndarray, freedom: int) -> tuple[np.ndarray, ...]:
+def _fit(
+    covariance: np.ndarray, both: np.ndarray, freedom: int
+) -> tuple[float, float, np.ndarray, np.ndarray]:
     factor = np.linalg.cholesky(covariance)
     white = solve_triangular(factor, both, lower=True, check_finite=False)
     jacobian, gap_mm = white[:, :-1], white[:, -1]
@@ -134,4 +136,4 @@ def _fit(covariance: np.ndarray, both: np.ndarray, freedom: int) -> tuple[np.nda
     noise_mm2 = left_mm @ left_mm / freedom + LEAST_NOISE_MM**2
     log_likelihood = -0.5 * freedom * np.log(noise_mm2) - np.log(np.diag(factor)).sum()
     log_likelihood -= 0.5 * np.linalg.slogdet(stiffness)[1]
-    return log_likelihood, noise_mm2, motion_mm, spread
+    return float(log_likelihood), float(noise_mm2), motion_mm, spread

@@ -1,9 +1,9 @@
-"""Settings of the model of the residuals, and its use at a pose: is there a deformation, and what pose does it leave."""
+"""Settings of the model of the residuals, and its use at a pose: has tissue moved, and what pose is left then."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -16,11 +16,18 @@ from registration.rigid.icp.correspondence import TreeTarget
 from registration.rigid.residual_model.covariance import CovarianceParts, Ratios
 from registration.rigid.residual_model.deformation import Deformation
 from registration.rigid.residual_model.grouped_residuals import GroupedResiduals, grouped_residuals, groups_on
-from registration.rigid.residual_model.likelihood import Fits, fit_residuals
+from registration.rigid.residual_model.likelihood import fit_residuals
 from registration.rigid.residual_model.mirror_image import mirrored_misfit_mm, misfit_mm
-from registration.rigid.residual_model.posterior import Posterior
+from registration.rigid.residual_model.posterior import Posterior, unseen
 from registration.rigid.residual_model.right_vessel import probability_right_vessel
 
+# Variances that are tried, over that of a group's noise: of the displacement of tissue, of the borders, and of a frame.
+DISPLACEMENT = (0.0, 1.0, 5.0, 25.0, 125.0, 625.0, 3000.0)
+BORDER, JITTER = (0.3, 2.0, 12.0), (0.0, 2.0)
+# An expected motion hangs together over this length in mm: a shorter one would show.
+UNSEEN_LENGTH_MM = 45.0
+# A displacement below this share of the distance between fixed points is the sampling's, not the tissue's.
+LEAST_SIZE_SPACINGS = 0.1
 # Covariances less probable than this share of the best one say nothing more.
 LIKELY = 0.1
 # A group has about this many points at least; fewer groups than this many per unknown say too little.
@@ -59,51 +66,41 @@ class ResidualModel:
         Number of groups of neighbouring points that residuals are averaged over, rounded to a power of two.
     lengths_mm : sequence of float, optional
         Lengths in mm over which tissue may move together.
-    displacement : sequence of float, optional
-        Variances of the displacement over that of a group's noise, 0 among them.
-    border : sequence of float, optional
-        Variances of the error of the borders over that of a group's noise.
-    jitter : sequence of float, optional
-        Variances of the shift of a frame over that of a group's noise; used where frames are known.
     min_gain : float, optional
         Smallest gain in restricted log-likelihood by which a deformation is detected.
     correct_pose : bool, optional
         Whether a deformation that is detected corrects the pose.
     inflation : float, optional
         Factor on the standard deviation of the errors that are predicted with a deformation.
+    expected_deformation_mm : float, optional
+        Displacement of tissue in mm, per coordinate, that is expected before the clouds are seen. What of it the
+        residuals would not show, as a bend that a slide mimics, enters the predicted error; 0 leaves it out. More than
+        2 mm also lets a right vessel differ more.
 
     Raises
     ------
     InputError
-        If there are fewer than 16 groups, a list is empty, a length or a factor is not positive, a variance is negative,
-        or none of the displacement's is 0.
+        If there are fewer than 16 groups, no length, or a number is out of range.
     """
 
     groups: int = 128
     lengths_mm: Sequence[float] = (15.0, 25.0, 45.0)
-    displacement: Sequence[float] = (0.0, 1.0, 5.0, 25.0, 125.0, 625.0, 3000.0)
-    border: Sequence[float] = (0.3, 2.0, 12.0)
-    jitter: Sequence[float] = (0.0, 2.0)
     min_gain: float = 8.0
     correct_pose: bool = True
     inflation: float = 1.0
+    expected_deformation_mm: float = 0.0
 
     def __post_init__(self) -> None:
         require_count("groups", self.groups, 16)
-        for name in ("lengths_mm", "displacement", "border", "jitter"):
-            values = tuple(getattr(self, name))
-            if not values:
-                raise InputError(f"{name}: expected at least one number, received none")
-            for value in values:
-                require_at_least(name, value, 0.0)
-            # A configuration file hands over a list.
-            object.__setattr__(self, name, values)
+        # A configuration file hands over a list.
+        object.__setattr__(self, "lengths_mm", tuple(self.lengths_mm))
+        if not self.lengths_mm:
+            raise InputError("lengths_mm: expected at least one length, received none")
         for length_mm in self.lengths_mm:
             require_positive("lengths_mm", length_mm)
-        if 0 not in self.displacement:
-            raise InputError(f"displacement: expected 0 among the variances, received {self.displacement}")
         require_positive("min_gain", self.min_gain)
         require_positive("inflation", self.inflation)
+        require_at_least("expected_deformation_mm", self.expected_deformation_mm, 0.0)
 
     def tried(self, with_frames: bool) -> tuple[Ratios, ...]:
         """List the covariances that are tried.
@@ -121,9 +118,9 @@ class ResidualModel:
         return tuple(
             Ratios(length_mm, displacement, border, jitter)
             for number, length_mm in enumerate(self.lengths_mm)
-            for displacement in self.displacement
-            for border in self.border
-            for jitter in (self.jitter if with_frames else (0.0,))
+            for displacement in DISPLACEMENT
+            for border in BORDER
+            for jitter in (JITTER if with_frames else (0.0,))
             if displacement > 0 or number == 0
         )
 
@@ -174,28 +171,23 @@ class ResidualModel:
         if not _enough(residuals):
             return None
         fits = fit_residuals(residuals, CovarianceParts(residuals), self.tried(frame is not None))
-        detected = fits.gain >= self.min_gain
-        posterior = _posterior(residuals, fits)
+        posterior = Posterior(residuals, fits.chosen(LIKELY))
+        size_mm = posterior.bent_mm()
+        detected = fits.gain >= self.min_gain and size_mm >= LEAST_SIZE_SPACINGS * target.spacing_mm
         pose, motion_mm = fixed_T_moving, np.zeros(6)
         if detected and self.correct_pose:
-            first = transforms.compose(
-                residuals.motions(posterior.rigid_part_mm(places_mm)[None])[0], fixed_T_moving
-            )
-            again = at(first)
-            if _enough(again):
-                closer = Posterior(again, fit_residuals(again, CovarianceParts(again), posterior.fits.ratios))
-                step_mm = closer.rigid_part_mm(places_mm)
-                corrected = transforms.compose(again.motions(step_mm[None])[0], first)
-                if allowed is None or allowed(corrected):
-                    pose, motion_mm, posterior = corrected, step_mm, closer
+            corrected, step_mm, closer = _corrected(at, fixed_T_moving, posterior, places_mm)
+            if closer is not None and (allowed is None or allowed(corrected)):
+                pose, motion_mm, posterior, size_mm = corrected, step_mm, closer, closer.bent_mm()
+        bent = Deformation(detected, size_mm, fits.gain, posterior, block, motion_mm, self.inflation, seed)
+        if self.expected_deformation_mm > 0:
+            free = unseen(residuals, fits, self.expected_deformation_mm, UNSEEN_LENGTH_MM)
+            bent = replace(bent, expected_mm=self.expected_deformation_mm, unseen=free)
         mirrored_mm = mirrored_misfit_mm(moving_mm, target, fixed_T_moving, block=block, offset=offset)
-        return Assessed(
-            pose,
-            Deformation(
-                detected, posterior.bent_mm(), fits.gain, posterior, block, motion_mm, self.inflation, seed
-            ),
-            probability_right_vessel(misfit_mm(residuals), mirrored_mm, 1.0 - residuals.share),
+        probability = probability_right_vessel(
+            misfit_mm(residuals), mirrored_mm, 1.0 - residuals.share, self.expected_deformation_mm
         )
+        return Assessed(pose, bent, probability)
 
 
 def _enough(residuals: GroupedResiduals) -> bool:
@@ -203,5 +195,17 @@ def _enough(residuals: GroupedResiduals) -> bool:
     return count >= GROUPS_PER_UNKNOWN * unknowns
 
 
-def _posterior(residuals: GroupedResiduals, fits: Fits) -> Posterior:
-    return Posterior(residuals, fits.chosen(LIKELY))
+def _corrected(
+    at: Callable[[np.ndarray], GroupedResiduals],
+    pose: np.ndarray,
+    posterior: Posterior,
+    places_mm: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, Posterior | None]:
+    """Two steps to where the material of the places is expected, with closest points looked up anew in between."""
+    first = transforms.compose(posterior.residuals.motions(posterior.rigid_part_mm(places_mm)[None])[0], pose)
+    again = at(first)
+    if not _enough(again):
+        return pose, np.zeros(6), None
+    closer = Posterior(again, fit_residuals(again, CovarianceParts(again), posterior.fits.ratios))
+    step_mm = closer.rigid_part_mm(places_mm)
+    return transforms.compose(again.motions(step_mm[None])[0], first), step_mm, closer

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,7 +13,7 @@ from scipy.spatial.distance import cdist
 from registration.rigid.icp.estimation import motion_jacobian
 from registration.rigid.residual_model.covariance import CovarianceParts, Ratios, matern
 from registration.rigid.residual_model.grouped_residuals import GroupedResiduals
-from registration.rigid.residual_model.likelihood import Fits
+from registration.rigid.residual_model.likelihood import Fits, fit_residuals
 
 # Rounding may make a covariance indefinite by less than this share of its mean variance.
 ROUNDING = 1e-9
@@ -23,8 +23,8 @@ ROUNDING = 1e-9
 class Posterior:
     """Displacement of tissue against the model, given the residuals at a pose.
 
-    The material at a point lies off by a rigid motion and by a smooth displacement, both unknown: universal kriging, with
-    the motion as its trend. Where nothing was swept the displacement is as free as it was before.
+    The material at a point lies off by a rigid motion and by a smooth displacement, both unknown: universal kriging,
+    with the motion as its trend. Where nothing was swept the displacement is as free as it was before.
 
     Parameters
     ----------
@@ -196,3 +196,30 @@ def _solve(residuals: GroupedResiduals, covariance: np.ndarray, motion_mm: np.nd
 def _root(covariance: np.ndarray) -> np.ndarray:
     covariance[np.diag_indices(len(covariance))] += ROUNDING * (1.0 + np.trace(covariance) / len(covariance))
     return np.linalg.cholesky(covariance)
+
+
+def unseen(residuals: GroupedResiduals, fits: Fits, size_mm: float, length_mm: float) -> Posterior:
+    """Make the displacement of a given size that would leave residuals of nothing but noise.
+
+    Parameters
+    ----------
+    residuals : GroupedResiduals
+        Residuals at a pose, of which the places and the noise are taken.
+    fits : Fits
+        Their fits.
+    size_mm : float
+        Standard deviation of the displacement per coordinate in mm.
+    length_mm : float
+        Length in mm over which it hangs together.
+
+    Returns
+    -------
+    Posterior
+        Displacement with the mean 0, and all of the freedom that the places leave to it.
+    """
+    best = fits.ratios[fits.best]
+    noise_mm2 = float(fits.noise_mm2[fits.best])
+    ratios = Ratios(length_mm, size_mm**2 / noise_mm2, best.border, best.jitter)
+    flat = replace(residuals, gap_mm=np.zeros_like(residuals.gap_mm))
+    free = fit_residuals(flat, CovarianceParts(flat), [ratios])
+    return Posterior(flat, replace(free, noise_mm2=np.array([noise_mm2])))
