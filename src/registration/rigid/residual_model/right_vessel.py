@@ -7,8 +7,9 @@ from scipy.special import expit
 
 # Log-odds: constant, and factors of the log of the misfit in mm, of the log of the mirror image's misfit over it, and
 # of the share of points far from the surface. Rounded from a logistic regression on right and wrong vessels of
-# anatomies with seeds below 1000, whole and in part, still and deforming. The misfit counts for more than there, so that
-# a still piece that is nearly its own mirror image passes; lost points for less, as a piece may reach beyond the model.
+# anatomies with seeds below 1000, whole and in part, still and deforming. The misfit counts for more than there, so
+# that a still piece that is nearly its own mirror image passes; lost points for less, as a piece may reach beyond the
+# model.
 INTERCEPT, OF_MISFIT, OF_MIRROR, OF_LOST = -5.0, -3.0, 5.0, -5.0
 # Tissue was displaced by up to this much in mm.
 USUAL_MM = 2.0
