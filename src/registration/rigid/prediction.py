@@ -18,6 +18,9 @@ from registration.rigid.uncertainty import Uncertainty, bootstrap_motions, local
 
 # The predicted error that is compared with the largest accepted one is exceeded in one case of twenty.
 UPPER = 0.95
+# Where points scatter by more than this share of the reach that normals are smoothed over, normals are wrong and the
+# stiffness that the bootstrap takes from them is too; the model takes the scatter of its groups.
+NOISY = 0.15
 
 
 @dataclass(frozen=True)
@@ -103,25 +106,23 @@ def predict(
             allowed=allowed,
             seed=seed,
         )
-    if assessed is not None and assessed.deformation.detected:
-        bent = assessed.deformation
-        motions_mm = bent.rigid_motions_mm(places_mm)
-        both = bent.posterior.residuals.motions(np.concatenate([motions_mm, weak_motion(motions_mm)[None]]))
-        expected_mm = float(np.quantile(predicted_tre_mm(places_mm, both, bent), UPPER))
-        return Prediction(
-            assessed.fixed_T_moving, both[:-1], expected_mm, both[-1], bent, assessed.probability_right_vessel
-        )
-    local = local_fit(
-        evidence.moving_mm, evidence.smoothed, fixed_T_moving, evidence.block, kernel, evidence.offset
-    )
-    motions_mm = bootstrap_motions(local, uncertainty.replicates, uncertainty.inflation, rng)
-    samples = local.motions(motions_mm)
+    pose = fixed_T_moving if assessed is None else assessed.fixed_T_moving
     bent = None if assessed is None else assessed.deformation
+    reach_mm = evidence.smoothed.reach_mm
+    if bent is not None and (bent.detected or bent.posterior.residuals.noise_mm > NOISY * reach_mm):
+        motions_mm, move = bent.rigid_motions_mm(places_mm), bent.posterior.residuals.motions
+    else:
+        local = local_fit(
+            evidence.moving_mm, evidence.smoothed, pose, evidence.block, kernel, evidence.offset
+        )
+        motions_mm = bootstrap_motions(local, uncertainty.replicates, uncertainty.inflation, rng)
+        move = local.motions
+    samples = move(motions_mm)
     return Prediction(
-        fixed_T_moving,
+        pose,
         samples,
         float(np.quantile(predicted_tre_mm(places_mm, samples, bent), UPPER)),
-        local.motions(weak_motion(motions_mm)[None])[0],
+        move(weak_motion(motions_mm)[None])[0],
         bent,
         float("nan") if assessed is None else assessed.probability_right_vessel,
     )

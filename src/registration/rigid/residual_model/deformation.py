@@ -37,7 +37,7 @@ class Deformation:
     gain : float
         By how much a smooth displacement raises the restricted log-likelihood of the residuals.
     posterior : Posterior
-        Displacement given the residuals.
+        Displacement given the residuals; the rigid one alone where no deformation is detected.
     block : ndarray of int, shape (m,)
         Group of each moving point.
     motion_mm : ndarray, shape (6,)

@@ -68,20 +68,23 @@ class Fits:
         """Index of the most probable covariance."""
         return int(self.log_likelihood.argmax())
 
-    def chosen(self, least: float) -> Fits:
+    def chosen(self, least: float, still: bool = False) -> Fits:
         """Return the fits under the covariances that are at least so probable.
 
         Parameters
         ----------
         least : float
             Smallest probability over that of the most probable one.
+        still : bool, optional
+            Whether only those without a displacement of tissue are looked at.
 
         Returns
         -------
         Fits
             The fits, the best one among them.
         """
-        kept = self.weights >= least * self.weights.max()
+        weights = np.where(self.is_still, self.weights, 0.0) if still else self.weights
+        kept = weights >= least * weights.max()
         return Fits(
             tuple(one for one, is_kept in zip(self.ratios, kept, strict=True) if is_kept),
             self.log_likelihood[kept],

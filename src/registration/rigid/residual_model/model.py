@@ -177,6 +177,8 @@ class ResidualModel:
         posterior = Posterior(residuals, fits.chosen(LIKELY))
         size_mm = posterior.bent_mm()
         detected = fits.gain >= self.min_gain and size_mm >= LEAST_SIZE_SPACINGS * target.spacing_mm
+        if not detected:
+            posterior = Posterior(residuals, fits.chosen(LIKELY, still=True))
         pose, motion_mm = fixed_T_moving, np.zeros(6)
         if detected and self.correct_pose:
             step_mm = posterior.rigid_part_mm(places_mm)
