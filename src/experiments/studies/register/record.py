@@ -14,6 +14,7 @@ from registration.metrics.surface_distance import SurfaceResiduals, rms
 from registration.metrics.targets import MAX_TARGETS, target_points
 
 if TYPE_CHECKING:
+    from registration.rigid.residual_model.deformation import Deformation
     from registration.rigid.result import Candidate, RigidResult
     from registration.rigid.search_cone import SearchCone
 
@@ -97,8 +98,10 @@ def record(found: Registered) -> dict[str, Any]:
             "low": _finite(low_mm),
             "high": _finite(high_mm),
             "level": 0.9,
-            "includes_deformation": False,
+            "includes_deformation": result.deformation is not None and result.deformation.is_predicted,
         },
+        "deformation": _deformation(result.deformation),
+        "probability_right_vessel": _finite(result.probability_right_vessel),
         "initial": _initial(pair, result.search_cone),
         "centerlines": {
             side: None if path is None else str(path)
@@ -110,6 +113,18 @@ def record(found: Registered) -> dict[str, Any]:
         "landmarks": _landmarks(found),
         "candidates": [_candidate(candidate) for candidate in result.candidates],
         "runtime_s": result.runtime_s,
+    }
+
+
+def _deformation(found: Deformation | None) -> dict[str, Any] | None:
+    """What the residuals say of tissue that has moved; None where nobody looked."""
+    if found is None:
+        return None
+    return {
+        "detected": bool(found.detected),
+        "size_mm": _finite(found.size_mm),
+        "gain": _finite(found.gain),
+        "expected_mm": _finite(found.expected_mm),
     }
 
 
