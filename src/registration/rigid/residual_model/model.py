@@ -62,8 +62,8 @@ class ResidualModel:
 
     Parameters
     ----------
-    groups : int, optional
-        Number of groups of neighbouring points that residuals are averaged over, rounded to a power of two.
+    patches : int, optional
+        Number of patches of neighbouring points, the groups that residuals are averaged over, rounded to a power of two.
     lengths_mm : sequence of float, optional
         Lengths in mm over which tissue may move together.
     min_gain : float, optional
@@ -81,10 +81,10 @@ class ResidualModel:
     Raises
     ------
     InputError
-        If there are fewer than 16 groups, no length, or a number is out of range.
+        If there are fewer than 16 patches, no length, or a number is out of range.
     """
 
-    groups: int = 128
+    patches: int = 128
     lengths_mm: Sequence[float] = (15.0, 25.0, 45.0)
     min_gain: float = 8.0
     correct_pose: bool = True
@@ -92,7 +92,7 @@ class ResidualModel:
     expected_deformation_mm: float = 0.0
 
     def __post_init__(self) -> None:
-        require_count("groups", self.groups, 16)
+        require_count("patches", self.patches, 16)
         # A configuration file hands over a list.
         object.__setattr__(self, "lengths_mm", tuple(self.lengths_mm))
         if not self.lengths_mm:
@@ -163,7 +163,7 @@ class ResidualModel:
         Assessed or None
             Pose, deformation and probability of the right vessel; None for clouds that are too small.
         """
-        groups = min(self.groups, len(moving_mm) // GROUP_POINTS)
+        groups = min(self.patches, len(moving_mm) // GROUP_POINTS)
         if groups < 2:
             return None
         block = groups_on(moving_mm, target, fixed_T_moving, groups)

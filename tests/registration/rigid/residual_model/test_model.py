@@ -114,7 +114,7 @@ def test_clouds_too_small_are_not_judged() -> None:
 
 
 @pytest.mark.parametrize(
-    "settings", [{"groups": 4}, {"lengths_mm": []}, {"min_gain": 0.0}, {"expected_deformation_mm": -1.0}]
+    "settings", [{"patches": 4}, {"lengths_mm": []}, {"min_gain": 0.0}, {"expected_deformation_mm": -1.0}]
 )
 def test_settings_out_of_range_are_refused(settings: dict[str, object]) -> None:
     with pytest.raises(InputError, match=next(iter(settings))):
