@@ -63,7 +63,7 @@ class ResidualModel:
     Parameters
     ----------
     patches : int, optional
-        Number of patches of neighbouring points, the groups that residuals are averaged over, rounded to a power of two.
+        Number of patches of the wall, the groups of points that residuals are averaged over, rounded to a power of two.
     lengths_mm : sequence of float, optional
         Lengths in mm over which tissue may move together.
     min_gain : float, optional
