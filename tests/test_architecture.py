@@ -69,6 +69,7 @@ LAYERS: dict[str, list[list[str]]] = {
             "registration.calibration",
             "registration.reconstruction",
         ],
+        ["registration.rigid.residual_model"],
         ["registration.io", "registration.centerline", "registration.rigid"],
         [
             "registration.rigid.comparators",

@@ -12,6 +12,7 @@ from scipy.special import ndtr, ndtri
 from registration import transforms
 from registration.checks import require_positive
 from registration.geometry.shapes import PrincipalFrame
+from registration.rigid.residual_model.deformation import Deformation
 from registration.rigid.result import ACCEPTED, AMBIGUOUS, FAILED, MIN_SHOWN_MM, length_mm
 
 DIRECTIONS = ("slide", "shift", "roll", "tilt", "flip")
@@ -36,6 +37,8 @@ class AcceptanceCriteria:
         one case of forty.
     min_inlier_share : float, optional
         Smallest share of moving points near the fixed ones, above 0 to 1.
+    min_probability : float, optional
+        Smallest probability that both clouds show one vessel, above 0 to 1.
 
     Raises
     ------
@@ -46,11 +49,13 @@ class AcceptanceCriteria:
     max_tre_mm: float = 2.0
     min_gap: float = 2.0
     min_inlier_share: float = 0.5
+    min_probability: float = 0.9
 
     def __post_init__(self) -> None:
         require_positive("max_tre_mm", self.max_tre_mm)
         require_positive("min_gap", self.min_gap)
         require_positive("min_inlier_share", self.min_inlier_share, 1.0)
+        require_positive("min_probability", self.min_probability, 1.0)
 
     def needed_gap(self, tries: int = 1) -> float:
         """Compute the gap that other poses must show where several searches could each err by chance.
@@ -78,6 +83,8 @@ class AcceptanceCriteria:
         expected_mm: float,
         weak: tuple[str, ...],
         tries: int = 1,
+        deformation: Deformation | None = None,
+        probability_right_vessel: float = float("nan"),
     ) -> tuple[str, str]:
         """Compute the verdict on a result.
 
@@ -90,11 +97,15 @@ class AcceptanceCriteria:
         gap : float
             Standard errors by which the next pose is worse; infinite where there is none.
         expected_mm : float
-            Upper end of the predicted error in mm without deformation; NaN where none was predicted.
+            Upper end of the predicted error in mm; NaN where none was predicted.
         weak : tuple of str
             Names of the motions that the clouds leave open.
         tries : int, optional
             Number of axes that were tried as the vessel's.
+        deformation : Deformation or None, optional
+            Deformation of tissue that the residuals show; where it is detected, the predicted error holds it.
+        probability_right_vessel : float, optional
+            Probability that both clouds show one vessel; NaN where nobody looked.
 
         Returns
         -------
@@ -112,10 +123,12 @@ class AcceptanceCriteria:
             )
         if gap < needed:
             return AMBIGUOUS, f"{_rival(gap, named)}, at least {needed:.2g} are needed"
+        if probability_right_vessel < self.min_probability:
+            return AMBIGUOUS, _another_vessel(probability_right_vessel, self.min_probability)
         if expected_mm > self.max_tre_mm:
             return AMBIGUOUS, (
-                f"the clouds leave the pose open{named}: the predicted TRE reaches {expected_mm:.1f} mm without "
-                f"deformation, {self.max_tre_mm:g} mm are allowed"
+                f"the clouds leave the pose open{named}: the predicted TRE {_holds(deformation)} reaches "
+                f"{expected_mm:.1f} mm, {self.max_tre_mm:g} mm are allowed"
             )
         if not settled:
             return FAILED, "the best pose had not settled when the iterations ran out"
@@ -124,7 +137,7 @@ class AcceptanceCriteria:
             if np.isinf(gap)
             else f"the next pose is worse by {gap:.1f} standard errors"
         )
-        return ACCEPTED, f"{rest}, and {_predicted(expected_mm)}"
+        return ACCEPTED, f"{rest}, and {_predicted(expected_mm, deformation)}"
 
 
 def _rival(gap: float, named: str) -> str:
@@ -133,13 +146,30 @@ def _rival(gap: float, named: str) -> str:
     return f"another pose{named} explains the clouds as well: it is worse by {gap:.1f} standard errors"
 
 
-def _predicted(expected_mm: float) -> str:
+def _another_vessel(probability: float, needed: float) -> str:
+    percent = f"{100 * probability:.0f}" if probability >= 0.01 else "less than 1"
+    return (
+        "the shapes differ by more than tissue that deforms, or fit as well mirrored: the probability that both show "
+        f"one vessel is {percent} %, {100 * needed:.0f} % are needed"
+    )
+
+
+def _holds(deformation: Deformation | None) -> str:
+    """Whether a predicted error holds the deformation of tissue."""
+    if deformation is None or not deformation.is_predicted:
+        return "without deformation"
+    if not deformation.detected:
+        return f"with an expected tissue motion of {length_mm(deformation.expected_mm)}"
+    return f"with a tissue motion of about {length_mm(deformation.size_mm)}"
+
+
+def _predicted(expected_mm: float, deformation: Deformation | None) -> str:
     """The upper end of the predicted error; clouds without noise leave nothing to predict it from."""
     if np.isnan(expected_mm):
         return "no error was predicted"
     if expected_mm < MIN_SHOWN_MM:
         return "the clouds fit without noise, which predicts nothing"
-    return f"the predicted TRE without deformation is up to {length_mm(expected_mm)} (95 %)"
+    return f"the predicted TRE {_holds(deformation)} is up to {length_mm(expected_mm)} (95 %)"
 
 
 def named_motion(

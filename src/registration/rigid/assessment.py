@@ -8,36 +8,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64
 
-from registration import transforms
 from registration.errors import InputError
-from registration.geometry.shapes import PrincipalFrame, principal_frame
-from registration.rigid.acceptance import (
-    DIRECTIONS,
-    AcceptanceCriteria,
-    displacement_mm,
-    named_motion,
-    probes,
-    weak_motion,
-)
-from registration.rigid.coarse_to_fine import EARLY_TOLERANCE, Found
+from registration.rigid.acceptance import AcceptanceCriteria
+from registration.rigid.coarse_to_fine import Found
+from registration.rigid.fit import Fit, fit
 from registration.rigid.icp.correspondence import TreeTarget
-from registration.rigid.icp.loop import align
 from registration.rigid.icp.robust_kernels import RobustKernel
+from registration.rigid.open_motions import left_open
 from registration.rigid.pose_comparison import Evidence, both_ways
-from registration.rigid.result import ACCEPTED, AMBIGUOUS, FAILED, Candidate, Fit, RigidResult, fit
+from registration.rigid.prediction import predict
+from registration.rigid.residual_model.model import ResidualModel
+from registration.rigid.result import ACCEPTED, AMBIGUOUS, FAILED, Candidate, RigidResult
 from registration.rigid.search_cone import Bound
-from registration.rigid.smoothed_target import SmoothedTarget
-from registration.rigid.uncertainty import Uncertainty, bootstrap_motions, local_fit
+from registration.rigid.uncertainty import Uncertainty
 
-# The result is slid along the vessel by so many accepted errors to see whether the clouds object.
-PROBED_SLIDE = 1.5
-PROBED_ITERATIONS = 6
-# Rivals that are within so many standard errors of the best one are as good as it, and named with it.
-ALIKE_GAPS = 2.0
 # The error is predicted at this many points of the fixed cloud.
 TARGETS = 300
-# The predicted error that is compared with the largest accepted one is exceeded in one case of twenty.
-UPPER = 0.95
 
 
 @dataclass(frozen=True)
@@ -53,7 +39,9 @@ class Assessment:
     kernel : RobustKernel
         Weights of the residuals around the pose.
     uncertainty : Uncertainty
-        Bootstrap that predicts the error.
+        Bootstrap that predicts the error where no tissue has moved.
+    residual_model : ResidualModel or None
+        Model of the residuals; None takes them all for noise.
     acceptance : AcceptanceCriteria
         What a result must show to be accepted.
     probe_points : int
@@ -66,6 +54,7 @@ class Assessment:
     inlier_spacings: float
     kernel: RobustKernel
     uncertainty: Uncertainty
+    residual_model: ResidualModel | None
     acceptance: AcceptanceCriteria
     probe_points: int
     seed: int
@@ -179,21 +168,43 @@ def assess(settings: Assessment, problem: Problem, found: Found) -> RigidResult:
             "search_cone: expected a cone that holds a result, received one that no start ends in"
             + _best_end(found, bound)
         )
-    candidates = _measured(settings, problem, found)
-    best = candidates[0]
-    pose = best.fixed_T_moving
-    measured = settings.fit(problem.moving_mm, evidence.target, pose)
     rng = np.random.default_rng(settings.seed)
     places_mm = rng.permutation(evidence.target.points_mm, axis=0)[:TARGETS]
-    spread = _spread(settings, evidence, pose, places_mm, rng)
-    gap, directions = _left_open(settings, problem, found, spread, places_mm)
+    allowed = None if bound is None else bound.holds
+    predicted = predict(
+        evidence,
+        found.candidates[0].fixed_T_moving,
+        places_mm,
+        rng,
+        kernel=settings.kernel,
+        uncertainty=settings.uncertainty,
+        residual_model=settings.residual_model,
+        allowed=allowed,
+        seed=settings.seed,
+    )
+    pose = predicted.fixed_T_moving
+    candidates = _measured(settings, problem, found.with_best(pose))
+    best = candidates[0]
+    measured = settings.fit(problem.moving_mm, evidence.target, pose)
+    gap, directions = left_open(
+        settings.acceptance,
+        problem.axes_tried,
+        evidence,
+        found.with_best(pose),
+        predicted,
+        places_mm,
+        probe_points=settings.probe_points,
+        keep=settings.keep,
+    )
     verdict, reason = settings.acceptance(
         settled=found.settled,
         inlier_share=measured.inlier_share,
         gap=gap,
-        expected_mm=spread.expected_mm,
+        expected_mm=predicted.expected_mm,
         weak=directions,
         tries=problem.axes_tried,
+        deformation=predicted.deformation,
+        probability_right_vessel=predicted.probability_right_vessel,
     )
     verdict, reason = _within_bound(
         verdict, reason, bound, pose, _beyond(settings.acceptance.min_gap, evidence, found, bound, pose)
@@ -213,9 +224,11 @@ def assess(settings: Assessment, problem: Problem, found: Found) -> RigidResult:
         reason=reason,
         ambiguity_gap=gap,
         weak_directions=directions,
-        pose_samples=spread.samples,
+        pose_samples=predicted.samples,
         wall_offset_mm=evidence.wall_offset_mm(pose),
         search_cone=None if bound is None else bound.kept_to,
+        deformation=predicted.deformation,
+        probability_right_vessel=predicted.probability_right_vessel,
     )
 
 
@@ -231,28 +244,6 @@ def _measured(settings: Assessment, problem: Problem, found: Found) -> tuple[Can
         )
         for basin, one in enumerate(found.candidates)
     )
-
-
-def _left_open(
-    settings: Assessment, problem: Problem, found: Found, spread: _Spread, places_mm: np.ndarray
-) -> tuple[float, tuple[str, ...]]:
-    """By how many standard errors the next pose is worse, and the names of the motions that the clouds leave open."""
-    criteria, evidence = settings.acceptance, problem.evidence
-    frame = principal_frame(transforms.apply(found.candidates[0].fixed_T_moving, evidence.moving_mm))
-    rivals = [
-        (motion, gap)
-        for motion, gap in _others(settings, evidence, found, frame)
-        if displacement_mm(motion[None], places_mm)[0] > criteria.max_tre_mm
-    ]
-    gap = min((behind for _, behind in rivals), default=float("inf"))
-    weak = []
-    # Where several axes may be the vessel's, as many searches look for a pose that is better by chance.
-    if gap < criteria.needed_gap(problem.axes_tried):
-        weak = [motion for motion, behind in rivals if behind < gap + ALIKE_GAPS]
-    if spread.expected_mm > criteria.max_tre_mm:
-        weak.append(spread.weakest)
-    names = {name for motion in weak for name in named_motion(motion, frame)}
-    return gap, tuple(name for name in DIRECTIONS if name in names)
 
 
 def _best_end(found: Found, bound: Bound | None) -> str:
@@ -282,55 +273,3 @@ def _within_bound(
         verdict, reason = (AMBIGUOUS, beyond) if verdict == ACCEPTED else (verdict, f"{reason}; {beyond}")
     edge = bound.at_edge(pose)
     return verdict, f"{reason}; {edge}" if edge else reason
-
-
-@dataclass(frozen=True)
-class _Spread:
-    """Where the result might lie: poses as fixed_T_fixed, the error they predict, and the motion that is least held."""
-
-    samples: np.ndarray | None
-    expected_mm: float
-    weakest: np.ndarray
-
-
-def _spread(
-    settings: Assessment,
-    evidence: Evidence,
-    pose: np.ndarray,
-    places_mm: np.ndarray,
-    rng: np.random.Generator,
-) -> _Spread:
-    if not isinstance(evidence.smoothed, SmoothedTarget):
-        return _Spread(None, float("nan"), np.eye(4))
-    local = local_fit(
-        evidence.moving_mm, evidence.smoothed, pose, evidence.block, settings.kernel, evidence.offset
-    )
-    motions_mm = bootstrap_motions(
-        local, settings.uncertainty.replicates, settings.uncertainty.inflation, rng
-    )
-    samples = local.motions(motions_mm)
-    expected_mm = float(np.quantile(displacement_mm(samples, places_mm), UPPER))
-    return _Spread(samples, expected_mm, local.motions(weak_motion(motions_mm)[None])[0])
-
-
-def _others(
-    settings: Assessment, evidence: Evidence, found: Found, frame: PrincipalFrame
-) -> list[tuple[np.ndarray, float]]:
-    """Where else the cloud might lie, as motions from the result, each with its gap in standard errors.
-
-    The refined candidates of other basins, and the result slid and rolled as a vessel without features could be, and
-    settled there: a vessel with features comes back.
-    """
-    pose = found.candidates[0].fixed_T_moving
-    back = transforms.invert_rigid(pose)
-    motions = [transforms.compose(one.fixed_T_moving, back) for one in found.candidates[: len(found.gap)]]
-    settled = align(
-        evidence.moving_mm[: settings.probe_points],
-        evidence.target,
-        probes(frame, PROBED_SLIDE * settings.acceptance.max_tre_mm) @ pose,
-        max_iterations=PROBED_ITERATIONS,
-        tolerance=EARLY_TOLERANCE,
-        keep=settings.keep,
-    ).fixed_T_moving
-    gaps = evidence.gaps(np.concatenate([pose[None], settled]))[1:]
-    return [*zip(motions, found.gap.tolist(), strict=True), *zip(settled @ back, gaps.tolist(), strict=True)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float64
@@ -75,6 +75,22 @@ class Found:
     iterations: int
     settled: bool
     outside: Candidate | None = None
+
+    def with_best(self, fixed_T_moving: Float64[np.ndarray, "4 4"]) -> Found:
+        """Return the same with another pose for the best candidate.
+
+        Parameters
+        ----------
+        fixed_T_moving : ndarray, shape (4, 4)
+            Pose.
+
+        Returns
+        -------
+        Found
+            Where the search ended.
+        """
+        best = replace(self.candidates[0], fixed_T_moving=fixed_T_moving)
+        return replace(self, candidates=(best, *self.candidates[1:]))
 
 
 @dataclass(frozen=True)

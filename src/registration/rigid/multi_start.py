@@ -18,7 +18,9 @@ from registration.rigid.correspondence import Correspondence
 from registration.rigid.icp.correspondence import TreeTarget
 from registration.rigid.icp.robust_kernels import RobustKernel, Tukey
 from registration.rigid.isolated_points import isolated_points
-from registration.rigid.pose_comparison import Evidence, blocks_of, blocks_of_frames
+from registration.rigid.pose_comparison import Evidence
+from registration.rigid.residual_model.compact_blocks import blocks_of, blocks_of_frames
+from registration.rigid.residual_model.model import ResidualModel
 from registration.rigid.result import ACCEPTED, RigidResult
 from registration.rigid.rigid_input import frame_of_points, points_on_line, rigid_clouds
 from registration.rigid.search_cone import SearchBound, SearchCone, bound_around, known_pose
@@ -63,7 +65,10 @@ class MultiStartICP:
     bound : SearchBound, optional
         How far the result may lie from a known pose where the call gives no search cone.
     uncertainty : Uncertainty, optional
-        Bootstrap that predicts the error.
+        Bootstrap that predicts the error where no tissue has moved.
+    residual_model : ResidualModel or None, optional
+        Model of the residuals, which detects tissue that has moved, corrects the pose and predicts the error then, and
+        says how probable it is that both clouds show one vessel. None takes all residuals for noise.
     acceptance : AcceptanceCriteria, optional
         What a result must show to be accepted.
     seed : int, optional
@@ -95,6 +100,7 @@ class MultiStartICP:
     keep: float | None = None
     bound: SearchBound = field(default_factory=SearchBound)
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
+    residual_model: ResidualModel | None = field(default_factory=ResidualModel)
     acceptance: AcceptanceCriteria = field(default_factory=AcceptanceCriteria)
     seed: int = 0
 
@@ -212,6 +218,7 @@ class MultiStartICP:
             inlier_spacings=self.correspondence.inlier_spacings,
             kernel=self.kernel or Tukey(),
             uncertainty=self.uncertainty,
+            residual_model=self.residual_model,
             acceptance=self.acceptance,
             probe_points=self.stages.coarse_points,
             seed=self.seed,
@@ -228,13 +235,14 @@ class MultiStartICP:
         order = np.concatenate([order[~isolated], order[isolated]])
         core = len(order) - int(isolated.sum())
         shuffled_mm = moving_mm[order]
-        if moving_frame is None:
+        frame = None if moving_frame is None else moving_frame[order]
+        if frame is None:
             block = blocks_of(shuffled_mm, self.uncertainty.blocks)
         else:
-            block = blocks_of_frames(moving_frame[order], self.uncertainty.blocks)
+            block = blocks_of_frames(frame, self.uncertainty.blocks)
         along_normals = self.refine_by != "point"
         exact, smoothed = self.correspondence.targets(fixed_mm, along_normals)
-        return Evidence(shuffled_mm, block, exact, smoothed, self.wall_offset and along_normals, core)
+        return Evidence(shuffled_mm, block, exact, smoothed, self.wall_offset and along_normals, core, frame)
 
     def _search(self, axes_tried: int) -> CoarseToFine:
         return CoarseToFine(

@@ -8,12 +8,10 @@ import numpy as np
 from jaxtyping import Float64
 from numpy.typing import ArrayLike
 
-from registration import transforms
 from registration.checks import require_positive
 from registration.errors import InputError
 from registration.geometry.shapes import require_points
-from registration.rigid.icp.correspondence import TreeTarget
-from registration.rigid.icp.rejection import trimming_weights
+from registration.rigid.residual_model.deformation import Deformation, predicted_tre_mm
 from registration.rigid.search_cone import SearchCone
 
 ACCEPTED, AMBIGUOUS, FAILED = "accepted", "ambiguous", "failed"
@@ -110,6 +108,10 @@ class RigidResult:
         By how much the moved wall lies outside the fixed one everywhere, in mm; NaN if nobody looked.
     search_cone : SearchCone or None, optional
         Bound around a known pose that the method kept to; None without one.
+    deformation : Deformation or None, optional
+        Deformation of tissue that the residuals show or do not show; None where nobody looked.
+    probability_right_vessel : float, optional
+        Probability that both clouds show one vessel, and neither its mirror image; NaN where nobody looked.
 
     Raises
     ------
@@ -134,6 +136,8 @@ class RigidResult:
     pose_samples: Float64[np.ndarray, "b 4 4"] | None = None
     wall_offset_mm: float = float("nan")
     search_cone: SearchCone | None = None
+    deformation: Deformation | None = None
+    probability_right_vessel: float = float("nan")
 
     def __post_init__(self) -> None:
         if self.verdict not in VERDICTS:
@@ -145,6 +149,12 @@ class RigidResult:
         gap = "" if np.isnan(self.ambiguity_gap) else f", ambiguity_gap={self.ambiguity_gap:.1f}"
         weak = f", weak_directions={self.weak_directions}" if self.weak_directions else ""
         offset = "" if np.isnan(self.wall_offset_mm) else f", wall_offset_mm={self.wall_offset_mm:.3f}"
+        bent = ""
+        if self.deformation is not None:
+            bent = (
+                f"    deformation={self.deformation},\n"
+                f"    probability_right_vessel={self.probability_right_vessel:.3f},\n"
+            )
         samples = "none" if self.pose_samples is None else f"{len(self.pose_samples)}"
         return (
             f"RigidResult(verdict={self.verdict!r}, converged={self.converged}{gap}{weak},\n"
@@ -152,13 +162,16 @@ class RigidResult:
             f"    rmse_mm={self.rmse_mm:.4g}, rmse_trimmed_mm={self.rmse_trimmed_mm:.4g}, "
             f"rmse_bidirectional_mm={self.rmse_bidirectional_mm:.4g},\n"
             f"    inlier_share={self.inlier_share:.3f}, coverage={self.coverage:.3f}{offset},\n"
-            f"    iterations={self.iterations}, runtime_s={self.runtime_s:.3g}, candidates={len(self.candidates)}, "
-            f"pose_samples={samples},\n"
+            f"{bent}    iterations={self.iterations}, runtime_s={self.runtime_s:.3g}, "
+            f"candidates={len(self.candidates)}, pose_samples={samples},\n"
             f"    fixed_T_moving={pose})"
         )
 
     def tre_interval_mm(self, targets_mm: ArrayLike, level: float = 0.9) -> tuple[float, float]:
-        """Predict where the target registration error lies; what the tissue's deformation adds is not in it.
+        """Predict where the target registration error lies.
+
+        Where tissue was found to have moved, the error is the distance between the targets and their material as it
+        was swept, and holds what no rigid pose undoes; elsewhere what deformation adds is not in it.
 
         Parameters
         ----------
@@ -183,9 +196,7 @@ class RigidResult:
         require_positive("level", level, 1.0)
         if self.pose_samples is None:
             return float("nan"), float("nan")
-        moved_mm = targets @ np.swapaxes(self.pose_samples[:, :3, :3], 1, 2)
-        moved_mm += self.pose_samples[:, None, :3, 3]
-        errors_mm = np.sqrt(((moved_mm - targets) ** 2).sum(axis=2).mean(axis=1))
+        errors_mm = predicted_tre_mm(targets, self.pose_samples, self.deformation)
         low_mm, high_mm = np.quantile(errors_mm, [(1 - level) / 2, (1 + level) / 2])
         return float(low_mm), float(high_mm)
 
@@ -224,8 +235,8 @@ def length_mm(value_mm: float) -> str:
     return f"{value_mm:.1f} mm" if value_mm >= 1 else f"{value_mm:.2g} mm"
 
 
-def predicted_sentence(low_mm: float, high_mm: float) -> str:
-    """Write what a method predicts of its error, and what is not in it.
+def predicted_sentence(low_mm: float, high_mm: float, deformation: Deformation | None = None) -> str:
+    """Write what a method predicts of its error, and whether the motion of tissue is in it.
 
     Parameters
     ----------
@@ -233,6 +244,8 @@ def predicted_sentence(low_mm: float, high_mm: float) -> str:
         Lower end of the predicted error in mm.
     high_mm : float
         Upper end in mm.
+    deformation : Deformation or None, optional
+        Deformation that the residuals show; None where nobody looked.
 
     Returns
     -------
@@ -243,64 +256,13 @@ def predicted_sentence(low_mm: float, high_mm: float) -> str:
         return ""
     if high_mm < MIN_SHOWN_MM:
         return "No TRE is predicted: the clouds fit each other without noise."
-    return (
-        f"Predicted TRE {length_mm(low_mm)} to {length_mm(high_mm)} (90 %); what the tissue's deformation adds is not "
-        "included."
-    )
-
-
-@dataclass(frozen=True)
-class Fit:
-    """How well a pose brings a moving cloud onto the nearest points of a fixed one.
-
-    Parameters
-    ----------
-    rmse_mm : float
-        Root mean square distance in mm.
-    rmse_trimmed_mm : float
-        The same over the closest share of the points.
-    inlier_share : float
-        Share of moving points within the inlier distance.
-    """
-
-    rmse_mm: float
-    rmse_trimmed_mm: float
-    inlier_share: float
-
-
-def fit(
-    moving_mm: Float64[np.ndarray, "m 3"],
-    target: TreeTarget,
-    fixed_T_moving: Float64[np.ndarray, "4 4"],
-    *,
-    keep: float,
-    inlier_spacings: float,
-) -> Fit:
-    """Measure a pose on all moving points.
-
-    Parameters
-    ----------
-    moving_mm : ndarray, shape (m, 3)
-        Moving points in mm.
-    target : TreeTarget
-        Fixed cloud.
-    fixed_T_moving : ndarray, shape (4, 4)
-        Pose.
-    keep : float
-        Share of closest points in the trimmed residual.
-    inlier_spacings : float
-        An inlier lies within so many times the median distance between neighbouring fixed points.
-
-    Returns
-    -------
-    Fit
-        Residuals.
-    """
-    moved_mm = transforms.apply(fixed_T_moving, moving_mm)
-    squared = ((target.points_mm[target.closest(moved_mm)] - moved_mm) ** 2).sum(axis=1)
-    weights = trimming_weights(squared[None], keep)[0]
-    return Fit(
-        rmse_mm=float(np.sqrt(squared.mean())),
-        rmse_trimmed_mm=float(np.sqrt((weights * squared).sum() / weights.sum())),
-        inlier_share=float((squared <= (inlier_spacings * target.spacing_mm) ** 2).mean()),
-    )
+    predicted = f"Predicted TRE {length_mm(low_mm)} to {length_mm(high_mm)} (90 %)"
+    if deformation is None:
+        return f"{predicted}; what the tissue's deformation adds is not included."
+    if deformation.unseen is not None:
+        predicted += f" with an expected tissue motion of {length_mm(deformation.expected_mm)}"
+    if deformation.detected:
+        return f"{predicted}, tissue motion of about {length_mm(deformation.size_mm)} detected."
+    if deformation.unseen is not None:
+        return f"{predicted}, none detected."
+    return f"{predicted}, no tissue motion detected; motion that the surfaces do not show is not included."

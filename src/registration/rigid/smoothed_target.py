@@ -12,6 +12,11 @@ from registration.rigid.icp.correspondence import TreeTarget, principal_axes, se
 # How often neighbours vote on which side of a wall is outside.
 VOTES = 2
 VOTERS = 12
+# A cloud whose noise is more than this share of the reach is too rough for so few neighbours: normals tilt, and the
+# bend no longer tells which side is outside. It is smoothed over so many times as many.
+ROUGH, ROUGH_FACTOR = 0.25, 2
+# On a rough cloud the middle of so many times as many neighbours lies inside the vessel.
+INSIDE_FACTOR = 3
 # A quadric through scattered points is held flat by this share of what the points say.
 FLATTENING = 1e-6
 
@@ -30,12 +35,15 @@ class Smoothed:
         Half the sum of both curvatures in 1/mm, positive where the surface bends towards its normal.
     reach_mm : float
         Distance in mm over which the smoothing reaches.
+    noise_mm : float
+        Root mean square distance in mm of the fixed points from the surface.
     """
 
     points_mm: Float64[np.ndarray, "m 3"]
     normals: Float64[np.ndarray, "m 3"]
     bend_per_mm: Float64[np.ndarray, " m"]
     reach_mm: float
+    noise_mm: float
 
 
 def smoothed_at(
@@ -86,6 +94,7 @@ def smoothed_at(
         normals,
         fitted[:, 3] + fitted[:, 5],
         float(np.median(away_mm[:, -1])),
+        float(np.sqrt(((height_mm - (terms @ fitted[..., None])[..., 0]) ** 2).mean())),
     )
 
 
@@ -101,17 +110,23 @@ class SmoothedTarget(TreeTarget):
         Fixed cloud.
     neighbours : int
         Number of neighbours that are smoothed over.
+    rough : bool, optional
+        Whether noise hides on which side the wall bends: outside is then away from the middle of more neighbours.
     """
 
-    def __init__(self, exact: TreeTarget, neighbours: int) -> None:
+    def __init__(self, exact: TreeTarget, neighbours: int, rough: bool = False) -> None:
         smoothed = smoothed_at(exact, exact.points_mm, neighbours, exact.normals)
         self.points_mm, self.reach_mm = smoothed.points_mm, smoothed.reach_mm
+        self.is_rough: bool = smoothed.noise_mm > ROUGH * smoothed.reach_mm
         self._tree = search_tree(self.points_mm)
         self._around = None
-        index = exact.neighbours_of(VOTERS)
-        self.outward: np.ndarray = (
-            smoothed.normals * _sides(smoothed.normals, smoothed.bend_per_mm, index)[:, None]
-        )
+        if rough:
+            middle_mm = exact.patches(self.points_mm, INSIDE_FACTOR * neighbours)[0].mean(axis=1)
+            away = np.einsum("nk,nk->n", self.points_mm - middle_mm, smoothed.normals)
+            side = np.where(away < 0, -1.0, 1.0)
+        else:
+            side = _sides(smoothed.normals, smoothed.bend_per_mm, exact.neighbours_of(VOTERS))
+        self.outward: np.ndarray = smoothed.normals * side[:, None]
         self.normals = self.outward
 
 
@@ -119,6 +134,8 @@ def outward_targets(
     points_mm: Float64[np.ndarray, "n 3"], neighbours: int, smoothing: int
 ) -> tuple[TreeTarget, SmoothedTarget]:
     """Prepare a cloud of a vessel's wall as it is and smoothed, the normals of both outwards.
+
+    A cloud that is rough over so few neighbours is smoothed over more.
 
     Parameters
     ----------
@@ -138,6 +155,9 @@ def outward_targets(
     """
     exact = TreeTarget(points_mm, neighbours, smoothing)
     smoothed = SmoothedTarget(exact, smoothing)
+    if smoothed.is_rough:
+        exact = TreeTarget(points_mm, ROUGH_FACTOR * neighbours, ROUGH_FACTOR * smoothing)
+        smoothed = SmoothedTarget(exact, ROUGH_FACTOR * smoothing, rough=True)
     exact.face_like(smoothed.outward)
     return exact, smoothed
 

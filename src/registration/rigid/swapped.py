@@ -11,7 +11,8 @@ from jaxtyping import Float64
 
 from registration import transforms
 from registration.geometry.shapes import principal_frame
-from registration.rigid.result import Candidate, Fit, RigidResult
+from registration.rigid.fit import Fit
+from registration.rigid.result import Candidate, RigidResult
 
 # A cloud is longer than another if its spread along its own axis is this many times the other's.
 LONGER = 1.25
@@ -65,7 +66,7 @@ def inverted_result(
     pose = transforms.invert_rigid(result.fixed_T_moving)
     candidates = tuple(_inverted(one, measure) for one in result.candidates)
     residuals, best = fit(pose), candidates[0]
-    samples = result.pose_samples
+    samples, bent = result.pose_samples, result.deformation
     if samples is not None:
         samples = pose @ np.stack([transforms.invert_rigid(one) for one in samples]) @ result.fixed_T_moving
     return replace(
@@ -78,6 +79,8 @@ def inverted_result(
         rmse_bidirectional_mm=best.rmse_bidirectional_mm,
         coverage=best.coverage,
         pose_samples=samples,
+        # What the residuals say was said in the frame that was the fixed one there.
+        deformation=None if bent is None else bent.seen_from(result.fixed_T_moving),
         wall_offset_mm=-result.wall_offset_mm,
         runtime_s=time.perf_counter() - begin_s,
     )

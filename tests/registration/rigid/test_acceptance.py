@@ -100,7 +100,7 @@ def test_a_rival_that_is_better_is_not_called_worse() -> None:
         (
             {"expected_mm": 3.1, "weak": ("slide",)},
             "ambiguous",
-            r"pose open \(slide\).* 3.1 mm without deformation, 2 mm",
+            r"pose open \(slide\).* TRE without deformation reaches 3.1 mm, 2 mm",
         ),
     ],
 )

@@ -8,7 +8,8 @@ from vessels import bent_tube
 
 from registration import transforms
 from registration.rigid.icp.correspondence import TreeTarget
-from registration.rigid.pose_comparison import Evidence, blocks_of, blocks_of_frames, distinct, two_way
+from registration.rigid.pose_comparison import Evidence, distinct, two_way
+from registration.rigid.residual_model.compact_blocks import blocks_of, blocks_of_frames
 
 GRID = np.stack(np.meshgrid(np.arange(20.0), np.arange(20.0), [0.0]), axis=-1).reshape(-1, 3)
 

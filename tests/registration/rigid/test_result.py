@@ -7,8 +7,9 @@ import pytest
 
 from registration import transforms
 from registration.errors import InputError
+from registration.rigid.fit import fit
 from registration.rigid.icp.correspondence import TreeTarget
-from registration.rigid.result import RigidResult, fit
+from registration.rigid.result import RigidResult
 
 GRID = np.stack(np.meshgrid(np.arange(20.0), np.arange(20.0), [0.0]), axis=-1).reshape(-1, 3)
 

@@ -9,7 +9,7 @@ from symmetric_shapes import frustum
 from registration import transforms
 from registration.rigid.icp.correspondence import TreeTarget
 from registration.rigid.icp.robust_kernels import Tukey
-from registration.rigid.pose_comparison import blocks_of
+from registration.rigid.residual_model.compact_blocks import blocks_of
 from registration.rigid.smoothed_target import SmoothedTarget, outward_targets
 from registration.rigid.uncertainty import SPREAD_DOUBT, STIFFENING, bootstrap_motions, local_fit
 

@@ -14,6 +14,7 @@ from registration.metrics.surface_distance import SurfaceResiduals, rms
 from registration.metrics.targets import MAX_TARGETS, target_points
 
 if TYPE_CHECKING:
+    from registration.rigid.residual_model.deformation import Deformation
     from registration.rigid.result import Candidate, RigidResult
     from registration.rigid.search_cone import SearchCone
 
@@ -73,7 +74,6 @@ def record(found: Registered) -> dict[str, Any]:
         Content, ready for JSON; a number that is not finite is None.
     """
     result, pair = found.result, found.pair
-    low_mm, high_mm = found.predicted_tre_mm
     return {
         "moving": str(pair.moving.path),
         "fixed": str(pair.fixed.path),
@@ -93,12 +93,9 @@ def record(found: Registered) -> dict[str, Any]:
         "ambiguity_gap": "inf" if result.ambiguity_gap == math.inf else _finite(result.ambiguity_gap),
         "weak_directions": list(result.weak_directions),
         "wall_offset_mm": _finite(result.wall_offset_mm),
-        "predicted_tre_mm": {
-            "low": _finite(low_mm),
-            "high": _finite(high_mm),
-            "level": 0.9,
-            "includes_deformation": False,
-        },
+        "predicted_tre_mm": _predicted_tre(found),
+        "deformation": _deformation(result.deformation),
+        "probability_right_vessel": _finite(result.probability_right_vessel),
         "initial": _initial(pair, result.search_cone),
         "centerlines": {
             side: None if path is None else str(path)
@@ -110,6 +107,29 @@ def record(found: Registered) -> dict[str, Any]:
         "landmarks": _landmarks(found),
         "candidates": [_candidate(candidate) for candidate in result.candidates],
         "runtime_s": result.runtime_s,
+    }
+
+
+def _predicted_tre(found: Registered) -> dict[str, Any]:
+    low_mm, high_mm = found.predicted_tre_mm
+    deformation = found.result.deformation
+    return {
+        "low": _finite(low_mm),
+        "high": _finite(high_mm),
+        "level": 0.9,
+        "includes_deformation": deformation is not None and deformation.is_predicted,
+    }
+
+
+def _deformation(found: Deformation | None) -> dict[str, Any] | None:
+    """What the residuals say of tissue that has moved; None where nobody looked."""
+    if found is None:
+        return None
+    return {
+        "detected": bool(found.detected),
+        "size_mm": _finite(found.size_mm),
+        "gain": _finite(found.gain),
+        "expected_mm": _finite(found.expected_mm),
     }
 
 

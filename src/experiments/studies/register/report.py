@@ -121,8 +121,12 @@ def _findings(found: Registered) -> tuple[str, ...]:
         verdict_sentence(result),
     ]
     low_mm, high_mm = found.predicted_tre_mm
-    if predicted := predicted_sentence(low_mm, high_mm):
+    if predicted := predicted_sentence(low_mm, high_mm, result.deformation):
         sentences.append(predicted)
+    if math.isfinite(result.probability_right_vessel):
+        sentences.append(
+            f"The probability that both surfaces show one vessel is {100 * result.probability_right_vessel:.0f} %."
+        )
     if abs(result.wall_offset_mm) >= NOTED_OFFSET_MM:
         side = "outside" if result.wall_offset_mm > 0 else "inside"
         sentences.append(

@@ -111,8 +111,16 @@ def record(result: RigidResult, targets_mm: np.ndarray) -> dict[str, Any]:
             "low": plain(low_mm),
             "high": plain(high_mm),
             "level": LEVEL,
-            "includes_deformation": False,
+            "includes_deformation": result.deformation is not None and result.deformation.is_predicted,
         },
+        "deformation": None
+        if result.deformation is None
+        else {
+            "detected": bool(result.deformation.detected),
+            "size_mm": plain(result.deformation.size_mm),
+            "gain": plain(result.deformation.gain),
+        },
+        "probability_right_vessel": plain(result.probability_right_vessel),
         "candidates": [
             {
                 "fixed_T_moving": one.fixed_T_moving.tolist(),

@@ -10,9 +10,10 @@ import numpy as np
 from jaxtyping import Float64
 
 from registration.errors import InputError
+from registration.rigid.fit import fit
 from registration.rigid.icp.correspondence import TreeTarget
 from registration.rigid.pose_comparison import both_ways
-from registration.rigid.result import FAILED, NOT_JUDGED, UNJUDGED, Candidate, RigidResult, fit
+from registration.rigid.result import FAILED, NOT_JUDGED, UNJUDGED, Candidate, RigidResult
 from registration.rigid.search_cone import UNBOUNDED, Bound, SearchCone, bound_around
 
 
