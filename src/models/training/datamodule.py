@@ -14,7 +14,6 @@ from torch.utils.data import (
     DataLoader,
     Dataset,
     RandomSampler,
-    Sampler,
     SequentialSampler,
     TensorDataset,
 )
@@ -154,7 +153,7 @@ class FoldData(LightningDataModule):
         images = self.preprocessing.normalise(images)
         return [images.contiguous(memory_format=torch.channels_last), masks]
 
-    def _training_order(self, empty_weight: float) -> Sampler[int]:
+    def _training_order(self, empty_weight: float) -> RandomSampler | EmptyFrameSampler:
         if empty_weight == 1:
             return RandomSampler(self.train_set, generator=self._shuffle_generator)
         # Soft targets are above 0 everywhere: half a vessel pixel is what shows one.

@@ -196,11 +196,11 @@ class NonInferiority:
         bound = math.nan
         if len(differences) >= self.min_groups:
             bound = Bootstrap(level=2 * confidence - 1)(differences).low
-        counts = [
+        missed, ensemble_missed, false_alarms, ensemble_false_alarms = (
             float(each.groupby("seed")[column].sum().mean())
             for column in ("missed", "false_alarm")
             for each in (own, other)
-        ]
+        )
         difference = float(differences.mean()) if len(differences) else math.nan
         return Comparison(
             name,
@@ -209,8 +209,11 @@ class NonInferiority:
             difference,
             float(bound),
             confidence,
-            *counts,
-            passes=bool(bound > -self.margin),
+            missed,
+            ensemble_missed,
+            false_alarms,
+            ensemble_false_alarms,
+            bool(bound > -self.margin),
         )
 
     def _shortage(self, seeds: int, groups: int) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Hashable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -129,7 +129,7 @@ def describe_barriers(table: pd.DataFrame) -> Iterator[str]:
         )
 
 
-def _signed(row: Mapping[str, Any], name: str) -> str:
+def _signed(row: Mapping[Hashable, Any], name: str) -> str:
     bounds = row[f"{name}_ci_low"], row[f"{name}_ci_high"]
     # A gain of exactly nothing is said to be that.
     value = f"{row[name]:+.3f}" if abs(row[name]) >= 5e-4 else "0.000"

@@ -86,9 +86,9 @@ def best_fold_rows(rows: Iterable[Mapping[str, Any]]) -> tuple[int, list[dict[st
 
     given = [row for row in rows if row["model"] == MEAN_FOLD and row["part"] == SELECTION]
     table = pd.DataFrame(given)
-    means = {fold: float(by_unit(part, "dsc").mean()) for fold, part in table.groupby("fold")}
+    means = {int(str(fold)): float(by_unit(part, "dsc").mean()) for fold, part in table.groupby("fold")}
     best = max(means, key=lambda fold: (means[fold], -fold))
-    return int(best), as_best_fold(given, int(best))
+    return best, as_best_fold(given, best)
 
 
 def as_best_fold(rows: Iterable[Mapping[str, Any]], fold: int) -> list[dict[str, Any]]:

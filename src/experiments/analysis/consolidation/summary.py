@@ -159,9 +159,10 @@ def decisions(cases: pd.DataFrame, rule: NonInferiority) -> tuple[Decision, ...]
     """
     found = []
     chosen_on = raw_cases(cases, SELECTION)
-    for (network, dataset, simulated, outer), part in chosen_on.groupby([*PLACE, "outer_fold"], sort=False):
+    for (network, dataset, simulated, _), part in chosen_on.groupby([*PLACE, "outer_fold"], sort=False):
         label = dataset_label(str(dataset), bool(simulated))
-        found.append(Decision(str(network), label, None if outer < 0 else int(outer), rule(part)))
+        outer = int(part["outer_fold"].iloc[0])
+        found.append(Decision(str(network), label, None if outer < 0 else outer, rule(part)))
     return tuple(found)
 
 

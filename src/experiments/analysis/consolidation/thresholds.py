@@ -117,7 +117,9 @@ def best_of(selection: PostprocessingSelection, allowed: list[bool]) -> Option:
         return HALF
     rates = np.nan_to_num(selection.false_alarm_rates)
     places = [place for place, may in enumerate(allowed) if may]
-    best = min(places, key=lambda place: (-round(selection.dscs[place] / DSC_ROUNDING), rates[place], place))
+    best = min(
+        places, key=lambda place: (-round(float(selection.dscs[place]) / DSC_ROUNDING), rates[place], place)
+    )
     return selection.options[best]
 
 
