@@ -128,7 +128,7 @@ class Predictions:
         Number of cases in a batch.
     device : str
         ``cpu`` or ``cuda``.
-    known : dict
+    known : dict, optional
         What was predicted, by the identity of the member.
     """
 
@@ -136,7 +136,7 @@ class Predictions:
     folder: Path
     batch_size: int
     device: str
-    known: dict[int, Prediction] = field(default_factory=dict, init=False, repr=False)
+    known: dict[int, Prediction] = field(default_factory=dict, repr=False)
 
     def __call__(self, candidate: Candidate) -> Prediction:
         """Predict the cases.
