@@ -45,7 +45,10 @@ class Drawn:
     name: str = "drawn"
 
     def __call__(self) -> LabelledFrames:
-        frames = drawn_frames(32, size=(16, 16), per_group=2, empty=3)
+        frames = drawn_frames(32, size=(16, 16), per_group=2)
+        # Every eighth frame has nothing to find.
+        masks = [mask if index % 8 else np.zeros_like(mask) for index, mask in enumerate(frames.masks)]
+        frames = dataclasses.replace(frames, masks=tuple(masks))
         return frames if self.edit is None else self.edit(frames)
 
 
