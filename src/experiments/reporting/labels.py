@@ -58,7 +58,6 @@ METHODS = {
     "multistart_no_centerline": "No centerline",
     "multistart_no_inversion": "No inversion",
     "multistart_no_offset": "No offset",
-    "multistart_no_residual_model": "No residual model",
     "multistart_no_pruning": "No pruning",
     "multistart_no_slide": "No slide",
     "multistart_one_start": "One start",

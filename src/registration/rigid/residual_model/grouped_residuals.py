@@ -9,6 +9,7 @@ from jaxtyping import Float64, Int64
 from scipy.spatial.transform import Rotation
 
 from registration import transforms
+from registration.errors import InputError
 from registration.rigid.icp.correspondence import TreeTarget
 from registration.rigid.icp.estimation import motion_jacobian, with_offset
 from registration.rigid.icp.pairs import Pairs, closest_pairs
@@ -113,8 +114,15 @@ def grouped_residuals(
     -------
     GroupedResiduals
         Residuals of the groups.
+
+    Raises
+    ------
+    InputError
+        If the fixed cloud has no normals.
     """
     pairs = closest_pairs(moving_mm, target, fixed_T_moving[None])
+    if pairs.normals is None:
+        raise InputError("target: expected normals of the fixed surface to measure along, received none")
     near = _near(pairs, target.spacing_mm)
     count = np.bincount(block[near], minlength=int(block.max()) + 1)
     # The last group is one for all points that do not count.

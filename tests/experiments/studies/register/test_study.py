@@ -56,6 +56,8 @@ KEYS = {
     "weak_directions",
     "wall_offset_mm",
     "predicted_tre_mm",
+    "deformation",
+    "probability_right_vessel",
     "initial",
     "centerlines",
     "landmarks",
