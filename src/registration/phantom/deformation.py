@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from jaxtyping import Float, Float64
@@ -19,6 +20,14 @@ from registration.phantom.scatterers import Slab
 INVERSE_STEPS = 8
 # How far the tissue reaches around the vessel whose rigid motion is taken out of a bend.
 BODY_MM = 15.0
+
+
+class Displacement(Protocol):
+    """Field that takes material points to where they lie at the time of the sweep, both in the bed frame."""
+
+    def __call__(self, points_mm: Float[np.ndarray, "n 3"], /) -> Float[np.ndarray, "n 3"]:
+        """Compute the displaced points in mm, shape (n, 3), in the precision of the input."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -180,14 +189,14 @@ class View:
     ----------
     tissue_T_image : ndarray, shape (4, 4)
         Rigid transform of (lateral, depth, elevation) in mm to the bed frame, where tissue lies as bent.
-    bend : Bend or None, optional
+    bend : Displacement or None, optional
         Bend of the body; None for none.
     press : Press or None, optional
         Push of the probe; None for none.
     """
 
     tissue_T_image: Float64[np.ndarray, "4 4"]
-    bend: Bend | None = None
+    bend: Displacement | None = None
     press: Press | None = None
 
     def to_image(self, points_mm: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
@@ -359,7 +368,7 @@ class SweepDeformation:
         return np.array([view.press.depth_mm if view.press else 0.0 for view in self.views])
 
 
-def _undo(forward: Bend | Press, moved: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n 3"]:
+def _undo(forward: Displacement | Press, moved: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n 3"]:
     points = moved.copy()
     for _ in range(INVERSE_STEPS):
         points += moved - forward(points)
