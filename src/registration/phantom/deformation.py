@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Float64
@@ -22,6 +22,7 @@ INVERSE_STEPS = 8
 BODY_MM = 15.0
 
 
+@runtime_checkable
 class Displacement(Protocol):
     """Field that takes material points to where they lie at the time of the sweep, both in the bed frame."""
 

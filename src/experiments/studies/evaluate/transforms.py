@@ -184,6 +184,7 @@ def read_reference(path: Path, targets_mm: np.ndarray | None) -> CaseTruth:
         angle_deg=float("nan"),
         translation_mm=float("nan"),
         simulated=own is not None,
+        block="",
     )
 
 
