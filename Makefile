@@ -32,11 +32,15 @@ bench: setup
 
 # The frozen benchmark of rigid registration, and the page in results/ that it makes.
 METHODS := multistart,single_icp,single_icp_plane,gicp,fpfh_ransac,fpfh_fgr
+BLOCKS := deforming,wrong_vessel,overlap,noise
+BLOCK_METHODS := multistart
 rigid-benchmark: setup
 	.venv/bin/ctus study=rigid_benchmark subset=test "rigid=[$(METHODS)]" workers=$(WORKERS) \
 		out=outputs/rigid_benchmark/test
 	.venv/bin/ctus study=rigid_benchmark subset=symmetric "rigid=[$(METHODS)]" workers=$(WORKERS) \
 		out=outputs/rigid_benchmark/symmetric
+	.venv/bin/ctus study=rigid_benchmark subset=test "blocks=[$(BLOCKS)]" "rigid=[$(BLOCK_METHODS)]" \
+		workers=$(WORKERS) out=outputs/rigid_benchmark/blocks
 	$(PY) scripts/rigid_benchmark.py outputs/rigid_benchmark
 
 clean:

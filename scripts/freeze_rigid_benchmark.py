@@ -10,10 +10,11 @@ import sys
 from pathlib import Path
 
 from experiments.analysis.registration.benchmark.cases import freeze, frozen_file
-from registration.benchmark.build import SUBSETS
+from registration.benchmark.blocks import SUBSETS, blocks_of, collection_name
 
 if __name__ == "__main__":
     if len(sys.argv) != 2:
         sys.exit(__doc__)
-    count = freeze({subset: Path(sys.argv[1]) / subset for subset in SUBSETS})
+    blocks = [(subset, block) for subset in SUBSETS for block in blocks_of(subset)]
+    count = freeze({one: Path(sys.argv[1]) / collection_name(*one) for one in blocks})
     print(f"{count} cases: {frozen_file()}")

@@ -1,7 +1,7 @@
 """Write results/rigid_benchmark.md, .csv and .png from what study=rigid_benchmark measured.
 
-Usage: python scripts/rigid_benchmark.py FOLDER [RESULTS], where FOLDER holds a folder `test`, and may hold one
-`symmetric`, as `ctus study=rigid_benchmark subset=test out=FOLDER/test` left them.
+Usage: python scripts/rigid_benchmark.py FOLDER [RESULTS], where FOLDER holds a folder `test`, and may hold
+`symmetric` and `blocks`, as `ctus study=rigid_benchmark subset=test out=FOLDER/test` and its like left them.
 """
 
 from __future__ import annotations

@@ -2,7 +2,9 @@
 
 ``<subset>/<case>/`` holds what a method is given: ``moving.ply`` (points with normals and the frame each was seen in),
 ``fixed.ply`` (the model's triangles), ``fixed_points.ply`` (points of it, even by area) and ``case.json``, all in mm in
-LPS. ``<subset>/truth/<case>.json`` holds the pose, the targets, which of them were swept, and the symmetry.
+LPS; where a case gives them, the last also holds a coarse centerline of each side and a pose to start from.
+``<subset>/truth/<case>.json`` holds the pose, the targets, which of them were swept, where their material lay, and the
+symmetry.
 """
 
 from __future__ import annotations
@@ -16,14 +18,17 @@ from registration.benchmark.cases import BenchmarkCase, CaseTruth, digest
 from registration.benchmark.truth_files import read_json, truth_as_json
 from registration.errors import InputError
 from registration.geometry.open3d_bridge import quiet_open3d
-from registration.geometry.shapes import Mesh, require_cloud
+from registration.geometry.shapes import Mesh, require_cloud, require_points
 from registration.io.atomic import atomic_folder, write_atomic
 from registration.io.point_clouds import write_cloud
 from registration.io.surfaces import read_surface, write_surface
 from registration.reconstruction.contours import ContourCloud
+from registration.transforms import require_rigid
 
 TRUTH = "truth"
 CASE_FILE = "case.json"
+INITIAL = "initial"
+HINTS = ("moving_centerline_mm", "fixed_centerline_mm", INITIAL)
 MOVING, FIXED, FIXED_POINTS = "moving.ply", "fixed.ply", "fixed_points.ply"
 
 
@@ -59,6 +64,7 @@ def write_case(folder: Path, case: BenchmarkCase, truth: CaseTruth) -> None:
             "fixed_points": FIXED_POINTS,
             "moving_points": len(case.moving_mm),
             "frames": len(np.unique(case.moving_frame)),
+            **{name: value.tolist() for name in HINTS if (value := getattr(case, name)) is not None},
         }
         write_atomic(stage / CASE_FILE, (json.dumps(about, indent=2) + "\n").encode())
 
@@ -92,7 +98,15 @@ def read_case(folder: Path) -> BenchmarkCase:
         raise InputError(f"{folder / FIXED_POINTS}: expected points alone, received a mesh")
     moving_mm, normals, frame = _read_moving(folder / MOVING)
     return BenchmarkCase(
-        about["case"], about["anatomy"], about["kind"], moving_mm, normals, frame, fixed, fixed_mm
+        about["case"],
+        about["anatomy"],
+        about["kind"],
+        moving_mm,
+        normals,
+        frame,
+        fixed,
+        fixed_mm,
+        **{name: _hint(folder / CASE_FILE, name, about[name]) for name in HINTS if name in about},
     )
 
 
@@ -154,6 +168,17 @@ def written_digest(folder: Path, case: str) -> str | None:
         return None
     found = read_json(truth_file(folder, case)).get("digest")
     return found if isinstance(found, str) else None
+
+
+def _hint(path: Path, name: str, told: object) -> np.ndarray:
+    """A centerline or a pose that a case gives along with its clouds."""
+    try:
+        found = np.array(told, dtype=np.float64)
+        if name == INITIAL:
+            return require_rigid(found.reshape(4, 4), name)
+        return require_points(found, name, 2)
+    except (TypeError, ValueError) as refusal:
+        raise InputError(f"{path}: expected {name} as numbers, received {refusal}") from refusal
 
 
 def _contours(case: BenchmarkCase) -> ContourCloud:

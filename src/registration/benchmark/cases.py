@@ -13,6 +13,7 @@ from registration.geometry.shapes import Mesh
 
 # Numbers are compared to this many decimals of a millimetre.
 DECIMALS = 4
+UNDEFORMED = "undeformed"
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,10 @@ class BenchmarkCase:
         Surface of the model in the fixed frame, in mm.
     fixed_mm : ndarray, shape (n, 3)
         Points sampled from it uniformly by area, in mm.
+    moving_centerline_mm, fixed_centerline_mm : ndarray, shapes (p, 3) and (q, 3), or None, optional
+        Coarse points on both centerlines, each in the frame of its cloud in mm; None where a case gives none.
+    initial : ndarray, shape (4, 4), or None, optional
+        Roughly known pose (fixed_T_moving) to start from; None where nothing is known.
     """
 
     name: str
@@ -47,6 +52,9 @@ class BenchmarkCase:
     moving_frame: Int64[np.ndarray, " m"]
     fixed: Mesh
     fixed_mm: Float64[np.ndarray, "n 3"]
+    moving_centerline_mm: Float64[np.ndarray, "p 3"] | None = None
+    fixed_centerline_mm: Float64[np.ndarray, "q 3"] | None = None
+    initial: Float64[np.ndarray, "4 4"] | None = None
 
 
 @dataclass(frozen=True)
@@ -64,7 +72,9 @@ class CaseTruth:
     place : str
         Part of the sweep that was used: ``start``, ``middle`` or ``end``.
     fixed_T_moving : ndarray, shape (4, 4)
-        True pose.
+        True pose; where tissue deforms, the pose that brings the wall of the whole model, as it was swept, nearest to
+        where it is in the CT (least squares). All NaN where the sweep shows another vessel than the model: no pose is
+        true.
     targets_mm : ndarray, shape (t, 3)
         Targets on the model's centerline, in the fixed frame in mm.
     covered : ndarray of bool, shape (t,)
@@ -77,6 +87,13 @@ class CaseTruth:
         Symmetry of the vessel; empty for most.
     simulated : bool, optional
         Whether the data are simulated; all of the benchmark is.
+    block : str, optional
+        Block of the benchmark that the case belongs to.
+    displacement_mm : ndarray, shape (t, 3), or None, optional
+        Where the material of each target lies in the true pose, less the target, in the fixed frame in mm; None where
+        tissue does not deform.
+    same_vessel : bool, optional
+        Whether the model is that of the vessel that was swept. If not, any accepted result is wrong.
     """
 
     name: str
@@ -91,6 +108,9 @@ class CaseTruth:
     translation_mm: float
     symmetry: Symmetry = field(default_factory=Symmetry)
     simulated: bool = True
+    block: str = UNDEFORMED
+    displacement_mm: Float64[np.ndarray, "t 3"] | None = None
+    same_vessel: bool = True
 
 
 def digest(case: BenchmarkCase, truth: CaseTruth) -> str:
@@ -109,12 +129,16 @@ def digest(case: BenchmarkCase, truth: CaseTruth) -> str:
         First 16 hexadecimal digits of a SHA-256.
     """
     found = hashlib.sha256()
+    pose = (truth.fixed_T_moving,) if truth.same_vessel else ()
+    # What a case does not have leaves its digest as it is.
+    optional = (truth.displacement_mm, case.moving_centerline_mm, case.fixed_centerline_mm, case.initial)
     for lengths_mm in (
         case.moving_mm,
         case.fixed.vertices_mm,
         case.fixed_mm,
-        truth.fixed_T_moving,
+        *pose,
         truth.targets_mm,
+        *(one for one in optional if one is not None),
     ):
         found.update(np.round(lengths_mm * 10**DECIMALS).astype("<i8").tobytes())
     for whole in (case.moving_frame, case.fixed.triangles, truth.covered, truth.outlier):

@@ -73,8 +73,8 @@ def draw_start(points_mm: Float64[np.ndarray, "m 3"], rng: np.random.Generator) 
     Start
         The start.
     """
-    axis, angle = _direction(rng), np.deg2rad(rng.uniform(0.0, ANGLE_MAX_DEG))
-    shift_mm = rng.uniform(0.0, TRANSLATION_MAX_MM) * _direction(rng)
+    axis, angle = random_direction(rng), np.deg2rad(rng.uniform(0.0, ANGLE_MAX_DEG))
+    shift_mm = rng.uniform(0.0, TRANSLATION_MAX_MM) * random_direction(rng)
     turn = Rotation.from_rotvec(angle * axis)
     moved_T_true = transforms.compose(
         transforms.translation(shift_mm), transforms.rotate_about(turn, points_mm.mean(axis=0))
@@ -116,7 +116,18 @@ def draw_points(
     return DrawnPoints(points_mm, index.astype(np.int64), outlier)
 
 
-def _direction(rng: np.random.Generator) -> Float64[np.ndarray, "3"]:
-    """Uniform on the sphere: a normal vector has no preferred direction."""
+def random_direction(rng: np.random.Generator) -> Float64[np.ndarray, "3"]:
+    """Draw a unit vector, uniform on the sphere: a normal vector has no preferred direction.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Random stream of the draw.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        The vector.
+    """
     vector = rng.standard_normal(3)
     return vector / np.linalg.norm(vector)

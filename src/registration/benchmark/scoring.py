@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from jaxtyping import Float64
@@ -25,7 +25,11 @@ INFINITE, NOT_DEFINED = float("inf"), float("nan")
 
 @dataclass(frozen=True)
 class PoseScore:
-    """Errors of one result; all infinite without a result.
+    """Errors of one result; all infinite without a result, NaN where the model is that of another vessel.
+
+    Where tissue deforms, a target is off by the distance between it and where the pose puts its material as it was
+    swept: what no rigid pose undoes is in it. ``tre_rigid_mm`` and the errors after it are against the true rigid pose,
+    and leave that out.
 
     Parameters
     ----------
@@ -39,6 +43,8 @@ class PoseScore:
         are none.
     tre_symmetric_mm : float, optional
         Target registration error in mm against the nearest of all poses that are equally right.
+    tre_rigid_mm : float, optional
+        Root mean square displacement of the targets in mm against the true rigid pose.
     rotation_error_deg : float, optional
         Angle between estimated and true pose in degrees.
     translation_error_mm : float, optional
@@ -55,6 +61,7 @@ class PoseScore:
     tre_covered_mm: float = INFINITE
     tre_uncovered_mm: float = INFINITE
     tre_symmetric_mm: float = INFINITE
+    tre_rigid_mm: float = INFINITE
     rotation_error_deg: float = INFINITE
     translation_error_mm: float = INFINITE
     roll_error_deg: float = INFINITE
@@ -105,23 +112,25 @@ def score_pose(
             f"case: expected {len(truth.outlier)} moving points as the truth of {truth.name} says, "
             f"received {len(case.moving_mm)}"
         )
+    rmse_mm = NOT_DEFINED if case is None else _residual_mm(fixed_T_moving, truth, case)
+    if not truth.same_vessel:
+        transforms.require_rigid(fixed_T_moving, "fixed_T_moving")
+        return replace(PoseScore(*[NOT_DEFINED] * len(fields(PoseScore))), rmse_mm=rmse_mm)
     error = pose_error(fixed_T_moving, truth.fixed_T_moving, truth.targets_mm)
+    apart_mm = _apart_mm(fixed_T_moving, truth)
     roll_deg, slide_mm = roll_and_slide(fixed_T_moving, truth.fixed_T_moving, truth.targets_mm)
-    symmetric_mm = error.tre_mm
+    symmetric_mm = rms(apart_mm)
     if truth.symmetry:
         nearest = truth.symmetry.nearest(fixed_T_moving, truth.fixed_T_moving, truth.targets_mm)
         symmetric_mm = min(symmetric_mm, pose_error(fixed_T_moving, nearest, truth.targets_mm).tre_mm)
-    rmse_mm = NOT_DEFINED
-    if case is not None:
-        genuine_mm = transforms.apply(fixed_T_moving, case.moving_mm[~truth.outlier])
-        rmse_mm = rms(SurfaceDistance(case.fixed)(genuine_mm))
     return PoseScore(
         rmse_mm=rmse_mm,
-        tre_mm=error.tre_mm,
-        tre_max_mm=error.tre_max_mm,
-        tre_covered_mm=_part(fixed_T_moving, truth, truth.covered),
-        tre_uncovered_mm=_part(fixed_T_moving, truth, ~truth.covered),
+        tre_mm=rms(apart_mm),
+        tre_max_mm=float(apart_mm.max()),
+        tre_covered_mm=_part(apart_mm, truth.covered),
+        tre_uncovered_mm=_part(apart_mm, ~truth.covered),
         tre_symmetric_mm=symmetric_mm,
+        tre_rigid_mm=error.tre_mm,
         rotation_error_deg=error.rotation_error_deg,
         translation_error_mm=error.translation_error_mm,
         roll_error_deg=roll_deg,
@@ -161,7 +170,37 @@ def roll_and_slide(
     return found.roll_error_deg, found.slide_error_mm
 
 
-def _part(fixed_T_moving: np.ndarray, truth: CaseTruth, chosen: np.ndarray) -> float:
-    if not chosen.any():
+def lowest_tre_mm(truth: CaseTruth) -> float:
+    """Compute the target registration error of the true pose: what tissue's deformation leaves to a rigid one.
+
+    Parameters
+    ----------
+    truth : CaseTruth
+        Truth of the case.
+
+    Returns
+    -------
+    float
+        Root mean square in mm; 0 where tissue does not deform, NaN where the model is that of another vessel.
+    """
+    if not truth.same_vessel:
         return NOT_DEFINED
-    return pose_error(fixed_T_moving, truth.fixed_T_moving, truth.targets_mm[chosen]).tre_mm
+    return 0.0 if truth.displacement_mm is None else rms(np.linalg.norm(truth.displacement_mm, axis=1))
+
+
+def _apart_mm(fixed_T_moving: np.ndarray, truth: CaseTruth) -> np.ndarray:
+    """How far from each target a pose puts its material."""
+    shown_mm = truth.targets_mm
+    if truth.displacement_mm is not None:
+        shown_mm = shown_mm + truth.displacement_mm
+    error = transforms.compose(fixed_T_moving, transforms.invert_rigid(truth.fixed_T_moving))
+    return np.asarray(np.linalg.norm(transforms.apply(error, shown_mm) - truth.targets_mm, axis=1))
+
+
+def _residual_mm(fixed_T_moving: np.ndarray, truth: CaseTruth, case: BenchmarkCase) -> float:
+    genuine_mm = transforms.apply(fixed_T_moving, case.moving_mm[~truth.outlier])
+    return rms(SurfaceDistance(case.fixed)(genuine_mm))
+
+
+def _part(apart_mm: np.ndarray, chosen: np.ndarray) -> float:
+    return rms(apart_mm[chosen]) if chosen.any() else NOT_DEFINED

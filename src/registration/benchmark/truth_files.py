@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from registration.benchmark.cases import CaseTruth
+from registration.benchmark.cases import UNDEFORMED, CaseTruth
 from registration.benchmark.symmetry import Screw, Symmetry
 from registration.errors import InputError
 from registration.text_files import read_text
@@ -38,6 +38,7 @@ def read_truth(path: Path) -> CaseTruth:
         symmetry, targets, covered = told["symmetry"], len(told["targets_mm"]), len(told["covered"])
         if covered != targets or not targets:
             raise ValueError(f"{targets} targets with {covered} marks of what was swept")
+        same_vessel, displacement = bool(told.get("same_vessel", True)), told.get("displacement_mm")
         outlier = np.zeros(int(told["moving_points"]), dtype=bool)
         outlier[np.array(told["outliers"], dtype=np.int64)] = True
         truth = CaseTruth(
@@ -45,7 +46,7 @@ def read_truth(path: Path) -> CaseTruth:
             anatomy=str(told["anatomy"]),
             kind=str(told["kind"]),
             place=str(told["place"]),
-            fixed_T_moving=_array(told["fixed_T_moving"]).reshape(4, 4),
+            fixed_T_moving=_pose(told["fixed_T_moving"], same_vessel),
             targets_mm=_array(told["targets_mm"]).reshape(-1, 3),
             covered=np.array(told["covered"], dtype=bool),
             outlier=outlier,
@@ -55,8 +56,10 @@ def read_truth(path: Path) -> CaseTruth:
                 tuple(_screw(screw) for screw in symmetry["screws"]),
                 tuple(_array(flip).reshape(4, 4) for flip in symmetry["flips"]),
             ),
+            block=str(told.get("block", UNDEFORMED)),
+            displacement_mm=None if displacement is None else _array(displacement).reshape(targets, 3),
+            same_vessel=same_vessel,
         )
-        require_rigid(truth.fixed_T_moving, "fixed_T_moving")
     except KeyError as lacking:
         raise InputError(
             f"{path}: expected the truth of a benchmark case, received none of {lacking}"
@@ -82,12 +85,15 @@ def truth_as_json(truth: CaseTruth) -> dict[str, Any]:
     return {
         "case": truth.name,
         "anatomy": truth.anatomy,
+        "block": truth.block,
         "kind": truth.kind,
         "place": truth.place,
         "units": {"length": "mm", "angle": "deg"},
         "angle_deg": truth.angle_deg,
         "translation_mm": truth.translation_mm,
-        "fixed_T_moving": truth.fixed_T_moving.tolist(),
+        "same_vessel": truth.same_vessel,
+        "fixed_T_moving": truth.fixed_T_moving.tolist() if truth.same_vessel else None,
+        "displacement_mm": None if truth.displacement_mm is None else truth.displacement_mm.tolist(),
         "targets_mm": truth.targets_mm.tolist(),
         "covered": truth.covered.tolist(),
         "moving_points": len(truth.outlier),
@@ -112,6 +118,15 @@ def _screw(told: dict[str, Any]) -> Screw:
         _array(told["direction"]),
         *(float(told[key]) for key in ("turn_deg", "shift_mm", "low", "high")),
     )
+
+
+def _pose(told: Any, same_vessel: bool) -> np.ndarray:
+    """A pose; of another vessel there is none."""
+    if same_vessel:
+        return require_rigid(_array(told).reshape(4, 4), "fixed_T_moving")
+    if told is not None:
+        raise ValueError("a fixed_T_moving of another vessel")
+    return np.full((4, 4), np.nan)
 
 
 def _array(values: Any) -> np.ndarray:

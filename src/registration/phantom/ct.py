@@ -37,10 +37,45 @@ def fixed_model(anatomy: Anatomy, scan: CtScan, rng: np.random.Generator) -> Mes
     InputError
         If the scan shows no vessel, or the crop leaves fewer than 4 slices.
     """
+    volume_hu, origin_mm, spacing_mm = scan_volume(anatomy, scan, rng)
+    return segment_volume(volume_hu, origin_mm, spacing_mm, 0.5 * scan.contrast_hu)
+
+
+def segment_volume(
+    volume_hu: Float32[np.ndarray, "x y z"],
+    origin_mm: Float[np.ndarray, "3"],
+    spacing_mm: tuple[float, float, float],
+    level_hu: float,
+    slices: slice = slice(None),
+) -> Mesh:
+    """Threshold a volume and take the surface of the largest component.
+
+    Parameters
+    ----------
+    volume_hu : ndarray of float32, shape (x, y, z)
+        Volume in HU.
+    origin_mm : ndarray, shape (3,)
+        Centre of its first voxel in mm.
+    spacing_mm : tuple[float, float, float]
+        Size of a voxel in mm.
+    level_hu : float
+        Threshold in HU.
+    slices : slice, optional
+        Slices along z that the surface is taken of, of the component that is the largest in the whole volume.
+
+    Returns
+    -------
+    Mesh
+        Surface in the frame of the volume in mm, closed where the slices end.
+
+    Raises
+    ------
+    InputError
+        If nothing exceeds the threshold.
+    """
     from skimage.measure import marching_cubes
 
-    volume_hu, origin_mm, spacing_mm = scan_volume(anatomy, scan, rng)
-    pieces, count = label(volume_hu > 0.5 * scan.contrast_hu)
+    pieces, count = label(volume_hu > level_hu)
     if count == 0:
         raise InputError(
             "ct: expected a scan that shows the vessel, received one blurred or cropped to nothing"
@@ -48,11 +83,12 @@ def fixed_model(anatomy: Anatomy, scan: CtScan, rng: np.random.Generator) -> Mes
     largest = 1 + int(np.bincount(pieces.ravel())[1:].argmax())
     # Marching cubes needs the values around the border, so only other pieces are wiped out.
     others = (pieces > 0) & (pieces != largest)
-    padded = np.pad(np.where(others, 0.0, volume_hu), 1)
+    padded = np.pad(np.where(others, 0.0, volume_hu)[:, :, slices], 1)
     vertices, triangles, _, _ = marching_cubes(
-        padded, level=0.5 * scan.contrast_hu, spacing=spacing_mm, gradient_direction="descent"
+        padded, level=level_hu, spacing=spacing_mm, gradient_direction="descent"
     )
-    placed_mm = vertices.astype(np.float64) + origin_mm - np.array(spacing_mm)
+    first = np.array([-1, -1, slices.indices(volume_hu.shape[2])[0] - 1])
+    placed_mm = vertices.astype(np.float64) + origin_mm + first * spacing_mm
     return outward(Mesh(placed_mm, triangles.astype(np.int64)))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Float64
 
 from registration import transforms
-from registration.phantom.displacement import Bend, Press, rigid_part, undone
+from registration.phantom.displacement import Displacement, Press, rigid_part, undone
 from registration.phantom.scatterers import Slab
 
 
@@ -25,14 +25,14 @@ class View:
     ----------
     tissue_T_image : ndarray, shape (4, 4)
         Rigid transform of (lateral, depth, elevation) in mm to the bed frame, where tissue lies as bent.
-    bend : Bend or None, optional
+    bend : Displacement or None, optional
         Bend of the body; None for none.
     press : Press or None, optional
         Push of the probe; None for none.
     """
 
     tissue_T_image: Float64[np.ndarray, "4 4"]
-    bend: Bend | None = None
+    bend: Displacement | None = None
     press: Press | None = None
 
     def to_image(self, points_mm: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Float64
@@ -13,6 +14,15 @@ from registration import transforms
 INVERSE_STEPS = 8
 # How far the tissue reaches around the vessel whose rigid motion is taken out of a bend.
 BODY_MM = 15.0
+
+
+@runtime_checkable
+class Displacement(Protocol):
+    """Field that takes material points to where they lie at the time of the sweep, both in the bed frame."""
+
+    def __call__(self, points_mm: Float[np.ndarray, "n 3"], /) -> Float[np.ndarray, "n 3"]:
+        """Compute the displaced points in mm, shape (n, 3), in the precision of the input."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -166,12 +176,12 @@ class Press:
         return pressed
 
 
-def undone(forward: Bend | Press, moved: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n 3"]:
+def undone(forward: Displacement | Press, moved: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n 3"]:
     """Find the points that a displacement moves to given places, by fixed-point iteration.
 
     Parameters
     ----------
-    forward : Bend or Press
+    forward : Displacement or Press
         Displacement, a contraction plus the identity.
     moved : ndarray, shape (n, 3)
         Displaced points in mm.

@@ -16,6 +16,7 @@ from registration.phantom.anatomy import anatomy_of
 from registration.phantom.beams import Beams
 from registration.phantom.ct import fixed_model
 from registration.phantom.deformation import SweepDeformation
+from registration.phantom.displacement import Displacement
 from registration.phantom.settings import PhantomSettings
 from registration.phantom.simulator import SweepSimulator
 from registration.phantom.trajectory import disturb, random_rigid
@@ -72,7 +73,9 @@ class SimulatedSweep:
     settings: PhantomSettings
 
 
-def simulate_sweep(settings: PhantomSettings, sweep: int, pictures: bool = True) -> SimulatedSweep:
+def simulate_sweep(
+    settings: PhantomSettings, sweep: int, pictures: bool = True, displacement: Displacement | None = None
+) -> SimulatedSweep:
     """Simulate one sweep over a phantom.
 
     Sweeps of one phantom share its tissue, its place in the world, the probe's calibration, the bend and the
@@ -87,6 +90,8 @@ def simulate_sweep(settings: PhantomSettings, sweep: int, pictures: bool = True)
     pictures : bool, optional
         False leaves all images black and nothing hidden; masks, poses and truth are the same, within a
         hundredth of the time.
+    displacement : Displacement or None, optional
+        Displacement of the tissue against the CT, in the bed frame, in place of the bend of the settings.
 
     Returns
     -------
@@ -99,7 +104,7 @@ def simulate_sweep(settings: PhantomSettings, sweep: int, pictures: bool = True)
         If the number is negative or the settings lead to no anatomy or model.
     """
     require_count("sweep", sweep, 0)
-    maker = SweepSimulator(settings, sweep)
+    maker = SweepSimulator(settings, sweep, displacement)
     ct_T_bed = maker.anatomy.ct_T_bed
     ct_T_world, calibration, recorded = _setup(settings)
     world_T_bed = transforms.invert_rigid(ct_T_world) @ ct_T_bed

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float64, UInt8
 from registration.phantom.anatomy import Anatomy, anatomy_of
 from registration.phantom.bmode import BMode
 from registration.phantom.deformation import View
-from registration.phantom.displacement import Bend, Press, draw_bend
+from registration.phantom.displacement import Displacement, Press, draw_bend
 from registration.phantom.settings import PhantomSettings
 from registration.phantom.slicing import cut, rasterise, section
 from registration.phantom.tissue import TissueModel
@@ -32,10 +32,13 @@ class SweepSimulator:
         Settings of the phantom.
     number : int
         Number of the sweep, from 0.
+    displacement : Displacement or None, optional
+        Displacement of the tissue against the CT in place of the bend that the settings ask for; None for that bend.
     """
 
     settings: PhantomSettings
     number: int
+    displacement: Displacement | None = None
 
     @cached_property
     def anatomy(self) -> Anatomy:
@@ -54,8 +57,10 @@ class SweepSimulator:
         return BMode(self.settings.scanner, self.tissue)
 
     @cached_property
-    def bend(self) -> Bend | None:
-        """Bend of the body against the CT, the same in all sweeps of a phantom; None for none."""
+    def bend(self) -> Displacement | None:
+        """Displacement of the tissue against the CT, by the settings the same in all sweeps; None for none."""
+        if self.displacement is not None:
+            return self.displacement
         wanted = self.settings.deformation
         rng = np.random.default_rng([*self.settings.entropy, 13])
         return draw_bend(self.anatomy.guide_mm, wanted.bend_mm, wanted.bend_length_mm, rng)

@@ -27,8 +27,8 @@ def cut(
         surface chain into closed loops. A vertex in the plane counts as above it: every loop stays closed.
     """
     height = vertices[:, 2]
-    above = height[triangles] >= 0.0
-    crossing = triangles[above.any(axis=1) & ~above.all(axis=1)]
+    above = (height >= 0.0)[triangles]
+    crossing = triangles[(above[:, 0] != above[:, 1]) | (above[:, 1] != above[:, 2])]
     if not len(crossing):
         return np.empty((0, 2, 2))
     above = height[crossing] >= 0.0

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from registration import transforms
-from registration.benchmark.build import CaseSpec, build_case, specs
+from registration.benchmark.blocks import CaseSpec, specs
+from registration.benchmark.build import build_case
 from registration.benchmark.cases import BenchmarkCase, CaseTruth, digest
+from registration.benchmark.scoring import lowest_tre_mm, score_pose
 from registration.errors import InputError
 from registration.metrics.surface_distance import SurfaceDistance, rms
 from registration.phantom.shapes import signed_volume_mm3
@@ -118,3 +120,80 @@ def test_a_symmetric_case_knows_its_other_right_poses() -> None:
         truth.fixed_T_moving,
     )
     assert rms(surface(transforms.apply(beyond, case.moving_mm))) > right_mm + 0.5
+
+
+def named(block: str, kind: str) -> Made:
+    return build_case(next(spec for spec in specs("development", block) if spec.kind == kind))
+
+
+def test_a_model_of_another_vessel_or_a_mirror_image_has_no_true_pose() -> None:
+    own, own_truth = named("wrong_vessel", "own_piece40_middle")
+    mirror, mirror_truth = named("wrong_vessel", "mirror_piece40")
+    other, other_truth = named("wrong_vessel", "other_piece40")
+    assert own_truth.same_vessel and not mirror_truth.same_vessel and not other_truth.same_vessel
+    assert np.isnan(mirror_truth.fixed_T_moving).all() and np.isnan(other_truth.fixed_T_moving).all()
+    np.testing.assert_allclose(mirror.fixed.vertices_mm * [-1, 1, 1], own.fixed.vertices_mm)
+    assert signed_volume_mm3(mirror.fixed) == pytest.approx(signed_volume_mm3(own.fixed))
+    assert len(other.fixed.vertices_mm) != len(own.fixed.vertices_mm)
+    # Targets run inside the model that the method is given.
+    for case, truth in ((mirror, mirror_truth), (other, other_truth)):
+        assert np.median(SurfaceDistance(case.fixed)(truth.targets_mm)) > 1.5
+    placed_mm = transforms.apply(own_truth.fixed_T_moving, own.moving_mm)
+    assert rms(SurfaceDistance(own.fixed)(placed_mm)) < 0.3
+
+
+@pytest.mark.parametrize("kind, common", [("common50_started", 0.5), ("common60", 0.6)])
+def test_neither_side_holds_the_other(kind: str, common: float) -> None:
+    case, truth = named("overlap", kind)
+    moved_z_mm = transforms.apply(truth.fixed_T_moving, case.moving_mm)[:, 2]
+    fixed_z_mm = case.fixed.vertices_mm[:, 2]
+    low_mm = max(moved_z_mm.min(), fixed_z_mm.min())
+    high_mm = min(moved_z_mm.max(), fixed_z_mm.max())
+    for z_mm in (moved_z_mm, fixed_z_mm):
+        assert (high_mm - low_mm) / (z_mm.max() - z_mm.min()) == pytest.approx(common, abs=0.06)
+        assert z_mm.min() < low_mm - 10 or z_mm.max() > high_mm + 10
+    # Centerlines are coarse, each in the frame of its own side and along it.
+    assert case.moving_centerline_mm is not None and case.fixed_centerline_mm is not None
+    line_z_mm = transforms.apply(truth.fixed_T_moving, case.moving_centerline_mm)[:, 2]
+    assert line_z_mm.min() > moved_z_mm.min() - 3 and line_z_mm.max() < moved_z_mm.max() + 3
+    assert np.median(SurfaceDistance(case.fixed)(case.fixed_centerline_mm)) > 1
+    assert (case.initial is not None) == kind.endswith("started")
+    if case.initial is not None:
+        assert 1 < score_pose(case.initial, truth).tre_mm < 15
+
+
+def test_noise_is_that_of_the_kind_on_each_side() -> None:
+    moving, moving_truth = named("noise", "moving_noise")
+    both, both_truth = named("noise", "both_noise")
+    for case, truth, fixed_mm in ((moving, moving_truth, 0.0), (both, both_truth, 1.0)):
+        placed_mm = transforms.apply(truth.fixed_T_moving, case.moving_mm)
+        # Across the wall alone: what a point's noise leaves of it to the nearest triangle.
+        assert rms(SurfaceDistance(case.fixed)(placed_mm)) == pytest.approx(1.0, abs=0.2)
+        assert rms(SurfaceDistance(case.fixed)(case.fixed_mm)) == pytest.approx(fixed_mm, abs=0.15)
+
+
+def test_where_tissue_deforms_material_lies_where_the_truth_says() -> None:
+    """Moved points, taken back by the true pose and the displacement nearest to them, lie on the model again."""
+    case, truth = named("deforming", "field_large")
+    assert truth.displacement_mm is not None
+    placed_mm = transforms.apply(truth.fixed_T_moving, case.moving_mm)
+    shown_mm = truth.targets_mm + truth.displacement_mm
+    nearest = np.linalg.norm(placed_mm[:, None] - shown_mm[None], axis=2).argmin(axis=1)
+    surface = SurfaceDistance(case.fixed)
+    assert rms(surface(placed_mm - truth.displacement_mm[nearest])) < 0.6 * rms(surface(placed_mm))
+    # The true pose is the best there is for the whole model's wall, so nearly so for its centerline.
+    assert score_pose(truth.fixed_T_moving, truth).tre_mm == pytest.approx(lowest_tre_mm(truth))
+    assert 1.0 < lowest_tre_mm(truth) < 4.0
+    assert score_pose(truth.fixed_T_moving, truth).tre_rigid_mm == pytest.approx(0, abs=1e-9)
+    for shift_mm in ((2.0, 0, 0), (0, -2.0, 0), (0, 0, 2.0)):
+        off = transforms.compose(transforms.translation(shift_mm), truth.fixed_T_moving)
+        assert score_pose(off, truth).tre_mm > lowest_tre_mm(truth)
+
+
+def test_what_there_is_not_is_refused() -> None:
+    with pytest.raises(InputError, match=r"kind: expected one of press_small, .* received 'whole'"):
+        build_case(CaseSpec("random0100", 100, "whole", "deforming"))
+    with pytest.raises(InputError, match="block: expected one of undeformed"):
+        build_case(CaseSpec("random0100", 100, "whole", "soft"))
+    with pytest.raises(InputError, match="model_seed: expected the anatomy whose model"):
+        build_case(CaseSpec("random0100", 100, "other_piece40", "wrong_vessel"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +39,27 @@ def test_a_case_comes_back_as_it_was(folder: Path) -> None:
     np.testing.assert_allclose(found.fixed.vertices_mm, CASE.fixed.vertices_mm, atol=1e-6)
     np.testing.assert_array_equal(found.fixed.triangles, CASE.fixed.triangles)
     np.testing.assert_allclose(found.fixed_mm, CASE.fixed_mm, atol=1e-6)
+
+
+def test_centerlines_and_a_known_pose_come_back_where_a_case_gives_them(folder: Path) -> None:
+    bare = read_case(folder / CASE.name)
+    assert bare.initial is None and bare.moving_centerline_mm is None and bare.fixed_centerline_mm is None
+    rng = np.random.default_rng(0)
+    given = replace(
+        CASE,
+        name="given",
+        moving_centerline_mm=rng.normal(size=(5, 3)),
+        fixed_centerline_mm=rng.normal(size=(7, 3)),
+        initial=TRUTH.fixed_T_moving,
+    )
+    write_case(folder, given, replace(TRUTH, name="given"))
+    found = read_case(folder / "given")
+    for name in ("moving_centerline_mm", "fixed_centerline_mm", "initial"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(given, name))
+    about = folder / "given" / "case.json"
+    about.write_text(json.dumps(json.loads(about.read_text()) | {"initial": [[1.0]]}))
+    with pytest.raises(InputError, match=r"given/case.json: expected initial as numbers"):
+        read_case(folder / "given")
 
 
 def test_the_truth_lies_apart_and_names_are_those_of_the_cases(folder: Path) -> None:

@@ -41,3 +41,19 @@ def test_any_other_change_does() -> None:
         (CASE, replace(TRUTH, outlier=~TRUTH.outlier)),
     ):
         assert digest(*changed) != known
+
+
+def test_what_a_case_has_besides_counts_and_what_it_lacks_does_not() -> None:
+    known = digest(CASE, TRUTH)
+    line_mm, moved_mm = np.zeros((4, 3)), np.zeros((len(TRUTH.targets_mm), 3))
+    other = replace(TRUTH, same_vessel=False, fixed_T_moving=np.full((4, 4), np.nan))
+    found = {
+        known,
+        digest(replace(CASE, moving_centerline_mm=line_mm), TRUTH),
+        digest(replace(CASE, initial=np.eye(4)), TRUTH),
+        digest(CASE, replace(TRUTH, displacement_mm=moved_mm)),
+        digest(CASE, replace(TRUTH, displacement_mm=moved_mm + 1)),
+        digest(CASE, other),
+    }
+    assert len(found) == 6
+    assert digest(CASE, replace(TRUTH, block="noise")) == known

@@ -10,7 +10,7 @@ from benchmark_cases import drawn_case, off_by
 from scipy.spatial.transform import Rotation
 
 from registration import transforms
-from registration.benchmark.scoring import PoseScore, roll_and_slide, score_pose
+from registration.benchmark.scoring import PoseScore, lowest_tre_mm, roll_and_slide, score_pose
 from registration.benchmark.symmetry import Screw, Symmetry
 from registration.errors import InputError
 from registration.geometry.shapes import principal_frame
@@ -88,3 +88,30 @@ def test_what_is_no_pose_or_another_case_is_refused() -> None:
         score_pose(2 * np.eye(4), TRUTH)
     with pytest.raises(InputError, match="case: expected 200 moving points as the truth of tube_whole says"):
         score_pose(np.eye(4), replace(TRUTH, outlier=np.zeros(200, dtype=bool)), CASE)
+
+
+def test_where_tissue_deforms_a_target_is_off_by_what_its_material_is() -> None:
+    """Half of the material lies 3 mm along x, half 3 mm against it: with a shift of 1 mm it is 4 and 2 mm off."""
+    side = np.where(np.arange(len(TRUTH.targets_mm)) % 2 == 0, 3.0, -3.0)
+    soft = replace(TRUTH, displacement_mm=np.outer(side, [1.0, 0.0, 0.0]), covered=side > 0)
+    assert lowest_tre_mm(soft) == pytest.approx(3.0)
+    assert score_pose(TRUTH.fixed_T_moving, soft).tre_mm == pytest.approx(3.0)
+    score = score_pose(off_by(TRUTH, (1.0, 0.0, 0.0)), soft, CASE)
+    assert score.tre_mm == score.tre_symmetric_mm == pytest.approx(np.sqrt((4**2 + 2**2) / 2))
+    assert score.tre_max_mm == score.tre_covered_mm == pytest.approx(4.0)
+    assert score.tre_uncovered_mm == pytest.approx(2.0)
+    assert score.tre_rigid_mm == score.translation_error_mm == pytest.approx(1.0)
+    assert not score.success_tre
+    assert lowest_tre_mm(TRUTH) == 0.0
+    assert score_pose(off_by(TRUTH, (1.0, 0.0, 0.0)), TRUTH).tre_rigid_mm == pytest.approx(1.0)
+
+
+def test_against_another_vessel_there_is_a_residual_and_no_error() -> None:
+    other = replace(TRUTH, same_vessel=False, fixed_T_moving=np.full((4, 4), np.nan))
+    score = score_pose(TRUTH.fixed_T_moving, other, CASE)
+    assert score.rmse_mm < 1e-3
+    assert np.isnan([score.tre_mm, score.tre_symmetric_mm, score.tre_rigid_mm, score.slide_error_mm]).all()
+    assert not score.success_tre and not score.success_tre_symmetric
+    assert np.isnan(lowest_tre_mm(other))
+    with pytest.raises(InputError, match="fixed_T_moving"):
+        score_pose(2 * np.eye(4), other, CASE)

@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from registration.errors import InputError
 from registration.phantom.anatomy import Anatomy, from_lines
 from registration.phantom.conditions import CtScan
-from registration.phantom.ct import fixed_model, scan_volume
+from registration.phantom.ct import fixed_model, scan_volume, segment_volume
 from registration.phantom.shapes import signed_volume_mm3, spline_line
 
 
@@ -64,3 +65,18 @@ def test_model_differs_with_the_seed(tube: Anatomy) -> None:
 def test_a_crop_that_leaves_nothing_is_refused(tube: Anatomy) -> None:
     with pytest.raises(InputError, match="crop_mm"):
         fixed_model(tube, CtScan(crop_mm=40.0), np.random.default_rng(0))
+
+
+def test_a_part_of_the_slices_gives_that_part_of_the_surface(tube: Anatomy) -> None:
+    scan = CtScan()
+    volume_hu, origin_mm, spacing_mm = scan_volume(tube, scan, np.random.default_rng(0))
+    whole = fixed_model(tube, scan, np.random.default_rng(0))
+    again = segment_volume(volume_hu, origin_mm, spacing_mm, 0.5 * scan.contrast_hu)
+    np.testing.assert_array_equal(again.vertices_mm, whole.vertices_mm)
+    part = segment_volume(volume_hu, origin_mm, spacing_mm, 0.5 * scan.contrast_hu, slice(20, 41)).vertices_mm
+    low_mm, high_mm = (origin_mm[2] + number * spacing_mm[2] for number in (20, 40))
+    assert low_mm - 1 <= part[:, 2].min() < low_mm and high_mm < part[:, 2].max() <= high_mm + 1
+    inner = part[(part[:, 2] > low_mm) & (part[:, 2] < high_mm)]
+    assert cKDTree(whole.vertices_mm).query(inner)[0].max() < 1e-4
+    wide = segment_volume(volume_hu, origin_mm, spacing_mm, 0.2 * scan.contrast_hu)
+    assert signed_volume_mm3(wide) > signed_volume_mm3(whole)

@@ -48,6 +48,16 @@ def test_true_contours_lie_on_the_anatomy(stiff: SimulatedSweep) -> None:
     assert np.percentile(np.abs(apart_mm), 95) < 0.2
 
 
+def test_a_displacement_that_is_given_takes_the_place_of_the_bend(stiff: SimulatedSweep) -> None:
+    shift_mm = np.array([0.0, 2.0, 0.0])
+    moved = simulate_sweep(SMALL, 0, pictures=False, displacement=lambda points_mm: points_mm + shift_mm)
+    cloud = ContourExtractor()(moved.masks, moved.world_A_pixel)
+    in_ct_mm = transforms.apply(moved.ct_T_world, cloud.points_mm)
+    assert abs(distance_grid(stiff.anatomy).at(in_ct_mm - shift_mm).mean()) < 0.05
+    np.testing.assert_allclose(moved.deformation.as_swept(in_ct_mm), in_ct_mm + shift_mm)
+    np.testing.assert_array_equal(moved.model.vertices_mm, stiff.model.vertices_mm)
+
+
 def test_deformed_contours_lie_on_the_displaced_anatomy(soft: SimulatedSweep) -> None:
     from scipy.spatial import cKDTree
 

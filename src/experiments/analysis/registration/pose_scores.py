@@ -16,7 +16,7 @@ from experiments.inputs.surfaces import read_pose
 from registration import transforms
 from registration.benchmark.alternative_pose import SecondPose, second_pose
 from registration.benchmark.cases import BenchmarkCase, CaseTruth
-from registration.benchmark.scoring import PoseScore, score_pose
+from registration.benchmark.scoring import PoseScore, lowest_tre_mm, score_pose
 from registration.rigid.result import ACCEPTED, FAILED, NOT_JUDGED, VERDICTS
 
 if TYPE_CHECKING:
@@ -111,7 +111,8 @@ def score_result(result: PoseResult, truth: CaseTruth, case: BenchmarkCase | Non
 
     A missing result has infinite errors. A result that was not accepted, or was wrong although its method
     judges its results, is compared with the best second pose there is (``second_pose_gap``, in standard
-    errors, and its ``second_tre_mm``). ``ambiguous_rightly`` is 1 or 0 for those that were not accepted.
+    errors, and its ``second_tre_mm``). ``ambiguous_rightly`` is 1 or 0 for those that were not accepted. Where the
+    model is that of another vessel there is no true pose and nothing to compare: errors are NaN.
 
     Parameters
     ----------
@@ -131,19 +132,23 @@ def score_result(result: PoseResult, truth: CaseTruth, case: BenchmarkCase | Non
     pose = result.fixed_T_moving
     score = PoseScore() if pose is None else score_pose(pose, truth, case)
     tre_mm = score.tre_symmetric_mm
-    predicted = math.isfinite(result.tre_low_mm) and math.isfinite(result.tre_high_mm)
+    predicted = truth.same_vessel and math.isfinite(result.tre_low_mm) and math.isfinite(result.tre_high_mm)
     doubted = result.verdict not in (ACCEPTED, NOT_JUDGED)
     wrongly_sure = result.judged and not score.success_tre_symmetric
-    second = _second(result, truth, case) if doubted or wrongly_sure else None
+    wanted = truth.same_vessel and (doubted or wrongly_sure)
+    second = _second(result, truth, case) if wanted else None
     return {
         "case": truth.name,
         "anatomy": truth.anatomy,
         "kind": truth.kind,
+        "block": truth.block,
+        "same_vessel": truth.same_vessel,
         "place": truth.place,
         "symmetric": bool(truth.symmetry),
         "angle_deg": truth.angle_deg,
         "translation_mm": truth.translation_mm,
         "covered_share": float(truth.covered.mean()),
+        "lowest_tre_mm": lowest_tre_mm(truth),
         **asdict(score),
         "success": score.success,
         "success_tre": score.success_tre,
@@ -155,6 +160,7 @@ def score_result(result: PoseResult, truth: CaseTruth, case: BenchmarkCase | Non
         "covered_by_interval": (
             float(result.tre_low_mm <= tre_mm <= result.tre_high_mm) if predicted else NOT_DEFINED
         ),
+        "high_over_error": result.tre_high_mm / tre_mm if predicted and tre_mm > 0 else NOT_DEFINED,
         "second_pose_gap": NOT_DEFINED if second is None else second.gap,
         "second_tre_mm": NOT_DEFINED if second is None else second.tre_mm,
         "ambiguous_rightly": float(second.hidden) if second is not None and doubted else NOT_DEFINED,

@@ -11,7 +11,8 @@ from experiments import files
 from experiments.analysis.registration.benchmark.cases import differences
 from experiments.analysis.registration.benchmark.figures import benchmark_figures
 from experiments.analysis.registration.benchmark.findings import describe_benchmark
-from experiments.analysis.registration.benchmark.tables import benchmark_metrics, benchmark_tables
+from experiments.analysis.registration.benchmark.metrics import benchmark_metrics
+from experiments.analysis.registration.benchmark.tables import benchmark_tables
 from experiments.analysis.registration.pose_scores import plain_metrics
 from experiments.errors import InputError
 from experiments.inputs.paths import input_data, require_exists
@@ -26,7 +27,7 @@ from experiments.studies.evaluate.transforms import (
     target_notes,
     transform_rows,
 )
-from registration.benchmark.build import SUBSETS
+from registration.benchmark.blocks import SUBSETS, blocks_of, collection_name
 from registration.benchmark.case_files import TRUTH
 
 if TYPE_CHECKING:
@@ -228,7 +229,8 @@ def _transforms(
 
 def _frozen(pairs: TransformPairs) -> list[str]:
     """What is to be said of the benchmark's cases where they are not the frozen ones."""
-    if pairs.cases is None or pairs.cases.name not in SUBSETS:
+    known = [collection_name(subset, block) for subset in SUBSETS for block in blocks_of(subset)]
+    if pairs.cases is None or pairs.cases.name not in known:
         return []
     return list(differences(pairs.cases, list(pairs.references), pairs.cases.name))
 

@@ -184,6 +184,7 @@ def read_reference(path: Path, targets_mm: np.ndarray | None) -> CaseTruth:
         angle_deg=float("nan"),
         translation_mm=float("nan"),
         simulated=own is not None,
+        block="",
     )
 
 
@@ -263,7 +264,7 @@ def target_notes(pairs: TransformPairs, targets: str | None) -> list[str]:
     notes = [f"Errors are measured {where} in the frame of the fixed side ({frame}mm in LPS)."]
     given = pairs.predictions.get(name)
     pose = None if given is None or len(pairs.references) > 1 else read_result(given).fixed_T_moving
-    if pose is not None:
+    if pose is not None and truth.same_vessel:
         error_mm, inverse_mm = (
             pose_error(each, truth.fixed_T_moving, truth.targets_mm).tre_mm
             for each in (pose, transforms.invert_rigid(pose))

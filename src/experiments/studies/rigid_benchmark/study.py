@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments.analysis.registration.benchmark.cases import (
     DEFAULT_FOLDER,
+    block_specs,
     frozen_digests,
     make_cases,
-    subset_specs,
 )
 from experiments.analysis.registration.benchmark.figures import benchmark_figures
 from experiments.analysis.registration.benchmark.findings import describe_benchmark
-from experiments.analysis.registration.benchmark.tables import benchmark_metrics, benchmark_tables
+from experiments.analysis.registration.benchmark.metrics import benchmark_metrics
+from experiments.analysis.registration.benchmark.tables import benchmark_tables
 from experiments.analysis.variants import distinct_names
 from experiments.errors import InputError, require_count
 from experiments.inputs.surfaces import one_method
@@ -22,11 +23,13 @@ from experiments.outcome import InputData, JobResult, Outcome, Progress
 from experiments.paths import project_root
 from experiments.process_pool import process_pool
 from experiments.studies.rigid_benchmark.trial import BenchmarkTrial
+from registration.benchmark.blocks import collection_name
+from registration.benchmark.cases import UNDEFORMED
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from registration.benchmark.build import CaseSpec
+    from registration.benchmark.blocks import CaseSpec
 
 PER_CASE = "rigid_benchmark.csv"
 
@@ -56,18 +59,27 @@ def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def check(
-    *, subset: str, rigid: Mapping[str, Any], cases: int | None, workers: int, root: str | None
+    *,
+    subset: str,
+    blocks: Sequence[str],
+    rigid: Mapping[str, Any],
+    cases: int | None,
+    workers: int,
+    root: str | None,
 ) -> None:
-    """Check that the subset exists and that the settings allow cases.
+    """Check that the subset and its blocks exist and that the settings allow cases.
 
     Parameters
     ----------
     subset : str
         ``development``, ``test`` or ``symmetric``.
+    blocks : sequence of str
+        Blocks of cases: ``undeformed``, ``deforming``, ``wrong_vessel``, ``overlap``, ``noise``; of ``symmetric``
+        there is the first alone.
     rigid : Mapping[str, Any]
         Settings of exactly one rigid registration method by its name.
     cases : int or None
-        Number of cases, the first ones; None for all.
+        Number of cases of each block, the first ones; None for all.
     workers : int
         Number of processes; the results do not depend on it.
     root : str or None
@@ -76,10 +88,10 @@ def check(
     Raises
     ------
     InputError
-        If the subset does not exist, there is more than one method, or a count is out of range.
+        If the subset or a block does not exist, there is more than one method, or a count is out of range.
     """
     one_method(rigid)
-    _wanted(subset, cases)
+    _wanted(subset, blocks, cases)
     require_count("workers", workers)
     if root is not None and Path(root).expanduser().is_file():
         raise InputError(f"root: expected a folder for the cases, received the file {root!r}")
@@ -88,6 +100,7 @@ def check(
 def run(
     *,
     subset: str,
+    blocks: Sequence[str],
     rigid: Mapping[str, Any],
     cases: int | None,
     workers: int,
@@ -95,20 +108,24 @@ def run(
     workspace: Path,
     progress: Progress,
 ) -> Outcome:
-    """Solve the cases of a subset by one method, from wherever each starts, and score its results.
+    """Solve the cases of some blocks by one method, from wherever each starts, and score its results.
 
-    Cases that do not exist yet are made. Leaves ``<method>/<case>.json``, one result per case, which
-    ``study=evaluate`` scores to the same numbers, and ``rigid_benchmark.csv``. A method that raises on a case
+    Cases that do not exist yet are made. Leaves ``<method>/<case>.json``, one result per case, of other blocks than
+    the undeformed one in a folder ``<method>/<block>``, which ``study=evaluate`` scores to the same numbers, and
+    ``rigid_benchmark.csv``. A method that raises on a case
     has failed it.
 
     Parameters
     ----------
     subset : str
         ``development``, ``test`` or ``symmetric``.
+    blocks : sequence of str
+        Blocks of cases: ``undeformed``, ``deforming``, ``wrong_vessel``, ``overlap``, ``noise``; of ``symmetric``
+        there is the first alone.
     rigid : Mapping[str, Any]
         Settings of exactly one rigid registration method by its name.
     cases : int or None
-        Number of cases, the first ones; None for all.
+        Number of cases of each block, the first ones; None for all.
     workers : int
         Number of processes; the results do not depend on it.
     root : str or None
@@ -128,18 +145,22 @@ def run(
     InputError
         If the settings allow no case.
     """
-    check(subset=subset, rigid=rigid, cases=cases, workers=workers, root=root)
+    check(subset=subset, blocks=blocks, rigid=rigid, cases=cases, workers=workers, root=root)
     name, method = one_method(rigid)
-    wanted = _wanted(subset, cases)
-    folder = _root(root) / subset
-    notes = make_cases(folder, wanted, workers, progress, subset)
+    solved: list[dict[str, Any]] = []
+    notes: list[str] = []
+    for block, wanted in _wanted(subset, blocks, cases).items():
+        collection = collection_name(subset, block)
+        folder = _root(root) / collection
+        notes += make_cases(folder, wanted, workers, progress, collection)
+        out = workspace / name if block == UNDEFORMED else workspace / name / block
+        out.mkdir(parents=True)
+        names = [spec.name for spec in wanted]
+        rows_of = _solved(BenchmarkTrial(name, method, folder, out), names, workers)
+        solved += progress.track(rows_of, f"{name}, {collection}", len(names))
     for note in notes:
         progress.note(note)
-    (workspace / name).mkdir()
-    task = BenchmarkTrial(name, method, folder, workspace / name)
-    names = [spec.name for spec in wanted]
-    solved = progress.track(_solved(task, names, workers), f"{name}, {subset}", len(names))
-    rows = _table(list(solved), subset)
+    rows = _table(solved, subset)
     rows.to_csv(workspace / PER_CASE, index=False)
     return Outcome(
         metrics=benchmark_metrics(rows),
@@ -147,8 +168,14 @@ def run(
         tables=benchmark_tables(rows),
         figures=benchmark_figures(rows),
         findings=(*describe_benchmark(rows), *notes),
-        tags={"rigid": name, "subset": subset, "simulated": "true", "frozen": str(not notes).lower()},
-        inputs=(InputData(f"rigid benchmark, {subset}", _digest(subset), str(folder)),),
+        tags={
+            "rigid": name,
+            "subset": subset,
+            "blocks": ", ".join(blocks),
+            "simulated": "true",
+            "frozen": str(not notes).lower(),
+        },
+        inputs=tuple(_input(collection_name(subset, block), root) for block in blocks),
     )
 
 
@@ -187,13 +214,13 @@ def summarise(results: list[JobResult]) -> Outcome:
     )
 
 
-def _wanted(subset: str, cases: int | None) -> tuple[CaseSpec, ...]:
-    """The first ``cases`` of a subset, or all."""
-    wanted = subset_specs(subset)
-    if cases is None:
-        return wanted
-    require_count("cases", cases)
-    return wanted[:cases]
+def _wanted(subset: str, blocks: Sequence[str], cases: int | None) -> dict[str, tuple[CaseSpec, ...]]:
+    """The first ``cases`` of each block of a subset, or all."""
+    if isinstance(blocks, str) or not blocks or len(set(blocks)) < len(blocks):
+        raise InputError(f"blocks: expected a list of at least one block, each once, received {blocks!r}")
+    if cases is not None:
+        require_count("cases", cases)
+    return {block: block_specs(subset, block)[:cases] for block in blocks}
 
 
 def _root(root: str | None) -> Path:
@@ -215,9 +242,10 @@ def _table(rows: list[dict[str, Any]], subset: str) -> pd.DataFrame:
     return pd.DataFrame(rows).assign(subset=subset)
 
 
-def _digest(subset: str) -> str:
-    """One digest of all frozen cases of a subset."""
+def _input(collection: str, root: str | None) -> InputData:
+    """A block as it is frozen, known by one digest of all its cases."""
     import hashlib
 
-    digests = frozen_digests().get(subset, {})
-    return hashlib.sha256("".join(digests[name] for name in sorted(digests)).encode()).hexdigest()
+    digests = frozen_digests().get(collection, {})
+    together = hashlib.sha256("".join(digests[name] for name in sorted(digests)).encode()).hexdigest()
+    return InputData(f"rigid benchmark, {collection}", together, str(_root(root) / collection))

@@ -20,6 +20,7 @@ from registration.rigid.result import FAILED
 if TYPE_CHECKING:
     import numpy as np
 
+    from registration.benchmark.cases import BenchmarkCase
     from registration.rigid.result import RigidResult
 
 LEVEL = 0.9
@@ -65,7 +66,9 @@ class BenchmarkTrial:
         truth = read_truth(truth_file(self.folder, case_name))
         begin_s = time.perf_counter()
         try:
-            result = self.method(case.moving_mm, case.fixed_mm, None, moving_frame=case.moving_frame)
+            result = self.method(
+                case.moving_mm, case.fixed_mm, case.initial, moving_frame=case.moving_frame, **_lines(case)
+            )
             transforms.require_rigid(result.fixed_T_moving, "fixed_T_moving")
             report = record(result, truth.targets_mm)
         except Exception as failure:  # whatever a method does wrong, the case counts and the others go on
@@ -133,6 +136,12 @@ def record(result: RigidResult, targets_mm: np.ndarray) -> dict[str, Any]:
         ],
         "runtime_s": result.runtime_s,
     }
+
+
+def _lines(case: BenchmarkCase) -> dict[str, np.ndarray]:
+    """The centerlines of a case that has them; a method need not know of them for the others."""
+    given = {name: getattr(case, name) for name in ("moving_centerline_mm", "fixed_centerline_mm")}
+    return {name: line_mm for name, line_mm in given.items() if line_mm is not None}
 
 
 def _gap(value: float) -> float | str | None:

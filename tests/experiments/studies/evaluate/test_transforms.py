@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import SimpleITK
-from benchmark_cases import off_by, written_cases
+from benchmark_cases import drawn_case, off_by, written_cases
 
 from experiments.errors import InputError
 from experiments.outcome import Silent
@@ -20,6 +21,7 @@ from experiments.studies.evaluate.transforms import (
     target_notes,
     transform_rows,
 )
+from registration.benchmark.case_files import write_case
 from registration.geometry.shapes import Centerline, Polyline
 from registration.io.centerlines import write_centerline
 from registration.io.transforms import read_transform, write_transform
@@ -114,6 +116,24 @@ def test_a_reference_that_is_a_bare_pose_needs_targets(subset: Path, tmp_path: P
         read_reference(tmp_path / "truth.tfm", None)
     with pytest.raises(InputError, match=r"targets: .*nothing\.csv"):
         pair_transforms(tmp_path / "pose.tfm", tmp_path / "truth.tfm", str(tmp_path / "nothing.csv"))
+
+
+def test_against_another_vessel_nothing_is_right(tmp_path: Path) -> None:
+    case, truth = drawn_case("tube_a", "a", "other_whole")
+    other = replace(truth, block="wrong_vessel", same_vessel=False, fixed_T_moving=np.full((4, 4), np.nan))
+    write_case(tmp_path / "subset", case, other)
+    (tmp_path / "results").mkdir()
+    told = {"fixed_T_moving": truth.fixed_T_moving.tolist(), "verdict": "accepted"}
+    (tmp_path / "results" / "tube_a.json").write_text(
+        json.dumps(told | {"predicted_tre_mm": {"low": 0.1, "high": 0.5}})
+    )
+    pairs = pair_transforms(tmp_path / "results", tmp_path / "subset", None)
+    (row,) = transform_rows(pairs, Silent())
+    assert row["block"] == "wrong_vessel" and not row["same_vessel"] and not row["success_tre_symmetric"]
+    assert row["verdict"] == "accepted" and row["rmse_mm"] < 1e-3
+    for name in ("tre_mm", "covered_by_interval", "second_pose_gap", "lowest_tre_mm"):
+        assert math.isnan(row[name])
+    assert len(target_notes(pairs, None)) == 1
 
 
 def test_masks_are_no_transforms(tmp_path: Path, subset: Path) -> None:

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
-from benchmark_cases import written_cases
+from benchmark_cases import drawn_case, written_cases
 
-from experiments.analysis.registration.benchmark.cases import subset_specs
+from experiments.analysis.registration.benchmark.cases import block_specs
 from experiments.cli import compose_sweep
 from experiments.errors import InputError
 from experiments.outcome import JobResult, Outcome, Silent
 from experiments.running.jobs import job_configs
 from experiments.studies.evaluate import study as evaluate
 from experiments.studies.rigid_benchmark import study as rigid_benchmark
+from registration.benchmark.case_files import write_case
 from registration.rigid.comparators import SingleStartICP
 from registration.rigid.multi_start import MultiStartICP
 
@@ -27,7 +30,7 @@ ICP = SingleStartICP(max_iterations=10)
 def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The first three development cases, drawn by formula in place of the simulator's."""
     folder = tmp_path_factory.mktemp("benchmark")
-    specs = subset_specs("development")[:3]
+    specs = block_specs("development")[:3]
     written_cases(folder / "development", {spec.name: (spec.anatomy, spec.kind) for spec in specs})
     return folder
 
@@ -35,7 +38,8 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def run(root: Path, workspace: Path, **change: Any) -> Outcome:
     workspace.mkdir(parents=True, exist_ok=True)
     given: dict[str, Any] = {
-        "subset": "development", "rigid": {"single_icp": ICP}, "cases": 3, "workers": 1, "root": str(root),
+        "subset": "development", "blocks": ["undeformed"],
+        "rigid": {"single_icp": ICP}, "cases": 3, "workers": 1, "root": str(root),
     }  # fmt: skip
     return rigid_benchmark.run(**(given | change), workspace=workspace, progress=Silent())
 
@@ -45,7 +49,7 @@ def test_multistart_solves_the_cases_and_leaves_a_result_each(root: Path, tmp_pa
     assert outcome.cases is not None
     assert outcome.cases["success_tre"].all()
     assert outcome.metrics["success_tre_rate"] == 1.0
-    names = [spec.name for spec in subset_specs("development")[:3]]
+    names = [spec.name for spec in block_specs("development")[:3]]
     assert outcome.cases["case"].tolist() == names
     assert sorted(path.stem for path in (tmp_path / "w" / "multistart").iterdir()) == sorted(names)
     assert outcome.cases["simulated"].all()
@@ -86,6 +90,36 @@ def test_evaluate_gives_the_results_the_same_scores(root: Path, tmp_path: Path) 
     pd.testing.assert_frame_equal(one, two)
 
 
+def test_blocks_lie_apart_and_are_scored_together(root: Path, tmp_path: Path) -> None:
+    wanted = block_specs("development", "wrong_vessel")[:2]
+    folder = root / "development_wrong_vessel"
+    for seed, spec in enumerate(wanted):
+        case, truth = drawn_case(spec.name, spec.anatomy, spec.kind, seed)
+        pose = np.full((4, 4), np.nan)
+        write_case(folder, case, replace(truth, block="wrong_vessel", same_vessel=False, fixed_T_moving=pose))
+    outcome = run(root, tmp_path / "w", blocks=["undeformed", "wrong_vessel"], cases=2)
+    rows = outcome.cases
+    assert rows is not None
+    assert rows["block"].tolist() == ["undeformed"] * 2 + ["wrong_vessel"] * 2
+    assert rows["tre_mm"].notna().tolist() == [True, True, False, False]
+    assert outcome.tags["blocks"] == "undeformed, wrong_vessel"
+    assert len(outcome.inputs) == 2
+    results = tmp_path / "w" / "single_icp"
+    assert {path.stem for path in (results / "wrong_vessel").iterdir()} == {spec.name for spec in wanted}
+    assert "judgements by block, simulated" in outcome.tables
+    (tmp_path / "evaluated").mkdir()
+    scored = evaluate.run(
+        prediction=str(results / "wrong_vessel"),
+        reference=str(folder),
+        spacing_mm=None,
+        targets=None,
+        workspace=tmp_path / "evaluated",
+        progress=Silent(),
+    )
+    assert any("cannot refuse the 2 models of other vessels" in one for one in scored.findings)
+    assert any(one.startswith("2 of 2 development_wrong_vessel cases in ") for one in scored.findings)
+
+
 def test_methods_stand_beside_each_other_in_the_summary(root: Path, tmp_path: Path) -> None:
     first = run(root, tmp_path / "a", rigid={"multistart": MultiStartICP()})
     second = run(root, tmp_path / "b")
@@ -119,6 +153,10 @@ def test_one_job_a_method() -> None:
 def test_settings_that_allow_no_case_are_refused(root: Path, tmp_path: Path) -> None:
     for change, told in (
         ({"subset": "all"}, "subset: expected one of development, test, symmetric"),
+        ({"blocks": ["soft"]}, "blocks: expected some of undeformed, deforming"),
+        ({"blocks": []}, "blocks: expected a list of at least one block"),
+        ({"blocks": ["noise", "noise"]}, "blocks: expected a list of at least one block, each once"),
+        ({"subset": "symmetric", "blocks": ["noise"]}, "blocks: expected some of undeformed with symmetric"),
         ({"workers": 0}, "workers: expected a whole number of at least 1"),
         ({"cases": 0}, "cases: expected a whole number of at least 1"),
         ({"rigid": {}}, "rigid: expected exactly one method"),

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from benchmark_cases import off_by, written_cases
+from benchmark_cases import drawn_case, off_by, written_cases
 
 from experiments.analysis.registration.pose_scores import read_result, score_result
 from experiments.studies.rigid_benchmark.trial import BenchmarkTrial
 from registration import transforms
-from registration.benchmark.case_files import read_case, truth_file
+from registration.benchmark.case_files import read_case, truth_file, write_case
 from registration.benchmark.cases import CaseTruth
 from registration.benchmark.truth_files import read_truth
 from registration.rigid.result import RigidResult
@@ -84,6 +84,27 @@ def test_the_row_is_that_of_the_file(tmp_path: Path, truth: CaseTruth) -> None:
     assert list(left) == list(again)
     for key, value in left.items():
         assert value == again[key] or (math.isnan(value) and math.isnan(again[key])), key
+
+
+def test_what_a_case_knows_is_given_to_the_method(tmp_path: Path) -> None:
+    case, truth = drawn_case("tube_a", "a", "whole")
+    line_mm = np.arange(12.0).reshape(4, 3)
+    given = replace(
+        case, initial=truth.fixed_T_moving, moving_centerline_mm=line_mm, fixed_centerline_mm=line_mm + 1
+    )
+    write_case(tmp_path, given, truth)
+    seen: dict[str, Any] = {}
+
+    def method(moving_mm: Any, fixed_mm: Any, initial: Any, **known: Any) -> RigidResult:
+        seen.update(known, initial=initial)
+        return RigidResult(initial, 0.1, 0.1, 1.0, 3, True, (), 0.25)
+
+    (tmp_path / "out").mkdir()
+    row = BenchmarkTrial("told", method, tmp_path, tmp_path / "out")("tube_a")
+    assert row["tre_mm"] == pytest.approx(0.0, abs=1e-9)
+    np.testing.assert_array_equal(seen["initial"], truth.fixed_T_moving)
+    np.testing.assert_array_equal(seen["moving_centerline_mm"], line_mm)
+    np.testing.assert_array_equal(seen["fixed_centerline_mm"], line_mm + 1)
 
 
 @pytest.mark.parametrize(

@@ -15,14 +15,16 @@ from experiments.outcome import Progress
 from experiments.paths import conf_dir
 from experiments.process_pool import process_pool, same_kernels
 from registration import errors as registration_errors
-from registration.benchmark.build import CaseSpec, build_case, specs
+from registration.benchmark.blocks import CaseSpec, collection_name, specs
+from registration.benchmark.build import build_case
 from registration.benchmark.case_files import write_case, written_digest
+from registration.benchmark.cases import UNDEFORMED
 
 DEFAULT_FOLDER = Path(".cache") / "rigid_benchmark"
 
 
 def frozen_file() -> Path:
-    """Give the file that holds the digests of all cases, by subset and case.
+    """Give the file that holds the digests of all cases, by collection (a block of a subset) and case.
 
     Returns
     -------
@@ -32,13 +34,15 @@ def frozen_file() -> Path:
     return conf_dir() / "benchmark" / "rigid.json"
 
 
-def subset_specs(subset: str) -> tuple[CaseSpec, ...]:
-    """List the cases of a subset.
+def block_specs(subset: str, block: str = UNDEFORMED) -> tuple[CaseSpec, ...]:
+    """List the cases of a block.
 
     Parameters
     ----------
     subset : str
         Name of the subset.
+    block : str, optional
+        Name of the block.
 
     Returns
     -------
@@ -48,16 +52,16 @@ def subset_specs(subset: str) -> tuple[CaseSpec, ...]:
     Raises
     ------
     InputError
-        If the subset is unknown; the message names those there are.
+        If the subset or the block is unknown; the message names those there are.
     """
     try:
-        return specs(subset)
+        return specs(subset, block)
     except registration_errors.InputError as refusal:
         raise InputError(str(refusal)) from refusal
 
 
 def make_cases(
-    folder: Path, wanted: Sequence[CaseSpec], workers: int, progress: Progress, subset: str
+    folder: Path, wanted: Sequence[CaseSpec], workers: int, progress: Progress, collection: str
 ) -> tuple[str, ...]:
     """Make the cases that a folder does not hold yet, and say which are not the frozen ones.
 
@@ -67,15 +71,15 @@ def make_cases(
     Parameters
     ----------
     folder : Path
-        Folder of the subset's cases; made if it is missing.
+        Folder of the block's cases; made if it is missing.
     wanted : sequence of CaseSpec
         Cases that must be there afterwards.
     workers : int
         Number of processes at most.
     progress : Progress
         Shows how many cases are made.
-    subset : str
-        Name of the subset, for messages and to find the frozen digests.
+    collection : str
+        Name of the collection, for messages and to find the frozen digests.
 
     Returns
     -------
@@ -87,34 +91,34 @@ def make_cases(
         missing = [spec for spec in wanted if written_digest(folder, spec.name) is None]
         if missing:
             made = _made(folder, missing, workers)
-            for _ in progress.track(made, f"Making {len(missing)} {subset} cases", len(missing)):
+            for _ in progress.track(made, f"Making {len(missing)} {collection} cases", len(missing)):
                 pass
-    return differences(folder, [spec.name for spec in wanted], subset)
+    return differences(folder, [spec.name for spec in wanted], collection)
 
 
-def differences(folder: Path, names: Sequence[str], subset: str) -> tuple[str, ...]:
+def differences(folder: Path, names: Sequence[str], collection: str) -> tuple[str, ...]:
     """Say how many cases are not the frozen ones.
 
     Parameters
     ----------
     folder : Path
-        Folder of the subset's cases.
+        Folder of the cases.
     names : sequence of str
         Names of the cases to compare.
-    subset : str
-        Name of the subset.
+    collection : str
+        Name of the collection.
 
     Returns
     -------
     tuple of str
         One sentence with the number and the first of them; none if all are as frozen.
     """
-    frozen = frozen_digests().get(subset, {})
+    frozen = frozen_digests().get(collection, {})
     changed = [name for name in names if frozen.get(name) != written_digest(folder, name)]
     if not changed:
         return ()
     return (
-        f"{len(changed)} of {len(names)} {subset} cases in {folder} are not the frozen ones (first: {changed[0]}): "
+        f"{len(changed)} of {len(names)} {collection} cases in {folder} are not the frozen ones (first: {changed[0]}): "
         "made by other versions of the code or its libraries, or on a platform that rounds differently. Numbers "
         "measured on them are not comparable; delete the folder to make them again.",
     )
@@ -126,7 +130,7 @@ def frozen_digests() -> dict[str, dict[str, str]]:
     Returns
     -------
     dict
-        Digests by subset and name of the case; empty if there is no such file.
+        Digests by collection and name of the case; empty if there is no such file.
     """
     path = frozen_file()
     if not path.is_file():
@@ -135,13 +139,13 @@ def frozen_digests() -> dict[str, dict[str, str]]:
     return found
 
 
-def freeze(folders: dict[str, Path]) -> int:
+def freeze(folders: dict[tuple[str, str], Path]) -> int:
     """Write the digests of the cases as they are on disk to the file of frozen digests.
 
     Parameters
     ----------
     folders : dict
-        Folder of the cases of each subset to freeze; other subsets keep their digests.
+        Folder of the cases of each subset and block to freeze; others keep their digests.
 
     Returns
     -------
@@ -151,14 +155,17 @@ def freeze(folders: dict[str, Path]) -> int:
     Raises
     ------
     InputError
-        If a folder lacks a case of its subset, or a subset is unknown.
+        If a folder lacks a case of its block, or a subset or block is unknown.
     """
     found = frozen_digests()
-    for subset, folder in folders.items():
-        found[subset] = {spec.name: written_digest(folder, spec.name) or "" for spec in subset_specs(subset)}
-        lacking = [name for name, digest in found[subset].items() if not digest]
+    for (subset, block), folder in folders.items():
+        name = collection_name(subset, block)
+        found[name] = {
+            spec.name: written_digest(folder, spec.name) or "" for spec in block_specs(subset, block)
+        }
+        lacking = [case for case, digest in found[name].items() if not digest]
         if lacking:
-            raise InputError(f"{folder}: expected all cases of {subset}, received none of {lacking[0]}")
+            raise InputError(f"{folder}: expected all cases of {name}, received none of {lacking[0]}")
     files.write_text(frozen_file(), json.dumps(found, indent=0) + "\n")
     return sum(len(digests) for digests in found.values())
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from experiments.analysis.registration.benchmark.metrics import RIGHT, own_vessel
 from experiments.analysis.registration.risk_coverage import risk_coverage
 from experiments.reporting.labels import axis_label, method_label, method_styles
 from experiments.statistics import wilson_interval
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-RIGHT = "success_tre_symmetric"
 MIN_SHOWN_MM, MAX_SHOWN_MM = 5e-2, 2e2
 ORDER_LABELS = {"tre_high_mm": "predicted TRE", "ambiguity_gap": "ambiguity gap"}
 ORDERS = (("tre_high_mm", 1.0, "-"), ("ambiguity_gap", -1.0, "--"))
@@ -76,7 +76,7 @@ def _risk(axes: Axes, cases: pd.DataFrame) -> None:
 
 
 def _predicted(axes: Axes, cases: pd.DataFrame) -> None:
-    known = cases[cases["tre_high_mm"].notna()]
+    known = cases[cases["tre_high_mm"].notna() & cases["tre_symmetric_mm"].notna()]
     for verdict, own in known.groupby("verdict", sort=False):
         predicted, true = (
             own[name].clip(MIN_SHOWN_MM, MAX_SHOWN_MM) for name in ("tre_high_mm", "tre_symmetric_mm")
@@ -101,11 +101,14 @@ def _predicted(axes: Axes, cases: pd.DataFrame) -> None:
 
 
 def _by_kind(axes: Axes, cases: pd.DataFrame) -> None:
-    kinds = cases["kind"].drop_duplicates().tolist()
+    # More than one block has too many kinds to draw.
+    column = "kind" if len(cases["block"].drop_duplicates()) == 1 else "block"
+    cases = own_vessel(cases)
+    kinds = cases[column].drop_duplicates().tolist()
     looks = method_styles([str(name) for name in cases["method"].drop_duplicates()])
     methods = list(cases.groupby("method", sort=False))
     for number, (name, own) in enumerate(methods):
-        shown = [(place, own[own["kind"] == kind]) for place, kind in enumerate(kinds)]
+        shown = [(place, own[own[column] == kind]) for place, kind in enumerate(kinds)]
         shares = [
             (place, wilson_interval(int(part[RIGHT].sum()), len(part))) for place, part in shown if len(part)
         ]
@@ -128,7 +131,7 @@ def _by_kind(axes: Axes, cases: pd.DataFrame) -> None:
     axes.set(
         ylim=(-0.03, 1.03),
         ylabel=axis_label("success_tre_rate"),
-        title="Success by kind of case (Wilson 95 %)",
+        title=f"Success by {'kind of case' if column == 'kind' else 'block'} (Wilson 95 %)",
     )
     axes.grid(alpha=0.3)
     # Outside the axes: six methods leave no room within.

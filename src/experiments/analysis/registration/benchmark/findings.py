@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from experiments.analysis.registration.benchmark.tables import (
+from experiments.analysis.registration.benchmark.metrics import (
     RIGHT,
     benchmark_metrics,
-    compare_methods,
     doubted,
     each_method,
     over_cautious,
+    own_vessel,
     success_interval,
 )
+from experiments.analysis.registration.benchmark.tables import compare_methods
 from experiments.analysis.registration.pose_scores import judges
 from registration.metrics.surface_distance import SUCCESS_TRE_MM
 from registration.rigid.result import ACCEPTED, FAILED
@@ -35,10 +36,17 @@ def describe_benchmark(cases: pd.DataFrame) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        Some sentences for each method, then one for each pair with the most successful method.
+        Some sentences for each method, by block where there are several, then one for each pair with the most
+        successful method.
     """
     methods = list(each_method(cases))
-    said = [sentence for name, own in methods for sentence in _describe(name, own)]
+    blocks = cases["block"].drop_duplicates().tolist()
+    said = [
+        sentence if len(blocks) == 1 else f"{str(block).replace('_', ' ').capitalize()}: {sentence}"
+        for block in blocks
+        for name, own in each_method(cases[cases["block"] == block])
+        for sentence in _describe(name, own)
+    ]
     compared = compare_methods(cases)
     if compared is not None:
         best = max(methods, key=lambda one: int(one[1][RIGHT].sum()))[0]
@@ -54,6 +62,32 @@ def describe_benchmark(cases: pd.DataFrame) -> tuple[str, ...]:
 
 
 def _describe(name: str, cases: pd.DataFrame) -> Iterator[str]:
+    if len(own := own_vessel(cases)):
+        yield from _of_own_vessel(name, own)
+    yield from _of_other_vessels(name, cases)
+    missing = cases.loc[cases["error"] != "", "error"]
+    if len(missing):
+        yield (
+            f"{name} gave no result for {len(missing)} of {len(cases)} cases, which count as failed (first: "
+            f"{missing.iloc[0]})."
+        )
+
+
+def _of_other_vessels(name: str, cases: pd.DataFrame) -> Iterator[str]:
+    others = cases[~cases["same_vessel"].astype(bool)]
+    if not len(others):
+        return
+    if not judges(cases):
+        yield f"{name} cannot refuse the {len(others)} models of other vessels: its results are not judged."
+        return
+    found, wrong = benchmark_metrics(cases), others[others["verdict"] == ACCEPTED]
+    yield (
+        f"{name} accepts {_percent(found, 'wrong_vessel_accepted')} of {len(others)} models of other vessels and "
+        f"mirror images{_named(wrong)}."
+    )
+
+
+def _of_own_vessel(name: str, cases: pd.DataFrame) -> Iterator[str]:
     found, interval = benchmark_metrics(cases), success_interval(cases)
     symmetric = ", up to symmetry" if cases["symmetric"].any() else ""
     bounds = ""
@@ -77,11 +111,10 @@ def _describe(name: str, cases: pd.DataFrame) -> Iterator[str]:
                 else "."
             )
         )
-    missing = cases.loc[cases["error"] != "", "error"]
-    if len(missing):
+    if "lowest_tre_mm_mean" in found and "tre_mm_mean" in found:
         yield (
-            f"{name} gave no result for {len(missing)} of {len(cases)} cases, which count as failed (first: "
-            f"{missing.iloc[0]})."
+            f"{name}: mean TRE {found['tre_mm_mean']:.2f} mm where the true rigid poses leave "
+            f"{found['lowest_tre_mm_mean']:.2f} mm; against these {found['tre_rigid_mm_mean']:.2f} mm."
         )
 
 

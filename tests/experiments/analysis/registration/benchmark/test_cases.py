@@ -10,15 +10,15 @@ from benchmark_cases import written_cases
 
 from experiments.analysis.registration.benchmark import cases
 from experiments.analysis.registration.benchmark.cases import (
+    block_specs,
     differences,
     freeze,
     frozen_digests,
     make_cases,
-    subset_specs,
 )
 from experiments.errors import InputError
 from experiments.outcome import Silent
-from registration.benchmark.build import SUBSETS
+from registration.benchmark.blocks import SUBSETS, blocks_of, collection_name
 from registration.benchmark.case_files import case_names, truth_file, written_digest
 
 NAMES = {"tube_a": ("a", "whole"), "tube_b": ("b", "whole")}
@@ -26,14 +26,17 @@ NAMES = {"tube_a": ("a", "whole"), "tube_b": ("b", "whole")}
 
 def test_the_digest_of_every_case_is_committed() -> None:
     frozen = frozen_digests()
-    assert set(frozen) == set(SUBSETS)
-    for subset in SUBSETS:
-        assert list(frozen[subset]) == [spec.name for spec in subset_specs(subset)]
-        assert all(len(digest) == 16 for digest in frozen[subset].values())
+    blocks = {
+        collection_name(*one): one for one in ((sub, block) for sub in SUBSETS for block in blocks_of(sub))
+    }
+    assert set(frozen) == set(blocks)
+    for name, (subset, block) in blocks.items():
+        assert list(frozen[name]) == [spec.name for spec in block_specs(subset, block)]
+        assert all(len(digest) == 16 for digest in frozen[name].values())
 
 
 def test_cases_are_made_once_and_the_same_by_one_worker_or_two(tmp_path: Path) -> None:
-    wanted = [spec for spec in subset_specs("development") if spec.kind == "piece40_middle"][:2]
+    wanted = [spec for spec in block_specs("development") if spec.kind == "piece40_middle"][:2]
     assert make_cases(tmp_path / "two", wanted, 2, Silent(), "development") == ()
     assert case_names(tmp_path / "two") == [spec.name for spec in wanted]
     first = tmp_path / "two" / wanted[0].name / "moving.ply"
@@ -45,6 +48,11 @@ def test_cases_are_made_once_and_the_same_by_one_worker_or_two(tmp_path: Path) -
     assert make_cases(tmp_path / "two", wanted, 1, Silent(), "development") == ()
     assert first.stat().st_mtime_ns == before
     assert written_digest(tmp_path / "two", wanted[1].name) == frozen_digests()["development"][wanted[1].name]
+
+
+def test_a_case_of_another_block_is_the_frozen_one(tmp_path: Path) -> None:
+    wanted = [spec for spec in block_specs("development", "deforming") if spec.kind.startswith("field")][1:2]
+    assert make_cases(tmp_path, wanted, 1, Silent(), "development_deforming") == ()
 
 
 def test_a_case_that_changed_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -62,17 +70,19 @@ def test_a_case_that_changed_is_noticed(tmp_path: Path, monkeypatch: pytest.Monk
 def test_freezing_writes_the_digests_of_all_cases(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cases, "frozen_file", lambda: tmp_path / "rigid.json")
     folder = tmp_path / "symmetric"
-    names = {spec.name: (spec.anatomy, spec.kind) for spec in subset_specs("symmetric")}
+    names = {spec.name: (spec.anatomy, spec.kind) for spec in block_specs("symmetric")}
     written_cases(folder, names)
-    assert freeze({"symmetric": folder}) == len(names)
+    assert freeze({("symmetric", "undeformed"): folder}) == len(names)
     assert frozen_digests() == {"symmetric": {name: written_digest(folder, name) for name in names}}
     truth_file(folder, "cone_whole").unlink()
     with pytest.raises(InputError, match="expected all cases of symmetric, received none of cone_whole"):
-        freeze({"symmetric": folder})
+        freeze({("symmetric", "undeformed"): folder})
 
 
 def test_a_subset_that_there_is_not_is_refused() -> None:
     with pytest.raises(
         InputError, match="subset: expected one of development, test, symmetric, received 'all'"
     ):
-        subset_specs("all")
+        block_specs("all")
+    with pytest.raises(InputError, match="blocks: expected some of undeformed, deforming"):
+        block_specs("test", "soft")

@@ -10,12 +10,12 @@ import pytest
 
 from experiments.analysis.registration.benchmark.figures import benchmark_figures
 from experiments.analysis.registration.benchmark.findings import describe_benchmark
-from experiments.analysis.registration.benchmark.tables import (
+from experiments.analysis.registration.benchmark.metrics import (
     benchmark_metrics,
-    benchmark_tables,
     over_cautious,
     success_interval,
 )
+from experiments.analysis.registration.benchmark.tables import benchmark_tables
 
 NAN = math.nan
 
@@ -28,7 +28,8 @@ def row(case: str, tre_mm: float, verdict: str = "accepted", **change: Any) -> d
         "translation_error_mm": tre_mm, "success": True, "success_tre": tre_mm <= 2,
         "success_tre_symmetric": tre_mm <= 2, "verdict": verdict, "ambiguity_gap": NAN, "tre_high_mm": NAN,
         "covered_by_interval": NAN, "second_pose_gap": NAN, "second_tre_mm": NAN, "ambiguous_rightly": NAN,
-        "runtime_s": 0.5, "error": "", "simulated": True,
+        "runtime_s": 0.5, "error": "", "simulated": True, "block": "undeformed", "same_vessel": True,
+        "tre_rigid_mm": tre_mm, "lowest_tre_mm": 0.0, "high_over_error": NAN,
     }  # fmt: skip
     return made | change
 
@@ -181,3 +182,88 @@ def test_a_method_that_does_not_judge_has_no_acceptance() -> None:
     methods = benchmark_tables(OTHER)["methods, simulated"]
     assert methods["acceptance_rate"].isna().all()
     assert not {"accepted wrongly, simulated", "not accepted, simulated"} & set(benchmark_tables(OTHER))
+
+
+BLOCKS = pd.DataFrame(
+    [
+        row("a_bend", 1.5, block="deforming", tre_rigid_mm=0.9, lowest_tre_mm=1.0, tre_high_mm=3.0,
+            covered_by_interval=1.0, high_over_error=2.0),
+        row("b_bend", 2.5, block="deforming", tre_rigid_mm=1.5, lowest_tre_mm=2.0, tre_high_mm=1.0,
+            covered_by_interval=0.0, high_over_error=0.4),
+        row("a_own", 0.5, "ambiguous", block="wrong_vessel", tre_high_mm=1.0, covered_by_interval=1.0,
+            high_over_error=2.0, ambiguous_rightly=0.0),
+        row("b_own", 0.5, block="wrong_vessel", tre_high_mm=1.0, covered_by_interval=1.0, high_over_error=2.0),
+        *(
+            row(f"{name}_other", NAN, verdict, block="wrong_vessel", same_vessel=False, tre_high_mm=high_mm,
+                tre_rigid_mm=NAN, lowest_tre_mm=NAN)
+            for name, verdict, high_mm in (("a", "accepted", 0.8), ("b", "ambiguous", 5.0), ("c", "failed", 9.0),
+                                           ("d", "ambiguous", 4.0))
+        ),
+    ]
+)  # fmt: skip
+
+
+def test_of_another_vessel_every_accepted_result_is_wrong() -> None:
+    found = benchmark_metrics(BLOCKS[BLOCKS["block"] == "wrong_vessel"])
+    assert found["cases"] == 6
+    assert found["success_tre_rate"] == 1.0  # of the two that are of their own vessel
+    assert found["right_accepted_rate"] == pytest.approx(1 / 2)
+    assert found["accepted_wrong_rate"] == 0.0
+    assert found["wrong_vessel_accepted_rate"] == pytest.approx(1 / 4)
+    # Wilson, z = 1.95996, 1 of 4: worked out apart.
+    assert found["wrong_vessel_accepted_rate_high"] == pytest.approx(0.6994, abs=1e-4)
+    assert found["accepted_failures"] == 1
+    assert found["tre_mm_mean"] == pytest.approx(0.5)
+    # By the predicted error: wrong at 0.8, two right ones at 1.0, then three wrong ones.
+    assert found["risk_area_tre_high_mm"] == pytest.approx((1 + 1 / 2 + 1 / 3 + 2 / 4 + 3 / 5 + 4 / 6) / 6)
+    alone = benchmark_metrics(BLOCKS[~BLOCKS["same_vessel"]])
+    assert "success_tre_rate" not in alone and "tre_mm_mean" not in alone
+    unjudged = benchmark_metrics(BLOCKS.assign(verdict="not judged"))
+    assert "wrong_vessel_accepted_rate" not in unjudged and "accepted_wrong_rate" not in unjudged
+
+
+def test_where_tissue_deforms_errors_stand_beside_what_no_pose_undoes() -> None:
+    found = benchmark_metrics(BLOCKS[BLOCKS["block"] == "deforming"])
+    assert found["tre_mm_mean"] == pytest.approx(2.0)
+    assert found["tre_rigid_mm_mean"] == pytest.approx(1.2)
+    assert found["lowest_tre_mm_mean"] == pytest.approx(1.5)
+    assert found["accepted_wrong_rate"] == pytest.approx(1 / 2)
+    assert found["high_over_error_median"] == pytest.approx(1.2)
+    assert "tre_rigid_mm_mean" not in benchmark_metrics(MINE)
+
+
+def test_blocks_have_a_row_each() -> None:
+    tables = benchmark_tables(BLOCKS)
+    errors = tables["errors by block, simulated"].set_index("block")
+    assert errors.loc["deforming", "cases"] == 2 and errors.loc["wrong_vessel", "cases"] == 2
+    assert errors.loc["deforming", "interval_coverage_rate"] == pytest.approx(1 / 2)
+    judged = tables["judgements by block, simulated"].set_index("block")
+    assert judged.loc["wrong_vessel", "wrong_vessels"] == 4
+    assert judged.loc["wrong_vessel", "wrong_vessel_accepted_rate"] == pytest.approx(1 / 4)
+    assert math.isnan(judged.loc["deforming", "wrong_vessel_accepted_rate"])
+    # Models of other vessels that were refused are as they should be; those accepted are named.
+    assert tables["not accepted, simulated"]["case"].tolist() == ["a_own"]
+    assert tables["accepted wrongly, simulated"]["case"].tolist() == ["b_bend", "a_other"]
+    assert "errors by block, simulated" not in benchmark_tables(MINE)
+
+
+def test_sentences_of_several_blocks_name_them() -> None:
+    said = describe_benchmark(BLOCKS)
+    assert (
+        "Wrong vessel: mine accepts 25.0 % (Wilson 95 % interval 4.6 to 69.9) of 4 models of other"
+        in " ".join(said)
+    )
+    assert any(one.endswith("mirror images (a_other).") for one in said)
+    assert (
+        "Deforming: mine: mean TRE 2.00 mm where the true rigid poses leave 1.50 mm; against these 1.20 mm."
+        in said
+    )
+    unjudged = describe_benchmark(BLOCKS.assign(verdict="not judged"))
+    assert any("cannot refuse the 4 models of other vessels" in one for one in unjudged)
+    assert not any("Deforming" in one for one in describe_benchmark(MINE))
+
+
+def test_the_figure_of_several_blocks_shows_these() -> None:
+    _, predicted, blocks = benchmark_figures(BLOCKS)["rigid_benchmark"].axes
+    assert [label.get_text() for label in blocks.get_xticklabels()] == ["deforming", "wrong vessel"]
+    assert sum(len(dots.get_offsets()) for dots in predicted.collections) == 4
