@@ -21,7 +21,18 @@ class Displacement(Protocol):
     """Field that takes material points to where they lie at the time of the sweep, both in the bed frame."""
 
     def __call__(self, points_mm: Float[np.ndarray, "n 3"], /) -> Float[np.ndarray, "n 3"]:
-        """Compute the displaced points in mm, shape (n, 3), in the precision of the input."""
+        """Compute where material points lie at the time of the sweep.
+
+        Parameters
+        ----------
+        points_mm : ndarray, shape (n, 3)
+            Material points in the bed frame in mm.
+
+        Returns
+        -------
+        ndarray, shape (n, 3)
+            Displaced points in mm, in the precision of the input.
+        """
         ...
 
 

@@ -16,7 +16,7 @@ from registration.rigid.icp.correspondence import TreeTarget
 from registration.rigid.icp.robust_kernels import RobustKernel
 from registration.rigid.open_motions import left_open
 from registration.rigid.pose_comparison import Evidence, both_ways
-from registration.rigid.prediction import predict
+from registration.rigid.prediction import Prediction, predict
 from registration.rigid.residual_model.model import ResidualModel
 from registration.rigid.result import ACCEPTED, AMBIGUOUS, FAILED, Candidate, RigidResult
 from registration.rigid.search_cone import Bound
@@ -182,33 +182,31 @@ def assess(settings: Assessment, problem: Problem, found: Found) -> RigidResult:
         allowed=allowed,
         seed=settings.seed,
     )
+    return _result(settings, problem, found.with_best(predicted.fixed_T_moving), predicted, places_mm)
+
+
+def _result(
+    settings: Assessment,
+    problem: Problem,
+    found: Found,
+    predicted: Prediction,
+    places_mm: Float64[np.ndarray, "t 3"],
+) -> RigidResult:
+    """The result at the predicted pose, which is that of the best candidate."""
     pose = predicted.fixed_T_moving
-    candidates = _measured(settings, problem, found.with_best(pose))
-    best = candidates[0]
-    measured = settings.fit(problem.moving_mm, evidence.target, pose)
+    candidates = _measured(settings, problem, found)
+    measured = settings.fit(problem.moving_mm, problem.evidence.target, pose)
     gap, directions = left_open(
         settings.acceptance,
         problem.axes_tried,
-        evidence,
-        found.with_best(pose),
+        problem.evidence,
+        found,
         predicted,
         places_mm,
         probe_points=settings.probe_points,
         keep=settings.keep,
     )
-    verdict, reason = settings.acceptance(
-        settled=found.settled,
-        inlier_share=measured.inlier_share,
-        gap=gap,
-        expected_mm=predicted.expected_mm,
-        weak=directions,
-        tries=problem.axes_tried,
-        deformation=predicted.deformation,
-        probability_right_vessel=predicted.probability_right_vessel,
-    )
-    verdict, reason = _within_bound(
-        verdict, reason, bound, pose, _beyond(settings.acceptance.min_gap, evidence, found, bound, pose)
-    )
+    verdict, reason = _verdict(settings, problem, found, predicted, measured.inlier_share, gap, directions)
     return RigidResult(
         fixed_T_moving=pose,
         rmse_mm=measured.rmse_mm,
@@ -218,18 +216,43 @@ def assess(settings: Assessment, problem: Problem, found: Found) -> RigidResult:
         converged=found.settled and verdict != FAILED,
         candidates=candidates,
         runtime_s=time.perf_counter() - problem.begin_s,
-        rmse_bidirectional_mm=best.rmse_bidirectional_mm,
-        coverage=best.coverage,
+        rmse_bidirectional_mm=candidates[0].rmse_bidirectional_mm,
+        coverage=candidates[0].coverage,
         verdict=verdict,
         reason=reason,
         ambiguity_gap=gap,
         weak_directions=directions,
         pose_samples=predicted.samples,
-        wall_offset_mm=evidence.wall_offset_mm(pose),
-        search_cone=None if bound is None else bound.kept_to,
+        wall_offset_mm=problem.evidence.wall_offset_mm(pose),
+        search_cone=None if problem.bound is None else problem.bound.kept_to,
         deformation=predicted.deformation,
         probability_right_vessel=predicted.probability_right_vessel,
     )
+
+
+def _verdict(
+    settings: Assessment,
+    problem: Problem,
+    found: Found,
+    predicted: Prediction,
+    inlier_share: float,
+    gap: float,
+    weak: tuple[str, ...],
+) -> tuple[str, str]:
+    """Verdict with its reason, within the bound where there is one."""
+    verdict, reason = settings.acceptance(
+        settled=found.settled,
+        inlier_share=inlier_share,
+        gap=gap,
+        expected_mm=predicted.expected_mm,
+        weak=weak,
+        tries=problem.axes_tried,
+        deformation=predicted.deformation,
+        probability_right_vessel=predicted.probability_right_vessel,
+    )
+    bound, pose = problem.bound, predicted.fixed_T_moving
+    beyond = _beyond(settings.acceptance.min_gap, problem.evidence, found, bound, pose)
+    return _within_bound(verdict, reason, bound, pose, beyond)
 
 
 def _measured(settings: Assessment, problem: Problem, found: Found) -> tuple[Candidate, ...]:
