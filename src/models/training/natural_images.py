@@ -13,7 +13,7 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from models.checkpoint import UNREADABLE
+from models.weights_file import UNREADABLE
 from models.errors import InputError
 from models.networks.efficientnet_unet import EfficientNetUNet
 from models.networks.registry import NetworkRecipe
