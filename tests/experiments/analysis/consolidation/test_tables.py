@@ -26,7 +26,14 @@ def case(model: str, group: int, dsc: float, *, seed: int = 0, fold: int = -1, *
     row = {"kind": "case", "model": model, "seed": seed, "fold": fold, "part": "test", "step": "raw 0.5"}
     return (
         row
-        | {"group": f"g{group}", "case_id": f"c{group}", "dsc": dsc, "hd95_px": 10 * (1 - dsc), "missed": 0.0, "false_alarm": np.nan}
+        | {
+            "group": f"g{group}",
+            "case_id": f"c{group}",
+            "dsc": dsc,
+            "hd95_px": 10 * (1 - dsc),
+            "missed": 0.0,
+            "false_alarm": np.nan,
+        }
         | more
     )
 

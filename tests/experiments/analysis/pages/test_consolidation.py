@@ -15,7 +15,9 @@ from experiments.tracking.archive import write_archive
 from experiments.tracking.run_record import RunRecord
 
 
-def run(run_id: str, seed: int, start_ms: int, *, dataset: str = "usgra", simulated: str = "false") -> RunRecord:
+def run(
+    run_id: str, seed: int, start_ms: int, *, dataset: str = "usgra", simulated: str = "false"
+) -> RunRecord:
     history = pd.DataFrame([("dsc_mean", 0, 0.7, 1)], columns=["metric", "step", "value", "timestamp_ms"])
     tags = {"ctus.kind": "job", "mlflow.source.git.commit": "0123456789abcdef", "ctus.machine": "one machine"}
     tags |= {"dataset": dataset, "simulated": simulated}
@@ -37,7 +39,12 @@ def summarise(results: list[JobResult]) -> Outcome:
 
 
 def test_the_page_holds_findings_tables_figures_and_the_certificate(tmp_path: Path) -> None:
-    runs = [run("a", 1, 2000), run("b", 0, 1000), run("c", 0, 500, dataset="carotid"), run("d", 0, 1, simulated="true")]
+    runs = [
+        run("a", 1, 2000),
+        run("b", 0, 1000),
+        run("c", 0, 500, dataset="carotid"),
+        run("d", 0, 1, simulated="true"),
+    ]
     write_archive(runs, tmp_path / "runs")
     out = tmp_path / "results"
     out.mkdir()
@@ -49,7 +56,9 @@ def test_the_page_holds_findings_tables_figures_and_the_certificate(tmp_path: Pa
     assert "## Candidates on test groups\n\n| model | seeds |" in page
     for name in ("consolidation_usgra_barriers.png", "consolidation_usgra_certificate.md"):
         assert f"({name})" in page and (out / name).is_file()
-    assert (out / "consolidation_usgra_candidates.csv").read_text(encoding="utf-8") == "model,seeds\nuniform,2\n"
+    assert (out / "consolidation_usgra_candidates.csv").read_text(
+        encoding="utf-8"
+    ) == "model,seeds\nuniform,2\n"
 
 
 def test_simulated_runs_have_a_page_of_their_own(tmp_path: Path) -> None:
