@@ -26,13 +26,14 @@ from models.training.augmentation import Augmentation
 from models.training.callback import TrainingCallback
 from models.training.datamodule import FoldData
 from models.training.deep_supervision import training_loss
-from models.training.fold import initial_network
+from models.training.initialisation import initial_network
 from models.training.losses import DiceCrossEntropy
 from models.training.phase import Phase
 from models.training.segmenter import Segmenter
 from models.training.settings import TrainerSettings
 from models.training.state import TrainingFolder
 from models.training.trainer import lightning_trainer, quiet, reproducible
+from models.weights import Weights
 
 LOSS = DiceCrossEntropy()
 
@@ -74,9 +75,9 @@ def in_fit(problem: Problem, folder: Path | None) -> float:
     settings, data = problem.settings, problem.data()
     files = TrainingFolder(folder, "bench") if folder else None
 
-    def save(network: nn.Module, epoch: int, dsc: float) -> None:
+    def save(weights: Weights, epoch: int, dsc: float) -> None:
         if files is not None:
-            Checkpoint(problem.model, network.state_dict(), problem.stage).save(files.weights_path(epoch))
+            Checkpoint(problem.model, weights, problem.stage).save(files.weights_path(epoch))
 
     callback = TrainingCallback(Phase.whole(settings), data, None, save, files.save if files else None)
     steps, network = data.steps_per_epoch, initial_network(problem.model, 0)

@@ -49,8 +49,8 @@ LAYERS: dict[str, list[list[str]]] = {
         ["models.checkpoint"],
         ["models.model_file"],
         ["models.predictor"],
-        ["models.training", "models.evaluation", "models.export"],
         ["models.averaging"],
+        ["models.training", "models.evaluation", "models.export"],
         ["models.train"],
     ],
     "registration": [

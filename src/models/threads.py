@@ -27,6 +27,12 @@ def fixed_threads(count: int) -> Iterator[None]:
     ------
     InputError
         If the number is below 1.
+
+    Examples
+    --------
+    >>> with fixed_threads(1):
+    ...     torch.get_num_threads()
+    1
     """
     if count < 1:
         raise InputError(f"threads: expected at least 1, received {count}")

@@ -36,8 +36,9 @@ from models.settings_file import read_settings
 from models.threads import fixed_threads
 from models.training.augmentation import augmentation_of
 from models.training.fold import TrainedFold, train_fold
-from models.training.initialisation import Initialisation, SharedRandom, initialisation_of
+from models.training.initialisation import Initialisation, Pretrained, SharedRandom
 from models.training.losses import DiceCrossEntropy, loss_of
+from models.training.natural_images import NaturalImages
 from models.training.settings import TrainerSettings
 from models.training.spec import FoldTraining
 from models.training.training_data import TrainingData
@@ -45,6 +46,7 @@ from models.value_types import mismatch, require_settings
 
 SIDES = ("train", "validation", "test")
 OUTSIDE = ("selection", "held_out")
+STARTS: dict[str, type[Any]] = {each.name: each for each in (SharedRandom, Pretrained, NaturalImages)}
 Part = TypeVar("Part")
 
 
@@ -210,9 +212,12 @@ def _scored(plan: TrainingPlan, trained: TrainedFold) -> list[dict[str, Any]]:
 def _start(folder: Path, settings: Mapping[str, Any]) -> Initialisation:
     """The weights to start from; a path is relative to the configuration file."""
     given = dict(settings)
+    name = str(given.pop("name", SharedRandom.name))
+    if name not in STARTS:
+        raise InputError(f"init: expected one of {', '.join(STARTS)}, received {name!r}")
     if isinstance(given.get("path"), str):
         given["path"] = folder / given["path"]
-    return initialisation_of(str(given.pop("name", SharedRandom.name)), given)
+    return _part(STARTS[name], "init", given)
 
 
 def _part(kind: type[Part], name: str, settings: Mapping[str, Any]) -> Part:

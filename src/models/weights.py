@@ -1,4 +1,4 @@
-"""Weights of a network: their type, and the digest by which two networks are known to have started from the same."""
+"""Weights of networks: their type, a digest that tells whether two are the same, and whether several fit each other."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from collections.abc import Mapping
 
 import torch
 from torch import Tensor
+
+from models.errors import InputError
 
 # A state dict: tensors by name, buffers included.
 Weights = Mapping[str, Tensor]
@@ -33,3 +35,35 @@ def weights_digest(weights: Weights) -> str:
         digest.update(f"{name}|{tensor.dtype}|{tuple(tensor.shape)}|".encode())
         digest.update(tensor.reshape(-1).view(torch.uint8).numpy().tobytes())
     return digest.hexdigest()
+
+
+def require_alike(weights: Mapping[str, Weights]) -> None:
+    """Require that all state dicts have the same tensors and only finite numbers.
+
+    Parameters
+    ----------
+    weights : mapping of str to Weights
+        State dicts by name; the first is the reference.
+
+    Raises
+    ------
+    InputError
+        If names, shapes or types of tensors differ, or a number is not finite.
+    """
+    reference_name, reference = next(iter(weights.items()))
+    expected = {name: (tuple(tensor.shape), tensor.dtype) for name, tensor in reference.items()}
+    for owner, tensors in weights.items():
+        received = {name: (tuple(tensor.shape), tensor.dtype) for name, tensor in tensors.items()}
+        for name in sorted(expected.keys() | received.keys()):
+            if expected.get(name) != received.get(name):
+                raise InputError(
+                    f"weights of {owner}: expected {name} as in {reference_name}, "
+                    f"{_described(expected.get(name))}, received {_described(received.get(name))}"
+                )
+        for name, tensor in tensors.items():
+            if tensor.is_floating_point() and not bool(torch.isfinite(tensor).all()):
+                raise InputError(f"weights of {owner}: expected finite numbers, found others in {name}")
+
+
+def _described(shape_and_type: tuple[tuple[int, ...], torch.dtype] | None) -> str:
+    return "absent" if shape_and_type is None else f"{shape_and_type[1]} {shape_and_type[0]}"

@@ -12,8 +12,9 @@ from torch import Tensor
 
 from models.averaging.channel_groups import Layout
 from models.averaging.channel_ties import ChannelTies
-from models.averaging.members import Weights, combination, require_alike
+from models.averaging.members import combination
 from models.errors import InputError
+from models.weights import Weights, require_alike
 
 # Permutations by group: channel i of the result is channel permutation[i] of the input.
 Permutations = Mapping[int, np.ndarray]

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
-from models.averaging.members import Member, Weights, combination, require_averageable
+from models.averaging.members import Member, combination, require_averageable
 from models.errors import InputError
+from models.weights import Weights
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,9 +13,9 @@ from torch import Tensor, nn
 
 from models.array_types import Float64
 from models.averaging.batch_statistics import reestimate_batch_statistics
-from models.averaging.members import Member, Weights, combination, require_averageable
+from models.averaging.members import Member, combination, require_averageable
 from models.errors import InputError
-from models.training.losses import Loss
+from models.weights import Weights
 
 
 @dataclass(frozen=True)
@@ -42,8 +42,8 @@ class BatchEvaluation:
     ----------
     network : Module
         Loads each state dict in turn; left in evaluation mode.
-    loss : Loss
-        Loss of a batch; its mean over images is reported.
+    loss : callable
+        Loss of a batch from logits and masks; its mean over images is reported.
     batches : callable
         Returns images and masks (b, 1, h, w) anew at every call.
     statistics_batches : callable or None, optional
@@ -52,7 +52,7 @@ class BatchEvaluation:
     """
 
     network: nn.Module
-    loss: Loss
+    loss: Callable[[Tensor, Tensor], Tensor]
     batches: Callable[[], Iterable[tuple[Tensor, Tensor]]]
     statistics_batches: Callable[[], Iterable[Tensor]] | None = None
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -10,7 +10,7 @@ from torch import Tensor
 
 from models.errors import InputError
 from models.networks.registry import NetworkRecipe
-from models.weights import Weights
+from models.weights import Weights, require_alike
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,38 +79,6 @@ def _require_same_start(members: Sequence[Member]) -> None:
                 f"start of {member.name}: expected that of {members[0].name} ({members[0].start}), "
                 f"received {member.start}: networks from different starts can't be averaged"
             )
-
-
-def require_alike(weights: Mapping[str, Weights]) -> None:
-    """Require that all state dicts have the same tensors and only finite numbers.
-
-    Parameters
-    ----------
-    weights : mapping of str to Weights
-        State dicts by name; the first is the reference.
-
-    Raises
-    ------
-    InputError
-        If names, shapes or types of tensors differ, or a number is not finite.
-    """
-    reference_name, reference = next(iter(weights.items()))
-    expected = {name: (tuple(tensor.shape), tensor.dtype) for name, tensor in reference.items()}
-    for owner, tensors in weights.items():
-        received = {name: (tuple(tensor.shape), tensor.dtype) for name, tensor in tensors.items()}
-        for name in sorted(expected.keys() | received.keys()):
-            if expected.get(name) != received.get(name):
-                raise InputError(
-                    f"weights of {owner}: expected {name} as in {reference_name}, "
-                    f"{_described(expected.get(name))}, received {_described(received.get(name))}"
-                )
-        for name, tensor in tensors.items():
-            if tensor.is_floating_point() and not bool(torch.isfinite(tensor).all()):
-                raise InputError(f"weights of {owner}: expected finite numbers, found others in {name}")
-
-
-def _described(shape_and_type: tuple[tuple[int, ...], torch.dtype] | None) -> str:
-    return "absent" if shape_and_type is None else f"{shape_and_type[1]} {shape_and_type[0]}"
 
 
 def combination(weights: Sequence[Weights], coefficients: Sequence[float]) -> dict[str, Tensor]:

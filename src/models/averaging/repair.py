@@ -14,8 +14,8 @@ from models.averaging.batch_statistics import (
     batch_normalisations,
     reestimate_batch_statistics,
 )
-from models.averaging.members import Weights
 from models.errors import InputError
+from models.weights import Weights
 
 # Added to variances before the square root, as in a normalisation layer.
 EPSILON = 1e-5

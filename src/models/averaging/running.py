@@ -13,8 +13,8 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from models.averaging.members import Weights, require_alike
 from models.errors import InputError
+from models.weights import Weights, require_alike
 
 
 class RunningAverage(ABC):

@@ -20,6 +20,7 @@ from models.networks.blocks import (
     require_fields,
     require_size,
 )
+from models.networks.outputs import PresenceBranch, SideOutputs, outputs_of
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,8 @@ class AttentionUNet:
     gated_levels : sequence of int, or None
         Levels whose skips are gated, counted from 0 at full size. None stands for all but the full-size one, as
         published: three at the published depth of 5.
+    presence : bool
+        Whether a branch from the coarsest level predicts that a vessel is in the image; as in ``UNet``.
 
     Raises
     ------
@@ -56,6 +59,7 @@ class AttentionUNet:
     normalisation: str = "batch"
     dropout: float = 0.1
     gated_levels: Sequence[int] | None = None
+    presence: bool = False
 
     name: ClassVar[str] = "attention_unet"
 
@@ -88,7 +92,7 @@ class AttentionUNet:
         Returns
         -------
         nn.Module
-            Images (b, 1, h, w) to logits (b, 1, h, w).
+            Images (b, 1, h, w) to logits (b, 1, h, w); in training with ``presence``, to ``SideOutputs``.
         """
         return AttentionUNetModule(self)
 
@@ -180,9 +184,10 @@ class AttentionUNetModule(nn.Module):
             }
         )
         self.head = nn.Conv2d(recipe.width, 1, 1)
+        self.presence = PresenceBranch(widths[-1]) if recipe.presence else None
         initialise(self)
 
-    def forward(self, images: Float[Tensor, "b 1 h w"]) -> Float[Tensor, "b 1 h w"]:
+    def forward(self, images: Float[Tensor, "b 1 h w"]) -> Float[Tensor, "b 1 h w"] | SideOutputs:
         """Compute logits.
 
         Parameters
@@ -192,15 +197,15 @@ class AttentionUNetModule(nn.Module):
 
         Returns
         -------
-        Tensor, shape (b, 1, h, w)
-            Logits of "vessel" for every pixel.
+        Tensor, shape (b, 1, h, w), or SideOutputs
+            Logits of "vessel" for every pixel; in training with a presence branch, its logits as well.
         """
         require_size(images.shape[-2], images.shape[-1], self.multiple)
         *skips, features = self.encoder(images)
+        presence = None if self.presence is None else self.presence(features)
         for level, up in zip(reversed(range(len(skips))), self.decoder, strict=True):
             skip = skips[level]
             if str(level) in self.gates:
                 skip = self.gates[str(level)](skip, features)
             features = up(features, skip)
-        logits: Tensor = self.head(features)
-        return logits
+        return outputs_of(self, self.head(features), presence)

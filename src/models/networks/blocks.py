@@ -1,9 +1,8 @@
-"""The pieces that networks of the U-Net family are built from, and what they return in training."""
+"""The pieces that networks of the U-Net family are built from."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import torch
 from torch import Tensor, nn
@@ -13,25 +12,6 @@ from models.errors import InputError
 
 NORMALISATIONS = ("batch", "instance", "group", "none")
 GROUPS = 8
-
-
-@dataclass(frozen=True, eq=False)
-class SideOutputs:
-    """Outputs of a network in training; in use, a network returns logits alone.
-
-    Parameters
-    ----------
-    logits : Tensor, shape (b, 1, h, w)
-        Logits of the network.
-    sides : tuple of Tensor, shape (b, 1, h, w)
-        Logits of the coarser levels, brought to the images' size, from fine to coarse.
-    presence : Tensor, shape (b,), or None
-        Logit of "the image shows a vessel"; None for a network without that branch.
-    """
-
-    logits: Float[Tensor, "b 1 h w"]
-    sides: tuple[Float[Tensor, "b 1 h w"], ...] = ()
-    presence: Float[Tensor, " b"] | None = None
 
 
 def normalisation_layer(kind: str, channels: int) -> nn.Module:

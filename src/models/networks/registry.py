@@ -21,7 +21,7 @@ from models.value_types import require_settings
 class NetworkRecipe(Protocol):
     """Frozen dataclass of plain settings whose call builds a network, images (b, 1, h, w) to logits alike.
 
-    In training mode a network may return ``models.networks.blocks.SideOutputs`` instead.
+    In training mode a network may return ``models.networks.outputs.SideOutputs`` instead.
     """
 
     name: ClassVar[str]

@@ -9,6 +9,7 @@ from torch import Tensor, nn
 
 from models.array_types import Float
 from models.networks.blocks import Encoder, decoder, initialise, require_fields, require_size
+from models.networks.outputs import PresenceBranch, SideOutputs, outputs_of
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,9 @@ class UNet:
         Normalisation layers; one of ``models.networks.blocks.NORMALISATIONS``.
     dropout : float
         Fraction of channels dropped at the two coarsest levels, where the paper has it; 0 to below 1.
+    presence : bool
+        Whether a branch from the coarsest level predicts that a vessel is in the image, which the paper does not
+        have; logits then are those of p(pixel | vessel in the image) * p(vessel in the image).
 
     Raises
     ------
@@ -43,6 +47,7 @@ class UNet:
     depth: int = 5
     normalisation: str = "batch"
     dropout: float = 0.1
+    presence: bool = False
 
     name: ClassVar[str] = "unet"
 
@@ -62,7 +67,7 @@ class UNet:
         Returns
         -------
         nn.Module
-            Images (b, 1, h, w) to logits (b, 1, h, w).
+            Images (b, 1, h, w) to logits (b, 1, h, w); in training with ``presence``, to ``SideOutputs``.
         """
         return UNetModule(self)
 
@@ -77,9 +82,10 @@ class UNetModule(nn.Module):
         self.encoder = Encoder(widths, recipe.normalisation, recipe.dropout)
         self.decoder = decoder(widths, recipe.normalisation)
         self.head = nn.Conv2d(recipe.width, 1, 1)
+        self.presence = PresenceBranch(widths[-1]) if recipe.presence else None
         initialise(self)
 
-    def forward(self, images: Float[Tensor, "b 1 h w"]) -> Float[Tensor, "b 1 h w"]:
+    def forward(self, images: Float[Tensor, "b 1 h w"]) -> Float[Tensor, "b 1 h w"] | SideOutputs:
         """Compute logits.
 
         Parameters
@@ -89,12 +95,12 @@ class UNetModule(nn.Module):
 
         Returns
         -------
-        Tensor, shape (b, 1, h, w)
-            Logits of "vessel" for every pixel.
+        Tensor, shape (b, 1, h, w), or SideOutputs
+            Logits of "vessel" for every pixel; in training with a presence branch, its logits as well.
         """
         require_size(images.shape[-2], images.shape[-1], self.multiple)
         *skips, features = self.encoder(images)
+        presence = None if self.presence is None else self.presence(features)
         for up in self.decoder:
             features = up(features, skips.pop())
-        logits: Tensor = self.head(features)
-        return logits
+        return outputs_of(self, self.head(features), presence)

@@ -14,16 +14,13 @@ from models.errors import InputError
 from models.networks.blocks import (
     GROUPS,
     Encoder,
-    SideOutputs,
     initialise,
     normalisation_layer,
     require_fields,
     require_size,
 )
+from models.networks.outputs import PresenceBranch, SideOutputs, gated, outputs_of
 from models.networks.upsampled_convolution import UpsampledConvolution
-
-# The share of the coarsest features that the class branch drops in training, as in the authors' published code.
-PRESENCE_DROPOUT = 0.5
 
 
 @dataclass(frozen=True)
@@ -183,9 +180,9 @@ class UNet3PlusModule(nn.Module):
         if recipe.deep_supervision:
             coarser = [decoded] * (recipe.depth - 2) + [widths[-1]]
             self.sides.extend(nn.Conv2d(channels, 1, 3, padding=1) for channels in coarser)
-        self.presence: nn.Module | None = None
+        self.presence: PresenceBranch | None = None
         if recipe.classification_guided:
-            self.presence = nn.Sequential(nn.Dropout(PRESENCE_DROPOUT), nn.Conv2d(widths[-1], 1, 1))
+            self.presence = PresenceBranch(widths[-1])
         initialise(self)
 
     def forward(self, images: Float[Tensor, "b 1 h w"]) -> Float[Tensor, "b 1 h w"] | SideOutputs:
@@ -203,46 +200,20 @@ class UNet3PlusModule(nn.Module):
         """
         require_size(images.shape[-2], images.shape[-1], self.multiple)
         features = self.encoder(images)
-        presence = None if self.presence is None else self.presence(features[-1]).amax(dim=(1, 2, 3))
+        presence = None if self.presence is None else self.presence(features[-1])
         # From coarse to fine the decoder's features take the place of the encoder's.
         for block in self.decoder:
             features[block.level] = block(features)
         logits: Tensor = self.head(features[0])
-        if presence is not None:
-            logits = gated(logits, presence)
-        if not self.training or (presence is None and not self.sides):
-            return logits
+        if not self.training or not self.sides:
+            return outputs_of(self, logits, presence)
         sides = tuple(
             self._side(head, feature, images.shape[-2:], presence)
             for head, feature in zip(self.sides, features[1:], strict=False)
         )
-        return SideOutputs(logits, sides, presence)
+        return SideOutputs(logits if presence is None else gated(logits, presence), sides, presence)
 
     def _side(self, head: nn.Module, feature: Tensor, size: torch.Size, presence: Tensor | None) -> Tensor:
         """A coarser level's logits at the images' size."""
         logits = functional.interpolate(head(feature), size=size, mode="bilinear")
         return logits if presence is None else gated(logits, presence)
-
-
-def gated(logits: Float[Tensor, "b 1 h w"], presence: Float[Tensor, " b"]) -> Float[Tensor, "b 1 h w"]:
-    """Compute the logit of p(pixel) * p(presence), in 32 bits, with no gradient to ``presence``.
-
-    Parameters
-    ----------
-    logits : Tensor, shape (b, 1, h, w)
-        Logits of the pixels.
-    presence : Tensor, shape (b,)
-        Logits of a vessel in the image.
-
-    Returns
-    -------
-    Tensor, shape (b, 1, h, w)
-        Logits of the product.
-
-    Notes
-    -----
-    The odds against a product of probabilities are (1 + e^-x)(1 + e^-c) - 1 = e^-x + e^-c + e^-(x + c), whose
-    logarithm is stable for logits x and c of any size.
-    """
-    pixel, image = -logits.float(), -presence.detach().float()[:, None, None, None]
-    return -torch.logaddexp(torch.logaddexp(pixel, image), pixel + image)

@@ -1,4 +1,4 @@
-"""What happens before, during and after each epoch of a training: random numbers, measures, best weights, state.
+"""What happens before, during and after each epoch of a training: random numbers, measures, kept weights, state.
 
 In place of Lightning's ModelCheckpoint: a checkpoint here holds the network's recipe and its preprocessing and is read
 without Lightning, and a state is not written where that would take a tenth of the time.
@@ -9,17 +9,20 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 
 import torch
 from lightning.pytorch import Callback, LightningModule, Trainer
-from torch import Tensor, nn
+from torch import Tensor
 
 from models.seeds import DROPOUT, seed_of
 from models.training.datamodule import FoldData
-from models.training.phase import Phase, best_epoch
+from models.training.late_weights import LateWeights
+from models.training.phase import Phase
 from models.training.segmenter import Segmenter
 from models.training.state import TrainingState
 from models.training.throughput import Throughput, peak_memory_mb
+from models.weights import Weights
 
 # A state is written after an epoch unless that would take more than this share of the time.
 STATE_SHARE = 0.1
@@ -37,9 +40,10 @@ class TrainingCallback(Callback):
     start : TrainingState or None
         State that the training is resumed from; None for a new one.
     save_weights : callable
-        Called with the network, the epoch and the validation DSC whenever that is the best so far.
+        Called with the validated weights, the epoch and the validation DSC whenever that epoch is the one to keep so
+        far.
     save_state : callable or None
-        Called with the state at the end of an epoch.
+        Called with the state and the number of the kept epoch at the end of an epoch.
     on_epoch : callable or None
         Called with each epoch's measures, those of ``start`` first.
     """
@@ -49,8 +53,8 @@ class TrainingCallback(Callback):
         phase: Phase,
         data: FoldData,
         start: TrainingState | None,
-        save_weights: Callable[[nn.Module, int, float], None],
-        save_state: Callable[[TrainingState], None] | None = None,
+        save_weights: Callable[[Weights, int, float], None],
+        save_state: Callable[[TrainingState, int], None] | None = None,
         on_epoch: Callable[[Mapping[str, float]], None] | None = None,
     ) -> None:
         self.phase = phase
@@ -59,6 +63,11 @@ class TrainingCallback(Callback):
         self.save_weights = save_weights
         self.save_state = save_state
         self.on_epoch = on_epoch
+        self.late = LateWeights(phase.settings, data.steps_per_epoch)
+        if start is not None:
+            self.late.restore(start.late)
+        self._validated: Weights = {}
+        self._averaged = ExitStack()
         self.history: list[dict[str, float]] = list(start.history) if start else []
         self._begin_s = time.perf_counter() - (start.runtime_s if start else 0.0)
         self._written_s, self._writing_s = -math.inf, 0.0
@@ -147,10 +156,44 @@ class TrainingCallback(Callback):
         batch_idx : int
             Number of the batch in the epoch.
         """
+        assert isinstance(pl_module, Segmenter)
         self._throughput.count(len(batch[0]), last=batch_idx + 1 == self.data.steps_per_epoch)
+        self.late.after_step(pl_module.network)
+
+    def on_validation_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Put the averaged weights into the network, where there are any.
+
+        Parameters
+        ----------
+        trainer : Trainer
+            Lightning's trainer.
+        pl_module : LightningModule
+            The segmenter.
+        """
+        assert isinstance(pl_module, Segmenter)
+        network = pl_module.network
+        self.late.after_epoch(network, len(self.history))
+        images = self.data.plain_training_images
+        self._averaged.enter_context(self.late.in_place(network, lambda: images(pl_module.device)))
+
+    def on_validation_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Remember the validated weights, and put those of the last step back.
+
+        Parameters
+        ----------
+        trainer : Trainer
+            Lightning's trainer.
+        pl_module : LightningModule
+            The segmenter.
+        """
+        assert isinstance(pl_module, Segmenter)
+        self._validated = {
+            name: tensor.detach().clone() for name, tensor in pl_module.network.state_dict().items()
+        }
+        self._averaged.close()
 
     def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
-        """Record an epoch: its measures, its weights if they are the best, and the state; stop where the phase is over.
+        """Record an epoch: its measures, its weights if they are to be kept, and the state; stop after the last one.
 
         Parameters
         ----------
@@ -173,8 +216,8 @@ class TrainingCallback(Callback):
         }
         self._require_finite(report["validation_loss"])
         self.history.append(report)
-        if best_epoch(self.history) == len(self.history) - 1:
-            self.save_weights(pl_module.network, len(self.history) - 1, report["validation_dsc"])
+        if self.phase.kept(self.history) == len(self.history) - 1:
+            self.save_weights(self._validated, len(self.history) - 1, report["validation_dsc"])
         trainer.should_stop = self.phase.is_over(self.history)
         self._write_state(trainer, pl_module)
         self._report_epoch(report)
@@ -191,7 +234,9 @@ class TrainingCallback(Callback):
         weights = {name: tensor.detach().cpu() for name, tensor in module.network.state_dict().items()}
         optimiser = trainer.optimizers[0].state_dict()
         scaler = trainer.precision_plugin.state_dict()
-        self.save_state(TrainingState(tuple(self.history), weights, optimiser, scaler, self.runtime_s))
+        late = self.late.state()
+        state = TrainingState(tuple(self.history), weights, optimiser, scaler, self.runtime_s, late)
+        self.save_state(state, self.phase.kept(self.history))
         self._written_s = time.perf_counter()
         self._writing_s = self._written_s - now_s
 

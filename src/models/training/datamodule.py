@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import cast
 
 import numpy as np
@@ -14,6 +14,7 @@ from torch.utils.data import (
     DataLoader,
     Dataset,
     RandomSampler,
+    Sampler,
     SequentialSampler,
     TensorDataset,
 )
@@ -23,6 +24,7 @@ from models.labelled_frames import LabelledFrames
 from models.preprocessing.preprocessing import Preprocessing
 from models.seeds import AUGMENTATION, SHUFFLING, seed_of
 from models.training.augmentation import Augmentation
+from models.training.sampling import EmptyFrameSampler
 
 Batch = list[Tensor]
 
@@ -42,7 +44,9 @@ class FoldData(LightningDataModule):
         Number of images in a batch.
     seed : int
         Seed of the shuffling and the augmentation.
-    targets : ndarray of float, shape (n, s, s), or None
+    empty_weight : float, optional
+        How often an image without a vessel is drawn in an epoch.
+    targets : ndarray of float, shape (n, s, s), or None, optional
         Probabilities that training frames have in the place of masks, at the network's size.
     """
 
@@ -54,6 +58,7 @@ class FoldData(LightningDataModule):
         augmentation: Augmentation,
         batch_size: int,
         seed: int,
+        empty_weight: float = 1.0,
         targets: Float[np.ndarray, "n s s"] | None = None,
     ) -> None:
         super().__init__()
@@ -67,6 +72,7 @@ class FoldData(LightningDataModule):
             self.train_set = TensorDataset(self.train_set.tensors[0], torch.from_numpy(targets)[:, None])
         self.validation_set = prepared(validation, preprocessing)
         self._shuffle_generator = Generator()
+        self._order = self._training_order(empty_weight)
         self._augmentation_generator: Generator | None = None
         self.begin_epoch(0)
 
@@ -85,7 +91,7 @@ class FoldData(LightningDataModule):
     @property
     def steps_per_epoch(self) -> int:
         """Number of batches in an epoch."""
-        return -(-len(self.train_set) // self.batch_size)
+        return -(-len(self._order) // self.batch_size)
 
     def train_dataloader(self) -> DataLoader[Batch]:
         """Load training batches, shuffled anew in each epoch.
@@ -95,7 +101,7 @@ class FoldData(LightningDataModule):
         DataLoader
             Images and masks at the network's size, not normalised.
         """
-        return self._loader(RandomSampler(self.train_set, generator=self._shuffle_generator), self.train_set)
+        return self._loader(self._order, self.train_set)
 
     def val_dataloader(self) -> DataLoader[Batch]:
         """Load validation batches in order.
@@ -106,6 +112,23 @@ class FoldData(LightningDataModule):
             Images and masks at the network's size, not normalised.
         """
         return self._loader(SequentialSampler(self.validation_set), self.validation_set)
+
+    def plain_training_images(self, device: torch.device) -> Iterator[Tensor]:
+        """Take the training images as a network sees them in use: in order, not augmented.
+
+        Parameters
+        ----------
+        device : torch.device
+            Where they are needed.
+
+        Yields
+        ------
+        Tensor, shape (b, 1, s, s)
+            Normalised images in channels-last layout.
+        """
+        for images, _ in self._loader(SequentialSampler(self.train_set), self.train_set):
+            normalised = self.preprocessing.normalise(images.to(device))
+            yield normalised.contiguous(memory_format=torch.channels_last)
 
     def on_after_batch_transfer(self, batch: Batch, dataloader_idx: int) -> Batch:
         """Augment (in training) and normalise a batch on the device.
@@ -130,6 +153,12 @@ class FoldData(LightningDataModule):
             images, masks = self.augmentation(images, masks, self._augmentation_generator, binary=self.binary)
         images = self.preprocessing.normalise(images)
         return [images.contiguous(memory_format=torch.channels_last), masks]
+
+    def _training_order(self, empty_weight: float) -> Sampler[int]:
+        if empty_weight == 1:
+            return RandomSampler(self.train_set, generator=self._shuffle_generator)
+        shown = (self.train_set.tensors[1] >= 0.5).flatten(1).any(dim=1)
+        return EmptyFrameSampler(shown, empty_weight, self._shuffle_generator)
 
     def _loader(self, order: Iterable[int], frames: TensorDataset) -> DataLoader[Batch]:
         # A whole batch is one indexing of a tensor; collating it from single images would cost more than the indexing.

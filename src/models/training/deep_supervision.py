@@ -6,7 +6,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from models.array_types import Float
-from models.networks.blocks import SideOutputs
+from models.networks.outputs import SideOutputs
 from models.training.losses import Loss
 
 

@@ -1,4 +1,4 @@
-"""Training of one fold: the same first weights for all folds, the best epoch kept, resumed where it stopped."""
+"""Training of one fold: the same first weights for all folds, one epoch kept, resumed where it stopped."""
 
 from __future__ import annotations
 
@@ -8,17 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from torch import nn
-
 from models.atomic import atomic_write
 from models.checkpoint import Checkpoint
 from models.errors import InputError
 from models.seeds import TRAINING, seed_of
 from models.threads import fixed_threads
-from models.training.phase import Phase, best_epoch
+from models.training.phase import Phase
 from models.training.spec import FoldTraining
 from models.training.state import TrainingFolder, TrainingState
 from models.training.training_data import NOTE, as_note
+from models.weights import Weights
 
 if TYPE_CHECKING:
     from models.training.callback import TrainingCallback
@@ -33,11 +32,11 @@ class TrainedFold:
     Parameters
     ----------
     checkpoint : Path
-        File with the weights of the best epoch.
+        File with the weights of the kept epoch.
     history : tuple of mapping
         Measures of each epoch.
     best_epoch : int
-        Number of the best epoch, counted from 0.
+        Number of the kept epoch, counted from 0: the best by the rule of the settings.
     best_validation_dsc : float
         Its validation DSC, 0 to 1.
     runtime_s : float
@@ -58,14 +57,15 @@ def train_fold(
     state_directory: Path | None = None,
     on_epoch: OnEpoch | None = None,
 ) -> TrainedFold:
-    """Train a network and keep the weights of the epoch with the best validation DSC in ``directory/model.pt``.
+    """Train a network and keep the weights of the epoch that ``training.trainer`` selects in ``directory/model.pt``.
 
     The first weights are those of ``training.start``, the same for every fold; shuffling, augmentation and dropout
     depend on the seed, the fold and the number of the epoch. The result does not depend on the number of cores, nor
     on what else runs on them: torch computes with ``training.trainer.threads`` threads meanwhile.
 
-    The notes of the checkpoint are ``seed``, ``fold``, ``epoch``, ``validation_dsc``, ``init``, ``start`` (the
-    digest of the weights that the training began from), ``start_source`` and, where known, ``training_data``.
+    The notes of the checkpoint are ``seed``, ``fold``, ``epoch``, ``validation_dsc``, ``late_weights``, ``init``,
+    ``start`` (the digest of the weights that the training began from), ``start_source`` and, where known,
+    ``training_data``.
 
     Parameters
     ----------
@@ -112,9 +112,9 @@ def _train(
         phase, start, own = _where_to_begin(folder, training)
         weights = {True: own.weights_path, False: folder.weights_path}
         callback = _run(training, phase, start, directory, own.weights_path, own, on_epoch)
-        best = best_epoch(callback.history)
+        kept = phase.kept(callback.history)
         with atomic_write(path) as temporary:
-            shutil.copyfile(weights[best >= phase.first](best), temporary)
+            shutil.copyfile(weights[kept >= phase.first](kept), temporary)
     return _trained(callback, path)
 
 
@@ -170,6 +170,7 @@ def _run(
         training.augmentation,
         settings.batch_size,
         seed,
+        settings.empty_weight,
         training.targets,
     )
     callback = TrainingCallback(
@@ -196,27 +197,27 @@ def _run(
 
 def _writer(
     training: FoldTraining, weights_path: Callable[[int], Path]
-) -> Callable[[nn.Module, int, float], None]:
+) -> Callable[[Weights, int, float], None]:
     """Writes the weights of an epoch."""
 
-    def write(network: nn.Module, epoch: int, dsc: float) -> None:
+    def write(weights: Weights, epoch: int, dsc: float) -> None:
         notes = {
             "seed": training.seed,
             "fold": training.fold,
             "epoch": epoch,
             "validation_dsc": dsc,
+            "late_weights": training.trainer.late_weights,
             "init": training.initialisation.name,
             "start": training.start.digest,
             "start_source": training.start.source,
             **({NOTE: as_note(training.learnt_from)} if training.learnt_from else {}),
         }
-        checkpoint = Checkpoint(training.model, network.state_dict(), training.preprocessing, notes)
+        checkpoint = Checkpoint(training.model, weights, training.preprocessing, notes)
         checkpoint.save(weights_path(epoch))
 
     return write
 
 
 def _trained(callback: TrainingCallback, path: Path) -> TrainedFold:
-    best = best_epoch(callback.history)
-    history = tuple(callback.history)
-    return TrainedFold(path, history, best, history[best]["validation_dsc"], callback.runtime_s)
+    kept, history = callback.phase.kept(callback.history), tuple(callback.history)
+    return TrainedFold(path, history, kept, history[kept]["validation_dsc"], callback.runtime_s)

@@ -6,11 +6,11 @@ of fine-tuned networks rely on a start that is trained already (M. Wortsman et a
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import ClassVar, Protocol, runtime_checkable
 
 import torch
 from torch import nn
@@ -20,7 +20,6 @@ from models.errors import InputError
 from models.networks.registry import NetworkRecipe, settings_of
 from models.seeds import WEIGHTS, seed_of
 from models.training.training_data import TrainingData, from_notes
-from models.value_types import require_settings
 from models.weights import Weights, weights_digest
 
 
@@ -261,36 +260,6 @@ class Pretrained:
         self.require_fit(model)
         labels = ", ".join(each.label for each in self.trained_on) or "unknown data"
         return Start(self.checkpoint.weights, f"weights trained on {labels}", self.trained_on)
-
-
-INITIALISATIONS: dict[str, type[Any]] = {each.name: each for each in (SharedRandom, Pretrained)}
-
-
-def initialisation_of(name: str, settings: Mapping[str, Any]) -> Initialisation:
-    """Build an initialisation from its name and settings.
-
-    Parameters
-    ----------
-    name : str
-        One of ``INITIALISATIONS``.
-    settings : mapping
-        Fields of it.
-
-    Returns
-    -------
-    Initialisation
-        The initialisation.
-
-    Raises
-    ------
-    InputError
-        If the name is unknown or the settings are refused.
-    """
-    if name not in INITIALISATIONS:
-        raise InputError(f"init: expected one of {', '.join(INITIALISATIONS)}, received {name!r}")
-    require_settings(INITIALISATIONS[name], settings, "init")
-    built: Initialisation = INITIALISATIONS[name](**settings)
-    return built
 
 
 def initial_network(model: NetworkRecipe, seed: int) -> nn.Module:

@@ -6,29 +6,10 @@ before there is a trainer, and patience counts anew in an extension.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from models.training.selection import History
 from models.training.settings import EXTENSION_FACTOR, TrainerSettings
-
-History = Sequence[Mapping[str, float]]
-
-
-def best_epoch(history: History) -> int:
-    """Find the first epoch with the highest validation DSC.
-
-    Parameters
-    ----------
-    history : sequence of mapping
-        Measures of each epoch.
-
-    Returns
-    -------
-    int
-        Number of the epoch, counted from 0; -1 for an empty history.
-    """
-    dsc = [epoch["validation_dsc"] for epoch in history]
-    return dsc.index(max(dsc)) if dsc else -1
 
 
 @dataclass(frozen=True)
@@ -80,8 +61,23 @@ class Phase:
         """
         return Phase(len(history), len(history) + self.settings.extend_epochs, self.settings)
 
+    def kept(self, history: History) -> int:
+        """Choose the epoch whose weights are kept.
+
+        Parameters
+        ----------
+        history : sequence of mapping
+            Measures of the epochs so far.
+
+        Returns
+        -------
+        int
+            Number of the epoch, counted from 0; -1 for an empty history.
+        """
+        return self.settings.epoch_selection.kept(history)
+
     def is_over(self, history: History) -> bool:
-        """Tell whether the last epoch is done, or the validation DSC has not risen for ``patience`` epochs.
+        """Tell whether the last epoch is done, or the criterion of the epochs has not risen for ``patience`` epochs.
 
         Parameters
         ----------
@@ -93,7 +89,7 @@ class Phase:
         bool
             True if there is nothing more to train.
         """
-        waited_since = max(best_epoch(history), self.first - 1)
+        waited_since = max(self.settings.epoch_selection.last_rise(history), self.first - 1)
         return len(history) >= self.end or len(history) - 1 - waited_since >= self.settings.patience
 
     def learning_rate_factor(self, step: int, steps_per_epoch: int) -> float:

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 from models.errors import InputError
 from models.training import schedules
+from models.training.selection import EpochSelection
 
 ACCELERATORS = ("cpu", "gpu", "auto")
+LATE_WEIGHTS = ("none", "ema", "swa")
 PRECISIONS = ("32-true", "16-mixed", "bf16-mixed")
 # Fraction of the highest learning rate that a finished training is extended with.
 EXTENSION_FACTOR = 0.1
@@ -27,7 +29,8 @@ class TrainerSettings:
     learning_rate : float
         Highest learning rate.
     patience : int
-        Number of epochs without a higher validation DSC after which training stops.
+        Number of epochs without a higher validation DSC (with ``selection`` ``smoothed``: its median) after which
+        training stops.
     schedule : str
         ``cosine`` or ``one_cycle``.
     warmup_epochs : int or None
@@ -51,6 +54,19 @@ class TrainerSettings:
     threads : int
         Number of threads that torch computes with in training, validation and scoring, whatever the machine has or
         another process leaves: the weights depend on it.
+    selection : str
+        Which epoch is kept: ``best``, ``smoothed`` or ``last``; see ``models.training.selection.EpochSelection``.
+    selection_epochs : int
+        Number of epochs of the median of ``smoothed``.
+    late_weights : str
+        What is validated and kept: ``none`` for the weights after the last step of an epoch, ``ema`` for their
+        exponential moving average, ``swa`` for the mean of the last epochs' weights.
+    ema_epochs : float
+        Number of epochs that the exponential average remembers.
+    swa_share : float
+        Last share of ``max_epochs`` whose weights are averaged by ``swa``, above 0 to 1; before, nothing is.
+    empty_weight : float
+        How often a frame without a vessel is drawn in an epoch, from 0; all others are drawn once.
     smoke : bool
         Whether the training shows that all works and not how well; its results are marked so and not compared.
 
@@ -74,23 +90,30 @@ class TrainerSettings:
     resume: bool = False
     extend_epochs: int = 0
     threads: int = 1
+    selection: str = "best"
+    selection_epochs: int = 5
+    late_weights: str = "none"
+    ema_epochs: float = 2.0
+    swa_share: float = 0.25
+    empty_weight: float = 1.0
     smoke: bool = False
 
     def __post_init__(self) -> None:
         for name in ("max_epochs", "batch_size", "patience", "threads"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name}: expected at least 1, received {getattr(self, name)}")
-        for name in ("learning_rate", "gradient_clip"):
+        for name in ("learning_rate", "gradient_clip", "ema_epochs"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0):
                 raise InputError(f"{name}: expected a positive number, received {getattr(self, name)}")
-        for name in ("warmup_epochs", "weight_decay", "extend_epochs"):
+        for name in ("warmup_epochs", "weight_decay", "extend_epochs", "empty_weight"):
             value = getattr(self, name)
-            if value is not None and not value >= 0:
+            if value is not None and not 0 <= value < math.inf:
                 raise InputError(f"{name}: expected a number from 0, received {value}")
         for name, known in (
             ("schedule", schedules.SCHEDULES),
             ("accelerator", ACCELERATORS),
             ("precision", PRECISIONS),
+            ("late_weights", LATE_WEIGHTS),
         ):
             if getattr(self, name) not in known:
                 raise InputError(
@@ -99,10 +122,18 @@ class TrainerSettings:
         for name in ("deterministic", "resume", "smoke"):
             if not isinstance(getattr(self, name), bool):
                 raise InputError(f"{name}: expected true or false, received {getattr(self, name)!r}")
+        if not 0 < self.swa_share <= 1:
+            raise InputError(f"swa_share: expected above 0 to 1, received {self.swa_share}")
+        _ = self.epoch_selection
         if self.accelerator == "cpu" and self.precision != "32-true":
             raise InputError(
                 f"precision: expected 32-true on a CPU, where mixed precision is slower, received {self.precision!r}"
             )
+
+    @property
+    def epoch_selection(self) -> EpochSelection:
+        """Rule that chooses the epoch that is kept."""
+        return EpochSelection(self.selection, self.selection_epochs)
 
     def learning_rate_factor(self, step: int, steps_per_epoch: int) -> float:
         """Compute the factor of ``learning_rate`` at a step of the training.

@@ -18,11 +18,10 @@ from filelock import FileLock, Timeout
 
 from models.atomic import atomic_write
 from models.errors import InputError
-from models.training.phase import best_epoch
 from models.weights_file import UNREADABLE
 
 FORMAT = "ctus-training-state"
-VERSION = 1
+VERSION = 2
 
 
 @dataclass(frozen=True)
@@ -41,6 +40,8 @@ class TrainingState:
         State dict of the loss scaler.
     runtime_s : float
         Time in s that the training has taken.
+    late : mapping
+        State of the running average of the weights; empty where there is none.
     """
 
     history: tuple[dict[str, float], ...]
@@ -48,11 +49,12 @@ class TrainingState:
     optimiser: Mapping[str, Any]
     scaler: Mapping[str, Any]
     runtime_s: float
+    late: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class TrainingFolder:
-    """Files of one training that outlive its process: ``state.pt``, and ``model-<epoch>.pt`` of the best epoch.
+    """Files of one training that outlive its process: ``state.pt``, and ``model-<epoch>.pt`` of the kept epoch.
 
     An extension has the same files in a folder ``extended`` within, so that what it began from stays as it was.
 
@@ -88,24 +90,26 @@ class TrainingFolder:
         Returns
         -------
         Path
-            The file, which exists if that epoch is the best.
+            The file, which exists if that epoch is the one that is kept.
         """
         return self.path / f"model-{epoch}.pt"
 
-    def save(self, state: TrainingState) -> None:
-        """Write the state; then remove the weights of epochs that are no longer the best.
+    def save(self, state: TrainingState, kept: int) -> None:
+        """Write the state; then remove the weights of epochs that are no longer kept.
 
         Parameters
         ----------
         state : TrainingState
             State to write.
+        kept : int
+            Number of the epoch whose weights are kept.
         """
         content = {field.name: getattr(state, field.name) for field in dataclasses.fields(state)}
         content |= {"format": FORMAT, "version": VERSION, "fingerprint": self.fingerprint}
         with atomic_write(self.state_path) as temporary:
             torch.save(content, temporary)
         for path in self.path.glob("model-*.pt"):
-            if path != self.weights_path(best_epoch(state.history)):
+            if path != self.weights_path(kept):
                 path.unlink()
 
     def load(self) -> TrainingState | None:

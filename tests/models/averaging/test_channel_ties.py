@@ -6,8 +6,8 @@ from torch import Tensor, nn
 from models.averaging import ChannelTies, channel_ties, permuted
 from models.errors import InputError
 from models.networks.attention_unet import AttentionUNet
-from models.networks.blocks import SideOutputs
 from models.networks.monai_network import MonaiNetwork
+from models.networks.outputs import SideOutputs
 from models.networks.registry import NetworkRecipe
 from models.networks.unet import UNet
 from models.networks.unet3plus import UNet3Plus

@@ -4,8 +4,8 @@ import pytest
 import torch
 
 from models.errors import InputError
-from models.networks.blocks import SideOutputs
-from models.networks.unet3plus import UNet3Plus, gated
+from models.networks.outputs import SideOutputs, gated
+from models.networks.unet3plus import UNet3Plus
 
 SMALL = {"width": 4, "depth": 3, "dropout": 0.0}
 

@@ -51,6 +51,8 @@ class Training:
             self.callback.on_train_batch_end(
                 self.trainer, self.module, None, [torch.zeros(2, 1, 8, 8)], batch
             )
+        self.callback.on_validation_start(self.trainer, self.module)
+        self.callback.on_validation_end(self.trainer, self.module)
         self.module.take_measures = lambda: {"validation_loss": 0.3, "validation_dsc": dsc}
         self.callback.on_train_epoch_end(self.trainer, self.module)
 
@@ -88,7 +90,7 @@ def test_random_numbers_of_an_epoch_depend_on_its_number_alone() -> None:
 
 def test_a_training_is_resumed_from_a_state() -> None:
     states: list[TrainingState] = []
-    led = Training(save_state=states.append)
+    led = Training(save_state=lambda state, kept: states.append(state))
     led.epoch(0.4)
     on = Training(start=states[0])
     assert on.seen == list(states[0].history) == led.seen
@@ -104,7 +106,7 @@ def test_writing_states_takes_a_tenth_of_the_time_at_most_but_the_last_is_always
     monkeypatch.setattr(callback.time, "perf_counter", lambda: now_s[0])
     written: list[int] = []
 
-    def write(state: TrainingState) -> None:
+    def write(state: TrainingState, kept: int) -> None:
         now_s[0] += 3.0
         written.append(len(state.history))
 

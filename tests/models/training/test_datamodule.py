@@ -46,6 +46,20 @@ def test_an_epoch_shows_every_frame_once_and_the_last_batch_is_kept() -> None:
     assert shown == sorted(tuple(image.flatten()[:50].tolist()) for image in data.train_set.tensors[0])
 
 
+def test_empty_frames_are_drawn_as_often_as_asked() -> None:
+    frames = drawn_frames(10, empty=4)
+    data = FoldData(frames, drawn_frames(5), STAGE, NOTHING, batch_size=4, seed=0, empty_weight=2.0)
+    masks = torch.cat([masks for _, masks in data.train_dataloader()])
+    assert len(masks) == 6 + 2 * 4 and int((~masks.flatten(1).any(dim=1)).sum()) == 8
+    assert data.steps_per_epoch == 4
+
+
+def test_plain_images_are_those_of_a_network_in_use() -> None:
+    data = fold_data(augmentation=Augmentation())
+    plain = torch.cat(list(data.plain_training_images(torch.device("cpu"))))
+    assert torch.equal(plain, STAGE.normalise(data.train_set.tensors[0]))
+
+
 def test_shuffling_follows_the_seed_and_differs_between_epochs() -> None:
     def epochs(seed: int, *numbers: int) -> list[torch.Tensor]:
         data = fold_data(seed)

@@ -3,7 +3,7 @@ import math
 import pytest
 import torch
 
-from models.networks.blocks import SideOutputs
+from models.networks.outputs import SideOutputs
 from models.training.deep_supervision import training_loss
 from models.training.losses import DiceCrossEntropy
 

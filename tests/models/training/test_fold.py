@@ -16,9 +16,11 @@ from models.networks.unet import UNet
 from models.predictor import Predictor
 from models.preprocessing.preprocessing import Preprocessing
 from models.training.augmentation import Augmentation
+from models.training.datamodule import prepared
 from models.training.fold import TrainedFold, train_fold
 from models.training.initialisation import Pretrained, initial_network
 from models.training.losses import DiceCrossEntropy
+from models.training.segmenter import Segmenter
 from models.training.settings import TrainerSettings
 from models.training.spec import FoldTraining
 from models.weights import weights_digest
@@ -89,6 +91,7 @@ def test_the_checkpoint_is_that_of_the_best_epoch(tmp_path) -> None:
         "fold": 0,
         "epoch": result.best_epoch,
         "validation_dsc": result.best_validation_dsc,
+        "late_weights": "none",
         "init": "shared_random",
         "start": weights_digest(initial_network(RECIPE, 0).state_dict()),
         "start_source": "random weights of seed 0",
@@ -238,6 +241,41 @@ def test_an_interrupted_training_is_resumed_to_the_same_result(tmp_path, schedul
         last["optimiser"]["state"].values(), expected["optimiser"]["state"].values(), strict=True
     ):
         assert same(moments, others)
+
+
+@pytest.mark.parametrize(("late", "selection"), [("ema", "smoothed"), ("swa", "last")])
+def test_averaged_weights_are_resumed_to_the_same_result(tmp_path, late: str, selection: str) -> None:
+    budget = settings(4, late_weights=late, selection=selection, selection_epochs=2, swa_share=0.8)
+    whole = trained(tmp_path / "whole", trainer=budget)
+    with pytest.raises(InterruptionError):
+        trained(tmp_path / "x", trainer=budget, state=tmp_path / "s", on_epoch=interrupt_after(2))
+    resume = dataclasses.replace(budget, resume=True)
+    resumed = trained(tmp_path / "resumed", trainer=resume, state=tmp_path / "s")
+    assert comparable(resumed) == comparable(whole) and same(weights(resumed), weights(whole))
+    if selection == "last":
+        assert whole.best_epoch == 3
+
+
+def test_what_is_kept_is_what_was_validated(tmp_path) -> None:
+    plain = trained(tmp_path / "plain", trainer=settings(4, selection="last"))
+    averaged = trained(tmp_path / "ema", trainer=settings(4, selection="last", late_weights="ema"))
+    for result in (plain, averaged):
+        module = Segmenter(
+            Checkpoint.load(result.checkpoint).network(), DiceCrossEntropy(), settings(4), lambda step: 1.0
+        )
+        images, masks = prepared(VALIDATION, Preprocessing(32)).tensors
+        with torch.inference_mode():
+            for first in range(0, len(images), 4):
+                batch = [
+                    Preprocessing(32).normalise(images[first : first + 4]),
+                    masks[first : first + 4].float(),
+                ]
+                module.validation_step(batch, 0)
+        dsc = module.take_measures()["validation_dsc"]
+        assert dsc == pytest.approx(result.history[-1]["validation_dsc"], abs=1e-4)
+    # The same steps were made: only what was validated differs.
+    assert [one["train_loss"] for one in plain.history] == [one["train_loss"] for one in averaged.history]
+    assert not same(weights(plain), weights(averaged))
 
 
 def test_a_training_can_be_interrupted_again_and_again(tmp_path) -> None:

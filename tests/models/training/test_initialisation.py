@@ -12,7 +12,7 @@ from models.errors import InputError
 from models.networks.attention_unet import AttentionUNet
 from models.networks.unet import UNet
 from models.preprocessing.preprocessing import Preprocessing
-from models.training.initialisation import Pretrained, SharedRandom, initialisation_of
+from models.training.initialisation import Pretrained, SharedRandom
 from models.training.training_data import NOTE, TrainingData, as_note, from_notes
 from models.weights import weights_digest
 
@@ -98,13 +98,6 @@ def test_a_path_must_be_given_and_hold_a_network(tmp_path) -> None:
         Pretrained().require_fit(RECIPE)
     with pytest.raises(InputError, match="expected a checkpoint file, found none"):
         Pretrained(tmp_path / "none.pt")(RECIPE, 0)
-
-
-def test_an_initialisation_by_its_name() -> None:
-    assert initialisation_of("shared_random", {}) == SharedRandom()
-    assert initialisation_of("pretrained", {"path": "a.pt"}) == Pretrained("a.pt")
-    with pytest.raises(InputError, match="init: expected one of shared_random, pretrained, received 'zeros'"):
-        initialisation_of("zeros", {})
 
 
 def test_records_of_data_survive_the_notes() -> None:

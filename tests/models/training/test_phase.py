@@ -1,6 +1,6 @@
 import dataclasses
 
-from models.training.phase import Phase, best_epoch
+from models.training.phase import Phase
 from models.training.settings import TrainerSettings
 
 SETTINGS = TrainerSettings(max_epochs=6, batch_size=4, learning_rate=0.5, patience=2, extend_epochs=4)
@@ -10,12 +10,6 @@ def history(*dsc: float) -> list[dict[str, float]]:
     return [{"validation_dsc": value} for value in dsc]
 
 
-def test_the_best_epoch_is_the_first_of_equals() -> None:
-    assert best_epoch(history(0.2, 0.5, 0.5, 0.4)) == 1
-    assert best_epoch(history(0.0, 0.0)) == 0
-    assert best_epoch(history()) == -1
-
-
 def test_a_training_is_over_at_its_end_or_when_patience_is() -> None:
     phase = Phase.whole(SETTINGS)
     assert not phase.is_over(history())
@@ -23,6 +17,12 @@ def test_a_training_is_over_at_its_end_or_when_patience_is() -> None:
     assert phase.is_over(history(0.5, 0.4, 0.5))
     assert not phase.is_over(history(0.1, 0.2, 0.3, 0.4, 0.5))
     assert phase.is_over(history(0.1, 0.2, 0.3, 0.4, 0.5, 0.6))
+
+
+def test_the_last_epoch_is_kept_though_patience_waits_for_the_best() -> None:
+    phase = Phase.whole(dataclasses.replace(SETTINGS, selection="last"))
+    assert phase.kept(history(0.1, 0.5, 0.4, 0.3)) == 3
+    assert phase.is_over(history(0.1, 0.5, 0.4, 0.3)) and not phase.is_over(history(0.1, 0.5, 0.4))
 
 
 def test_an_extension_has_patience_of_its_own() -> None:

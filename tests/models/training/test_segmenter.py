@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import nn
 
-from models.networks.blocks import SideOutputs
+from models.networks.outputs import SideOutputs
 from models.training.losses import DiceCrossEntropy
 from models.training.segmenter import Segmenter
 from models.training.settings import TrainerSettings

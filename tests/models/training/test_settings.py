@@ -66,6 +66,15 @@ def test_mixed_precision_is_refused_on_a_cpu() -> None:
         ("precision", "64-true"),
         ("schedule", "step"),
         ("extend_epochs", -1),
+        ("threads", 0),
+        ("selection", "worst"),
+        ("selection_epochs", 0),
+        ("late_weights", "polyak"),
+        ("ema_epochs", 0.0),
+        ("swa_share", 0.0),
+        ("swa_share", 1.5),
+        ("empty_weight", -1.0),
+        ("empty_weight", float("inf")),
     ],
 )
 def test_refuses_settings_by_name(field: str, value: object) -> None:

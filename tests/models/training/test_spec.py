@@ -57,6 +57,12 @@ def test_the_fingerprint_tells_every_other_training_apart() -> None:
                 "gradient_clip": 2.0,
                 "deterministic": False,
                 "threads": 2,
+                "selection": "last",
+                "selection_epochs": 3,
+                "late_weights": "ema",
+                "ema_epochs": 1.0,
+                "swa_share": 0.5,
+                "empty_weight": 2.0,
             }.items()
         ),
     ]

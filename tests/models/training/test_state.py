@@ -21,7 +21,7 @@ def folder(path: Path, fingerprint: str = "this") -> TrainingFolder:
 
 def test_a_state_comes_back_from_a_file_that_can_run_no_code(tmp_path) -> None:
     assert folder(tmp_path).load() is None
-    folder(tmp_path).save(STATE)
+    folder(tmp_path).save(STATE, 0)
     loaded = folder(tmp_path).load()
     assert loaded is not None and loaded.history == STATE.history and loaded.runtime_s == 3.0
     assert torch.equal(loaded.weights["w"], STATE.weights["w"])
@@ -34,7 +34,7 @@ def test_saving_keeps_the_best_weights_alone(tmp_path) -> None:
         folder(tmp_path).weights_path(epoch).write_bytes(b"weights")
     folder(tmp_path).extended.path.mkdir()
     folder(tmp_path).extended.weights_path(7).write_bytes(b"weights")
-    folder(tmp_path).save(STATE)
+    folder(tmp_path).save(STATE, 0)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["extended", "model-0.pt", "state.pt"]
     assert folder(tmp_path).extended.weights_path(7).is_file()
     folder(tmp_path).clear()
@@ -42,7 +42,7 @@ def test_saving_keeps_the_best_weights_alone(tmp_path) -> None:
 
 
 def test_a_failed_write_leaves_the_state_there_was(tmp_path, monkeypatch) -> None:
-    folder(tmp_path).save(STATE)
+    folder(tmp_path).save(STATE, 0)
     before = (tmp_path / "state.pt").read_bytes()
 
     def full(content: object, path: Path) -> None:
@@ -51,13 +51,13 @@ def test_a_failed_write_leaves_the_state_there_was(tmp_path, monkeypatch) -> Non
 
     monkeypatch.setattr(torch, "save", full)
     with pytest.raises(OSError, match="no space left"):
-        folder(tmp_path).save(STATE)
+        folder(tmp_path).save(STATE, 0)
     assert [path.name for path in tmp_path.iterdir()] == ["state.pt"]
     assert (tmp_path / "state.pt").read_bytes() == before
 
 
 def test_refuses_a_state_that_is_not_this_trainings(tmp_path) -> None:
-    folder(tmp_path).save(STATE)
+    folder(tmp_path).save(STATE, 0)
     with pytest.raises(InputError, match=r"state of this very training .* received that of other settings"):
         folder(tmp_path, "other").load()
     torch.save({"format": "another"}, tmp_path / "state.pt")
@@ -70,7 +70,7 @@ def test_refuses_a_state_that_is_not_this_trainings(tmp_path) -> None:
 
 
 def test_a_truncated_state_is_refused(tmp_path) -> None:
-    folder(tmp_path).save(STATE)
+    folder(tmp_path).save(STATE, 0)
     whole = (tmp_path / "state.pt").read_bytes()
     (tmp_path / "state.pt").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(InputError, match="received a file that is damaged"):

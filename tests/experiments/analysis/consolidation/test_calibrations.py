@@ -40,7 +40,7 @@ def test_a_factor_becomes_the_temperature_and_a_shift_the_bias() -> None:
 def test_a_calibration_of_the_boundary_looks_at_the_band_alone() -> None:
     random = np.random.default_rng(1)
     mask = disc(48, 24, 24, 12)
-    # Sure and right but for the band, where normal logits of variance 16 and means 2 apart from 0 are 4 times too large.
+    # Sure and right but for the band: normal logits of variance 16 and means of 2 and -2 are 4 times too large.
     logits = np.where(mask, 8.0, -8.0)
     near = disc(48, 24, 24, 14) & ~disc(48, 24, 24, 10)
     logits[near] = random.normal(0, 4, near.sum()) + np.where(mask[near], 2.0, -2.0)

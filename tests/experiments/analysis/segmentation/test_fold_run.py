@@ -15,6 +15,7 @@ from models.networks.unet import UNet
 from models.preprocessing.preprocessing import Preprocessing
 from models.training.augmentation import Augmentation
 from models.training.fold import TrainedFold
+from models.training.initialisation import SharedRandom
 from models.training.losses import DiceCrossEntropy
 from models.training.settings import TrainerSettings
 
@@ -65,7 +66,9 @@ def test_refuses_a_fold_that_is_none(
 )
 def test_the_name_of_a_network_in_tables(model: NetworkRecipe, name: str) -> None:
     trainer = TrainerSettings(max_epochs=1, batch_size=1, learning_rate=0.1, patience=1)
-    run = FoldRun(model, Preprocessing(32), trainer, Augmentation(), DiceCrossEntropy(), seed=0, fold=0)
+    run = FoldRun(
+        model, Preprocessing(32), trainer, Augmentation(), DiceCrossEntropy(), SharedRandom(), seed=0, fold=0
+    )
     assert run.model_name == name
 
 
@@ -89,4 +92,6 @@ def test_how_a_training_went() -> None:
 def test_a_smoke_training_is_called_so_wherever_the_network_is_named() -> None:
     settings = {"max_epochs": 1, "batch_size": 2, "learning_rate": 0.001, "patience": 1}
     parts = (UNet(width=4), Preprocessing(64), TrainerSettings(**settings, smoke=True), Augmentation())
-    assert FoldRun(*parts, DiceCrossEntropy(), seed=0, fold=0).model_name == "smoke-trained unet"
+    assert (
+        FoldRun(*parts, DiceCrossEntropy(), SharedRandom(), seed=0, fold=0).model_name == "smoke-trained unet"
+    )

@@ -17,13 +17,16 @@ from experiments.outcome import JobResult, Silent
 from experiments.splits.group_splits import GroupSplits
 from experiments.splits.split import Split
 from experiments.studies.domain_transfer import study as domain_transfer
+from models.checkpoint import Checkpoint
 from models.errors import InputError as ModelInputError
 from models.labelled_frames import LabelledFrames
 from models.networks.unet import UNet
 from models.preprocessing.preprocessing import Preprocessing
 from models.training.augmentation import Augmentation
+from models.training.initialisation import Pretrained, SharedRandom
 from models.training.losses import DiceCrossEntropy
 from models.training.settings import TrainerSettings
+from models.training.training_data import NOTE, TrainingData, as_note
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[JobResult
                 trainer=TrainerSettings(max_epochs=12, batch_size=4, learning_rate=0.01, patience=12),
                 augmentation=Augmentation(),
                 loss=DiceCrossEntropy(),
+                init=SharedRandom(),
                 seed=0,
                 workspace=workspace,
                 progress=Silent(),
@@ -140,12 +144,28 @@ def test_refuses_what_is_no_job(changes: dict[str, object], message: str) -> Non
 
 def test_refuses_two_data_sets_of_one_name_and_a_missing_one(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="second: expected a data set of another name than first"):
-        domain_transfer.check(first=LIGHT, second=LIGHT, model=UNet(8), preprocessing=Preprocessing(64))
+        domain_transfer.check(
+            first=LIGHT, second=LIGHT, model=UNet(8), preprocessing=Preprocessing(64), init=SharedRandom()
+        )
     missing = Usgra(str(tmp_path / "none"))
     with pytest.raises(InputError, match="expected the folder of data set usgra"):
-        domain_transfer.check(first=LIGHT, second=missing, model=UNet(8), preprocessing=Preprocessing(64))
+        domain_transfer.check(
+            first=LIGHT, second=missing, model=UNet(8), preprocessing=Preprocessing(64), init=SharedRandom()
+        )
     with pytest.raises(ModelInputError, match="image size: expected sides that are multiples of 16"):
-        domain_transfer.check(first=LIGHT, second=DARK, model=UNet(8), preprocessing=Preprocessing(50))
+        domain_transfer.check(
+            first=LIGHT, second=DARK, model=UNet(8), preprocessing=Preprocessing(50), init=SharedRandom()
+        )
+
+
+def test_a_start_that_has_seen_either_data_set_is_refused(tmp_path: Path) -> None:
+    model = UNet(width=4, depth=2)
+    note = {NOTE: as_note([TrainingData("dark", "of some copy")])}
+    Checkpoint(model, model().state_dict(), Preprocessing(32), note).save(tmp_path / "model.pt")
+    init = Pretrained(tmp_path / "model.pt")
+    for pair in ({"first": LIGHT, "second": DARK}, {"first": DARK, "second": LIGHT}):
+        with pytest.raises(ModelInputError, match="expected a network trained on other data than dark"):
+            domain_transfer.check(**pair, model=model, preprocessing=Preprocessing(32), init=init)
 
 
 def test_cases_without_any_vessel_keep_their_summary() -> None:
@@ -166,4 +186,5 @@ def test_a_missing_folder_is_asked_for_by_the_place_of_the_data_set() -> None:
             second=Usgra(root="/no/such/folder"),
             model=UNet(width=4, depth=2),
             preprocessing=Preprocessing(image_size_px=32),
+            init=SharedRandom(),
         )
