@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.analysis.consolidation.calibrations import CALIBRATIONS, NONE
+from experiments.analysis.consolidation.calibrations import CALIBRATIONS, N_BINS, NONE
 from experiments.analysis.consolidation.candidates import ENSEMBLE, ORDER
 from experiments.analysis.consolidation.rows import (
     BARRIER,
@@ -262,13 +262,14 @@ def reliability(rows: pd.DataFrame, resamples: int = 1000) -> dict[tuple[str, st
 
 def _gaps(rows: pd.DataFrame, groups: list[str], weights: np.ndarray) -> np.ndarray:
     """Expected calibration error of every weighting of the groups."""
-    tables = [
-        rows.pivot_table(index="group", columns="bin", values=name, aggfunc="sum", fill_value=0.0).reindex(
-            groups, fill_value=0.0
-        )
+    # A tenth of the time of a pivot table, of which there would be hundreds.
+    places = np.searchsorted(groups, rows["group"].to_numpy(dtype=str)) * N_BINS + rows["bin"].to_numpy(
+        dtype=int
+    )
+    pixels, probability, vessel = (
+        np.bincount(places, rows[name].to_numpy(dtype=np.float64), len(groups) * N_BINS).reshape(-1, N_BINS)
         for name in ("pixels", "probability_sum", "vessel_pixels")
-    ]
-    pixels, probability, vessel = (table.to_numpy(dtype=np.float64) for table in tables)
+    )
     apart = np.abs(weights @ (probability - vessel)).sum(axis=1)
     return np.asarray(apart / np.maximum((weights @ pixels).sum(axis=1), 1.0))
 

@@ -94,7 +94,7 @@ def project_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 def job(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Outcome]:
     """One job with a second network."""
     workspace = tmp_path_factory.mktemp("job")
-    return workspace, run_job(workspace, second=AttentionUNet(width=2, depth=2))
+    return workspace, run_job(workspace, second=AttentionUNet(width=2, depth=3))
 
 
 def test_all_candidates_stand_side_by_side_on_the_test_cases(job) -> None:
@@ -184,7 +184,7 @@ def test_choices_do_not_depend_on_the_test_labels(job, tmp_path: Path) -> None:
         tmp_path,
         dataset=Drawn(swapped),
         split=GroupSplits(file=SPLIT_FILE),
-        second=AttentionUNet(width=2, depth=2),
+        second=AttentionUNet(width=2, depth=3),
     )
     ours, theirs = (SegmentationModel.load(each / "model.pt") for each in (workspace, tmp_path))
     assert ours.digest == theirs.digest
@@ -214,7 +214,7 @@ def test_finished_trainings_are_used_again(job, tmp_path: Path, monkeypatch: pyt
 
     monkeypatch.setattr(trainer, "fit", refuse)
     workspace, _ = job
-    run_job(tmp_path, second=AttentionUNet(width=2, depth=2))
+    run_job(tmp_path, second=AttentionUNet(width=2, depth=3))
     first, second = (SegmentationModel.load(each / "model.pt") for each in (workspace, tmp_path))
     assert first.digest == second.digest
 
