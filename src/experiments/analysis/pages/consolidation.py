@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from experiments import files
 from experiments.analysis.pages.page_parts import archived_result, finished_jobs, listed, save_page_figure
@@ -15,7 +16,7 @@ from experiments.tracking.run_record import RunRecord
 HEAD = """# One model from the folds: {dataset}
 
 Made by `ctus -m +preset=consolidation_{name}` and `python scripts/consolidation_results.py {name}` from the runs in
-`results/runs`. Commit {commits}; {runs} runs (seeds {seeds}); {machines}.
+`results/runs`. Commit {commits}; {runs} runs (seeds {seeds}); {machines}. Trainings: {trainings}.
 
 Every choice is made on selection groups; test groups are scored once, after all choices. `mean fold` is the mean of the
 single folds, `best fold` the one that is best on selection groups. Masks of the table of candidates are at a
@@ -89,8 +90,22 @@ def _head(runs: list[RunRecord], name: str) -> str:
         name=name,
         commits=", ".join(sorted({run.tags.get("mlflow.source.git.commit", "unknown")[:12] for run in runs})),
         runs=len(runs),
+        trainings="; ".join(sorted({_training(archived_result(run).config) for run in runs})),
         seeds=", ".join(seeds),
         machines=", ".join(sorted({run.tags.get("ctus.machine", "unknown") for run in runs})),
+    )
+
+
+def _training(config: Mapping[str, Any]) -> str:
+    """What a training is that the preset alone does not tell: budget, size and start."""
+    trainer, split = config["trainer"], config["split"]
+    # Trainings of before the choice of a start began from random weights.
+    start = str(config.get("init", {}).get("_target_", "SharedRandom")).rsplit(".", 1)[-1]
+    outer = "" if split["outer_folds"] is None else f"{split['outer_folds']} outer folds of "
+    kind = {"Pretrained": "pretrained weights", "SharedRandom": "random weights of the seed"}.get(start, start)
+    return (
+        f"{outer}{split['folds']} folds, at most {trainer['max_epochs']} epochs of batches of {trainer['batch_size']}, "
+        f"{config['image_size_px']} px, from {kind}"
     )
 
 

@@ -15,6 +15,14 @@ from experiments.tracking.archive import write_archive
 from experiments.tracking.run_record import RunRecord
 
 
+CONFIG = """training_seed: {seed}
+trainer: {{max_epochs: 15, batch_size: 4}}
+split: {{folds: 3, outer_folds: null}}
+image_size_px: 128
+init: {{_target_: models.training.initialisation.Pretrained}}
+"""
+
+
 def run(
     run_id: str, seed: int, start_ms: int, *, dataset: str = "usgra", simulated: str = "false"
 ) -> RunRecord:
@@ -24,7 +32,7 @@ def run(
     cases = pd.DataFrame({"kind": ["case"], "case_id": ["a"], "dsc": [0.5]})
     return RunRecord(
         run_id, "consolidation", f"seed {seed}", "FINISHED", start_ms, start_ms + 1, None, tags, {},
-        f"training_seed: {seed}\n", history, cases,
+        CONFIG.format(seed=seed), history, cases,
     )  # fmt: skip
 
 
@@ -52,6 +60,7 @@ def test_the_page_holds_findings_tables_figures_and_the_certificate(tmp_path: Pa
     page = (out / "consolidation_usgra.md").read_text(encoding="utf-8")
     assert page.startswith("# One model from the folds: usgra\n")
     assert "Commit 0123456789ab; 2 runs (seeds 0, 1); one machine." in page
+    assert "Trainings: 3 folds, at most 15 epochs of batches of 4, 128 px, from pretrained weights." in page
     assert "- The average passes.\n" in page and "| uniform | 2 |" in page
     assert "## Candidates on test groups\n\n| model | seeds |" in page
     for name in ("consolidation_usgra_barriers.png", "consolidation_usgra_certificate.md"):
