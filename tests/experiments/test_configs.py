@@ -88,7 +88,8 @@ MEANT = {
     ("split", "nested"): {"outer_folds", "selection_share"},
     ("split", "three_way"): {"folds", "selection_share", "test_share"},
     ("trainer", "gpu"): {"warmup_epochs", "accelerator", "precision"},
-    ("trainer", "smoke"): {"smoke"},
+    ("trainer", "demo"): {"threads"},
+    ("trainer", "smoke"): {"smoke", "threads"},
 }
 
 

@@ -12,6 +12,7 @@ import yaml
 from drawn_vessels import drawn_frames
 
 from models.checkpoint import Checkpoint
+from models.networks.efficientnet_unet import EfficientNetUNet
 from models.networks.monai_network import MonaiNetwork
 from models.networks.registry import recipes
 from models.predictor import Predictor
@@ -84,7 +85,8 @@ def machine(tmp_path_factory: pytest.TempPathFactory) -> Machine:
 
 
 def test_trains_every_network_with_torch_lightning_and_scikit_image_alone(machine: Machine) -> None:
-    assert set(SETTINGS) == {name for name in recipes() if name != MonaiNetwork.name}
+    larger = {MonaiNetwork.name, EfficientNetUNet.name}  # not installed here; 64 px at least
+    assert set(SETTINGS) == set(recipes()) - larger
     said = machine.finished.stdout
     assert said.count("trained ") == len(SETTINGS), machine.finished.stderr
     assert said.startswith("found: ['torch', 'lightning', 'skimage']\n")

@@ -211,7 +211,7 @@ def _scored(
     import pandas as pd
 
     parts = {OUT_OF_FOLD: "test", **{part: part for part in OUTSIDE if getattr(own, part)}}
-    about = {
+    about: dict[str, str | int | None] = {
         "model": one.model_name,
         "dataset": name_of(dataset),
         "seed": one.seed,

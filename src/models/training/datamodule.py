@@ -14,7 +14,6 @@ from torch.utils.data import (
     DataLoader,
     Dataset,
     RandomSampler,
-    Sampler,
     SequentialSampler,
     TensorDataset,
 )
@@ -147,7 +146,7 @@ class FoldData(LightningDataModule):
         images = self.preprocessing.normalise(images)
         return [images.contiguous(memory_format=torch.channels_last), masks]
 
-    def _training_order(self, empty_weight: float) -> Sampler[int]:
+    def _training_order(self, empty_weight: float) -> RandomSampler | EmptyFrameSampler:
         if empty_weight == 1:
             return RandomSampler(self.train_set, generator=self._shuffle_generator)
         shown = self.train_set.tensors[1].flatten(1).any(dim=1)

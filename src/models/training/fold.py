@@ -200,7 +200,7 @@ def _writer(
     """Writes the weights of an epoch."""
 
     def write(weights: Weights, epoch: int, dsc: float) -> None:
-        notes = {
+        notes: dict[str, str | int | float] = {
             "seed": training.seed,
             "fold": training.fold,
             "epoch": epoch,

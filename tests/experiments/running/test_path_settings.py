@@ -45,6 +45,7 @@ OF_CLASSES = {
     "Carotid": {"root"},
     "Folder": {"root"},
     "MusV": {"root", "subjects"},
+    "Pretrained": {"path"},
     "NnUNet": {"root", "groups"},
     "SanRaffaele": {"root"},
     "Usgra": {"root"},
@@ -62,6 +63,7 @@ _WORDS = """
     target district group_by session prune_by subsample_to test_subjects selection_groups test_groups schedule
     accelerator precision normalisation sector overlays network refine_by rotation place missing loss geometry
     interpolation compounding image_topic pose_topic world ee tf_topics out_of_order image clock orientation
+    selection late_weights
     image_device pose_device host nifti_form prediction_label ignore_label ignored times transforms
 """
 WORDS = {

@@ -107,13 +107,15 @@ def test_the_same_seed_gives_the_same_weights_and_others_do_not(tmp_path) -> Non
     assert not same(first, weights(trained(tmp_path / "d", fold=1)))
 
 
-def test_the_weights_do_not_depend_on_the_threads_in_force_around_a_training(tmp_path) -> None:
+@pytest.mark.parametrize("own", [1, 2])
+def test_the_weights_do_not_depend_on_the_threads_in_force_around_a_training(tmp_path, own: int) -> None:
+    budget = settings(1, threads=own)
     before = torch.get_num_threads()
     found = []
     try:
         for threads in (1, 2, 3):
             torch.set_num_threads(threads)
-            found.append(weights(trained(tmp_path / str(threads), epochs=1, model=WIDE)))
+            found.append(weights(trained(tmp_path / str(threads), trainer=budget, model=WIDE)))
             assert torch.get_num_threads() == threads
     finally:
         torch.set_num_threads(before)

@@ -204,7 +204,7 @@ def run(
     init.require_unseen([training_data(dataset, frames[domain]) for domain, dataset in sets.items()])
     one = FoldRun(model, preprocessing, trainer, augmentation, loss, init, seed, fold)
     trained = one.train(sets[train_on], frames[train_on], folds[train_on], workspace, progress)
-    source = {
+    source: dict[str, Any] = {
         "train_dataset": reported_name(sets[train_on]),
         "train_simulated": frames[train_on].simulated,
     }
