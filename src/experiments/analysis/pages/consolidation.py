@@ -102,7 +102,9 @@ def _training(config: Mapping[str, Any]) -> str:
     # Trainings of before the choice of a start began from random weights.
     start = str(config.get("init", {}).get("_target_", "SharedRandom")).rsplit(".", 1)[-1]
     outer = "" if split["outer_folds"] is None else f"{split['outer_folds']} outer folds of "
-    kind = {"Pretrained": "pretrained weights", "SharedRandom": "random weights of the seed"}.get(start, start)
+    kind = {"Pretrained": "pretrained weights", "SharedRandom": "random weights of the seed"}.get(
+        start, start
+    )
     return (
         f"{outer}{split['folds']} folds, at most {trainer['max_epochs']} epochs of batches of {trainer['batch_size']}, "
         f"{config['image_size_px']} px, from {kind}"

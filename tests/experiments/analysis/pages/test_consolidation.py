@@ -14,7 +14,6 @@ from experiments.outcome import JobResult, Outcome
 from experiments.tracking.archive import write_archive
 from experiments.tracking.run_record import RunRecord
 
-
 CONFIG = """training_seed: {seed}
 trainer: {{max_epochs: 15, batch_size: 4}}
 split: {{folds: 3, outer_folds: null}}
