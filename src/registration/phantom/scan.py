@@ -103,7 +103,7 @@ def simulate_sweep(
         If the number is negative or the settings lead to no anatomy or model.
     """
     require_count("sweep", sweep, 0)
-    maker = SweepSimulator(settings, sweep, displacement)
+    maker = SweepSimulator(settings, sweep, displacement=displacement)
     ct_T_bed = maker.anatomy.ct_T_bed
     ct_T_world, calibration, recorded = _setup(settings)
     world_T_bed = transforms.invert_rigid(ct_T_world) @ ct_T_bed

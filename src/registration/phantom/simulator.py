@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -37,7 +37,7 @@ class SweepSimulator:
 
     settings: PhantomSettings
     number: int
-    displacement: Displacement | None = None
+    displacement: Displacement | None = field(default=None, kw_only=True)
 
     @cached_property
     def anatomy(self) -> Anatomy:

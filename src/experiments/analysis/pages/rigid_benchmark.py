@@ -121,7 +121,7 @@ def _beside_baseline(rows: pd.DataFrame, out: Path) -> tuple[pd.DataFrame, str]:
     if not path.is_file():
         return rows, ""
     kept = pd.read_csv(
-        path, keep_default_na=False, na_values={name: [""] for name in rows if name not in TEXTS}
+        path, keep_default_na=False, na_values={str(name): [""] for name in rows if name not in TEXTS}
     )
     both = pd.concat([rows, kept[[name for name in rows if name in kept]]], ignore_index=True)
     method = ", ".join(kept["method"].drop_duplicates())

@@ -112,7 +112,8 @@ def score_result(result: PoseResult, truth: CaseTruth, case: BenchmarkCase | Non
     A missing result has infinite errors. A result that was not accepted, or was wrong although its method
     judges its results, is compared with the best second pose there is (``second_pose_gap``, in standard
     errors, and its ``second_tre_mm``). ``ambiguous_rightly`` is 1 or 0 for those that were not accepted. Where the
-    model is that of another vessel there is no true pose and nothing to compare: errors are NaN.
+    model is that of another vessel there is no true pose and nothing to compare: errors are NaN. Where tissue deforms
+    no second pose is looked for.
 
     Parameters
     ----------
@@ -135,7 +136,9 @@ def score_result(result: PoseResult, truth: CaseTruth, case: BenchmarkCase | Non
     predicted = truth.same_vessel and math.isfinite(result.tre_low_mm) and math.isfinite(result.tre_high_mm)
     doubted = result.verdict not in (ACCEPTED, NOT_JUDGED)
     wrongly_sure = result.judged and not score.success_tre_symmetric
-    wanted = truth.same_vessel and (doubted or wrongly_sure)
+    # Where tissue deforms, neighbouring residuals go together: a gap in independent stretches would mean nothing.
+    comparable = truth.same_vessel and truth.displacement_mm is None
+    wanted = comparable and (doubted or wrongly_sure)
     second = _second(result, truth, case) if wanted else None
     return {
         "case": truth.name,

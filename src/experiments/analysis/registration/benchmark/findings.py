@@ -85,6 +85,14 @@ def _of_other_vessels(name: str, cases: pd.DataFrame) -> Iterator[str]:
         f"{name} accepts {_percent(found, 'wrong_vessel_accepted')} of {len(others)} models of other vessels and "
         f"mirror images{_named(wrong)}."
     )
+    own = own_vessel(cases)
+    largest_mm = own.loc[own[RIGHT].astype(bool), "rmse_mm"].max()
+    alike = wrong[wrong["rmse_mm"] <= largest_mm]
+    if len(alike):  # a piece that is its own mirror image within the noise cannot be told from it
+        yield (
+            f"{len(alike)} of the {len(wrong)} that {name} accepts leave no larger residual than its right results do "
+            f"(RMSE at most {largest_mm:.2f} mm){_named(alike)}."
+        )
 
 
 def _of_own_vessel(name: str, cases: pd.DataFrame) -> Iterator[str]:

@@ -258,6 +258,10 @@ def test_sentences_of_several_blocks_name_them() -> None:
         "Deforming: mine: mean TRE 2.00 mm where the true rigid poses leave 1.50 mm; against these 1.20 mm."
         in said
     )
+    alike = "that mine accepts leave no larger residual than its right results do (RMSE at most 0.20 mm) (a_other)."
+    assert any(one.endswith(alike) for one in said)
+    worse = BLOCKS.assign(rmse_mm=BLOCKS["rmse_mm"].where(BLOCKS["same_vessel"], 0.3))
+    assert not any("no larger residual" in one for one in describe_benchmark(worse))
     unjudged = describe_benchmark(BLOCKS.assign(verdict="not judged"))
     assert any("cannot refuse the 4 models of other vessels" in one for one in unjudged)
     assert not any("Deforming" in one for one in describe_benchmark(MINE))
