@@ -63,6 +63,7 @@ METHODS = {
     "multistart_one_start": "One start",
     "attention_unet": "Attention U-Net",
     "basic_unet": "Basic U-Net",
+    "efficientnet_unet": "EfficientNet-Lite0 U-Net",
     "unet": "U-Net",
     "unet3plus": "UNet 3+",
 }

@@ -88,7 +88,7 @@ class Report:
             What was written.
         """
         content = json.loads(path.read_text(encoding="utf-8"))
-        lists = {name: tuple(content[name]) for name in ("findings", "refused")}
+        lists = {"findings": tuple(content["findings"]), "refused": tuple(content.get("refused", ()))}
         return Report(**{**content, **lists})
 
 
