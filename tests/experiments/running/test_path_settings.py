@@ -39,6 +39,8 @@ OF_STUDIES = {
         *("moving", "fixed", "initial", "moving_landmarks", "fixed_landmarks"),
         *("moving_centerline", "fixed_centerline"),
     },
+    "export_model": {"model_path"},
+    "segment": {"model_path", "input"},
     "robustness": {"target", "moving", "moving_truth", "target_centerline"},
 }
 OF_CLASSES = {
@@ -69,6 +71,9 @@ _WORDS = """
 WORDS = {
     *_WORDS.split(),
     "root of rigid_benchmark",
+    "blocks of rigid_benchmark",
+    "calibration of consolidation",
+    "register_as of export_model",
     "masks of consistency",
     "reference of calibrate_spatial",
     "settings of MonaiNetwork",
