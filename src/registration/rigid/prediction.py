@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
+from threadpoolctl import threadpool_limits
 
 from registration.rigid.acceptance import weak_motion
 from registration.rigid.icp.robust_kernels import RobustKernel
@@ -96,16 +97,18 @@ def predict(
     assessed = None
     if residual_model is not None:
         frame = None if evidence.frame is None else evidence.frame[: evidence.core]
-        assessed = residual_model(
-            evidence.moving_mm[: evidence.core],
-            evidence.smoothed,
-            fixed_T_moving,
-            places_mm,
-            offset=evidence.offset,
-            frame=frame,
-            allowed=allowed,
-            seed=seed,
-        )
+        # Its matrices are small: threads of the linear algebra cost several times what they save.
+        with threadpool_limits(1, user_api="blas"):
+            assessed = residual_model(
+                evidence.moving_mm[: evidence.core],
+                evidence.smoothed,
+                fixed_T_moving,
+                places_mm,
+                offset=evidence.offset,
+                frame=frame,
+                allowed=allowed,
+                seed=seed,
+            )
     pose = fixed_T_moving if assessed is None else assessed.fixed_T_moving
     bent = None if assessed is None else assessed.deformation
     reach_mm = evidence.smoothed.reach_mm

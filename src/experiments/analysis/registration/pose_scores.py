@@ -133,7 +133,8 @@ def score_result(result: PoseResult, truth: CaseTruth, case: BenchmarkCase | Non
     pose = result.fixed_T_moving
     score = PoseScore() if pose is None else score_pose(pose, truth, case)
     tre_mm = score.tre_symmetric_mm
-    predicted = truth.same_vessel and math.isfinite(result.tre_low_mm) and math.isfinite(result.tre_high_mm)
+    low_mm, high_mm = result.tre_low_mm, result.tre_high_mm
+    predicted = truth.same_vessel and math.isfinite(low_mm) and math.isfinite(high_mm)
     doubted = result.verdict not in (ACCEPTED, NOT_JUDGED)
     wrongly_sure = result.judged and not score.success_tre_symmetric
     # Where tissue deforms, neighbouring residuals go together: a gap in independent stretches would mean nothing.
@@ -158,12 +159,10 @@ def score_result(result: PoseResult, truth: CaseTruth, case: BenchmarkCase | Non
         "success_tre_symmetric": score.success_tre_symmetric,
         "verdict": result.verdict,
         "ambiguity_gap": result.ambiguity_gap,
-        "tre_low_mm": result.tre_low_mm,
-        "tre_high_mm": result.tre_high_mm,
-        "covered_by_interval": (
-            float(result.tre_low_mm <= tre_mm <= result.tre_high_mm) if predicted else NOT_DEFINED
-        ),
-        "high_over_error": result.tre_high_mm / tre_mm if predicted and tre_mm > 0 else NOT_DEFINED,
+        "tre_low_mm": low_mm,
+        "tre_high_mm": high_mm,
+        "covered_by_interval": float(low_mm <= tre_mm <= high_mm) if predicted else NOT_DEFINED,
+        "high_over_error": high_mm / tre_mm if predicted and tre_mm > 0 else NOT_DEFINED,
         "second_pose_gap": NOT_DEFINED if second is None else second.gap,
         "second_tre_mm": NOT_DEFINED if second is None else second.tre_mm,
         "ambiguous_rightly": float(second.hidden) if second is not None and doubted else NOT_DEFINED,

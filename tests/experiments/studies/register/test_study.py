@@ -354,7 +354,7 @@ def test_the_page_holds_before_after_and_the_distances(folder: Path) -> None:
     for text in (
         "moving, before",
         "moving, after",
-        "distance to fixed, mm",
+        "Distance to fixed (mm)",
         "moving.ply on fixed.ply by multistart",
     ):
         assert text in page
