@@ -61,3 +61,11 @@ def test_the_mirror_image_is_not_accepted() -> None:
     found = registered(0.0, mirror=True)
     assert found.verdict != "accepted"
     assert found.probability_right_vessel < 0.5
+
+
+def test_a_cloud_that_is_no_surface_keeps_the_pose_that_fits_it_exactly() -> None:
+    moving_mm = np.random.default_rng(0).uniform(-1, 1, (400, 3)) * [40.0, 12.0, 5.0]
+    fixed_mm = moving_mm @ np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]).T + [5.0, -3.0, 2.0]
+    found = MultiStartICP()(moving_mm, fixed_mm)
+    np.testing.assert_allclose(found.fixed_T_moving[:3, 3], [5.0, -3.0, 2.0], atol=1e-6)
+    assert found.rmse_mm < 1e-6 and found.verdict == "ambiguous"

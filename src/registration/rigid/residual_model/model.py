@@ -28,6 +28,8 @@ BORDER, JITTER = (2.0, 12.0, 60.0), (0.0, 2.0)
 UNSEEN_LENGTH_MM = 45.0
 # A displacement below this share of the distance between fixed points is the sampling's, not the tissue's.
 LEAST_SIZE_SPACINGS = 0.1
+# A model that finds the vessel less probable than this does not describe the clouds, and corrects nothing.
+IMPROBABLE = 0.05
 # Covariances less probable than this share of the best one say nothing more.
 LIKELY = 0.1
 # A group has about this many points at least; fewer groups than this many per unknown say too little.
@@ -179,8 +181,12 @@ class ResidualModel:
         detected = fits.gain >= self.min_gain and size_mm >= LEAST_SIZE_SPACINGS * target.spacing_mm
         if not detected:
             posterior = Posterior(residuals, fits.chosen(LIKELY, still=True))
+        mirrored_mm = mirrored_misfit_mm(moving_mm, target, fixed_T_moving, block=block, offset=offset)
+        probability = probability_right_vessel(
+            misfit_mm(residuals), mirrored_mm, 1.0 - residuals.share, self.expected_deformation_mm
+        )
         pose, motion_mm = fixed_T_moving, np.zeros(6)
-        if detected and self.correct_pose:
+        if detected and self.correct_pose and probability >= IMPROBABLE:
             step_mm = posterior.rigid_part_mm(places_mm)
             corrected = transforms.compose(residuals.motions(step_mm[None])[0], fixed_T_moving)
             if allowed is None or allowed(corrected):
@@ -189,8 +195,4 @@ class ResidualModel:
         if self.expected_deformation_mm > 0:
             free = unseen(residuals, fits, self.expected_deformation_mm, UNSEEN_LENGTH_MM)
             bent = replace(bent, expected_mm=self.expected_deformation_mm, unseen=free)
-        mirrored_mm = mirrored_misfit_mm(moving_mm, target, fixed_T_moving, block=block, offset=offset)
-        probability = probability_right_vessel(
-            misfit_mm(residuals), mirrored_mm, 1.0 - residuals.share, self.expected_deformation_mm
-        )
         return Assessed(pose, bent, probability)
