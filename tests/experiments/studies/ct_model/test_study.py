@@ -125,7 +125,7 @@ def test_its_centerline_is_the_tubes_in_every_file(tmp_path: Path) -> None:
     first_mm = curve["controlPoints"][0]["position"]
     np.testing.assert_allclose(first_mm, line.points_mm[0], atol=1e-5)
     page = (out / "scene.html").read_text(encoding="utf-8")
-    assert '"name": "surface"' in page and '"name": "centerline"' in page
+    assert '"name":"surface"' in page and '"name":"centerline"' in page
 
 
 def test_a_mesh_and_the_label_map_of_one_vessel_agree(tmp_path: Path) -> None:
