@@ -26,6 +26,7 @@ FIXED_DRAWS = {
     "experiments/reporting/scene_layers.py": "which points of a large cloud a page shows",
     "experiments/studies/reconstruct/report.py": "places on a surface where its distance to the points is taken",
     "experiments/studies/consistency/report.py": "resamples of an interval",
+    "experiments/analysis/consolidation/tables.py": "resamples of an interval",
     "registration/geometry/hollow.py": "points of a wall that are asked whether they lie inside the other",
     "experiments/studies/pipeline/figures.py": "which points a figure shows",
     "experiments/studies/robustness/problem.py": "targets that the error is measured at",
