@@ -8,13 +8,12 @@ from collections.abc import Callable, Sequence
 import torch
 from torch import Tensor
 
-from models.array_types import Float32
 from models.errors import InputError
 from models.export.onnx import onnx_graph, onnx_session
 from models.inference.ensemble import MeanProbability
 
-# Images (b, 1, s, s) to the outputs of MeanProbability.
-Forward = Callable[[Float32[Tensor, "b 1 s s"]], Sequence[Tensor]]
+# Images (b, 1, s, s) to the outputs of MeanProbability. The alias is made where jaxtyping may be missing.
+Forward = Callable[[Tensor], Sequence[Tensor]]
 
 ENGINES = ("auto", "eager", "compiled", "onnxruntime", "openvino")
 PACKAGES = {"onnxruntime": ("onnx", "onnxruntime"), "openvino": ("onnx", "openvino")}
