@@ -9,6 +9,7 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -83,7 +84,29 @@ class Checkpoint:
         InputError
             If the file is missing, damaged, of another program or version, or its weights do not fit its recipe.
         """
-        content = read_weights_file(Path(path), {FORMAT: VERSION}, "checkpoint")
+        return Checkpoint.of(read_weights_file(Path(path), {FORMAT: VERSION}, "checkpoint"), path)
+
+    @staticmethod
+    def of(content: Mapping[str, Any], path: str | Path) -> Checkpoint:
+        """Build a checkpoint from what its file holds.
+
+        Parameters
+        ----------
+        content : mapping
+            Content of a file of this format and version.
+        path : str or Path
+            The file, for messages.
+
+        Returns
+        -------
+        Checkpoint
+            The checkpoint.
+
+        Raises
+        ------
+        InputError
+            If the network is unknown or the weights do not fit its recipe.
+        """
         if not are_weights(content.get("weights")):
             raise InputError(f"{path}: expected the weights of a network by name, received something else")
         try:

@@ -197,7 +197,7 @@ class SegmentationModel:
             Path(path), {FORMAT: VERSION, CHECKPOINT_FORMAT: CHECKPOINT_VERSION}, "model"
         )
         if content["format"] == CHECKPOINT_FORMAT:
-            return model_of(Checkpoint.load(path), Path(path).stem)
+            return model_of(Checkpoint.of(content, path), Path(path).stem)
         try:
             model = _model(content)
         except (KeyError, TypeError, AttributeError, InputError) as refusal:

@@ -13,14 +13,13 @@ from jaxtyping import Float, Float64
 
 from registration import transforms
 from registration.geometry.rigid_fit import kabsch
+from registration.phantom.displacement import body_around, scaled_to
 
 # The dent reaches this far, and is deepest so far beside the vessel's centerline.
 REACH_MM, BESIDE_MM = 24.0, 5.0
 FIELD_LENGTH_MM, WAVES = 25.0, 64
 # No wave is shorter: it would fold the tissue over itself.
 SHORTEST_WAVE_MM = 12.0
-# With the tissue around the line, the rigid part that is taken out holds the roll too.
-BODY_MM = 15.0
 
 
 @dataclass(frozen=True)
@@ -153,16 +152,10 @@ def draw_field(guide_mm: Float64[np.ndarray, "g 3"], size_mm: float, rng: np.ran
     length = np.linalg.norm(waves, axis=1, keepdims=True)
     waves *= np.minimum(1.0, 2.0 * np.pi / (SHORTEST_WAVE_MM * length))
     phases, weights = rng.uniform(0.0, 2.0 * np.pi, WAVES), rng.standard_normal((WAVES, 3))
-    aside_mm = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]) * BODY_MM
-    body_mm = (guide_mm[:, None] + aside_mm).reshape(-1, 3)
+    body_mm = body_around(guide_mm)
 
     def scaled(factor_mm: float) -> RandomField:
         raw = RandomField(waves, phases, factor_mm * weights, np.eye(4))
         return RandomField(waves, phases, factor_mm * weights, kabsch(raw(body_mm), body_mm))
 
-    # The rigid part is not linear in the size, but nearly so: a few corrections meet the maximum.
-    factor_mm = size_mm / np.sqrt(WAVES)
-    for _ in range(6):
-        largest_mm = float(np.linalg.norm(scaled(factor_mm)(guide_mm) - guide_mm, axis=1).max())
-        factor_mm *= size_mm / largest_mm
-    return scaled(factor_mm)
+    return scaled_to(scaled, guide_mm, size_mm, float(size_mm / np.sqrt(WAVES)))

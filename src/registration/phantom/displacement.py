@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Float64
@@ -34,6 +35,9 @@ class Displacement(Protocol):
             Displaced points in mm, in the precision of the input.
         """
         ...
+
+
+Scaled = TypeVar("Scaled", bound=Displacement)
 
 
 @dataclass(frozen=True)
@@ -114,18 +118,58 @@ def draw_bend(
     centres_mm = guide_mm[chosen] + rng.normal(0.0, 8.0, (5, 3))
     direction = rng.standard_normal((5, 3)) * [1.0, 0.7, 0.5]
 
-    # A line alone leaves its roll open; with the tissue around it, the rigid part is that of the whole body.
-    aside_mm = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]) * BODY_MM
-    body_mm = (guide_mm[:, None] + aside_mm).reshape(-1, 3)
+    body_mm = body_around(guide_mm)
 
     def scaled(size_mm: float) -> Bend:
         raw = Bend(centres_mm, size_mm * direction, length_mm, np.eye(4))
         return Bend(centres_mm, size_mm * direction, length_mm, rigid_part(raw(body_mm), body_mm))
 
-    # The rigid part is not linear in the size, but nearly so: a few corrections meet the maximum.
-    size_mm = max_mm
+    return scaled_to(scaled, guide_mm, max_mm, max_mm)
+
+
+def body_around(guide_mm: Float64[np.ndarray, "g 3"]) -> Float64[np.ndarray, "b 3"]:
+    """Take points of the tissue around a vessel, whose rigid motion is taken out of a displacement.
+
+    A line alone leaves its roll open; with the tissue around it, the rigid part is that of the whole body.
+
+    Parameters
+    ----------
+    guide_mm : ndarray, shape (g, 3)
+        Points along the vessel in the bed frame in mm.
+
+    Returns
+    -------
+    ndarray, shape (5 g, 3)
+        These points and four around each, in mm.
+    """
+    aside_mm = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]]) * BODY_MM
+    return (guide_mm[:, None] + aside_mm).reshape(-1, 3)
+
+
+def scaled_to(
+    scaled: Callable[[float], Scaled], guide_mm: Float64[np.ndarray, "g 3"], max_mm: float, size_mm: float
+) -> Scaled:
+    """Scale a displacement so that the largest one along a vessel is as asked.
+
+    Parameters
+    ----------
+    scaled : callable
+        Makes the displacement of a size.
+    guide_mm : ndarray, shape (g, 3)
+        Points along the vessel in the bed frame in mm.
+    max_mm : float
+        Largest displacement of these points in mm.
+    size_mm : float
+        Size to begin with in mm.
+
+    Returns
+    -------
+    Displacement
+        The displacement.
+    """
+    # Its rigid part, which is taken out, is not linear in the size, but nearly so: a few corrections meet the maximum.
     for _ in range(6):
-        largest_mm = np.linalg.norm(scaled(size_mm)(guide_mm) - guide_mm, axis=1).max()
+        largest_mm = float(np.linalg.norm(scaled(size_mm)(guide_mm) - guide_mm, axis=1).max())
         size_mm *= max_mm / largest_mm
     return scaled(size_mm)
 

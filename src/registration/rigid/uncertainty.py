@@ -6,12 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64, Int64
-from scipy.spatial.transform import Rotation
 
-from registration import transforms
 from registration.checks import require_count, require_positive
 from registration.errors import InputError
-from registration.rigid.icp.estimation import motion_jacobian, with_offset
+from registration.rigid.icp.estimation import motion_jacobian, motion_transforms, with_offset
 from registration.rigid.icp.pairs import closest_pairs
 from registration.rigid.icp.robust_kernels import RobustKernel, robust_scale
 from registration.rigid.smoothed_target import SmoothedTarget
@@ -95,8 +93,7 @@ class LocalFit:
         ndarray, shape (k, 4, 4)
             Transforms (fixed_T_fixed).
         """
-        turn = Rotation.from_rotvec(motion_mm[:, :3] / self.radius_mm)
-        return transforms.from_rotation(turn, self.centre_mm + motion_mm[:, 3:] - turn.apply(self.centre_mm))
+        return motion_transforms(motion_mm, self.centre_mm, self.radius_mm)
 
 
 def local_fit(

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from registration.benchmark.tissue_displacement import (
-    BODY_MM,
     FIELD_LENGTH_MM,
     Indentation,
     RandomField,
@@ -14,6 +13,7 @@ from registration.benchmark.tissue_displacement import (
     draw_indentation,
 )
 from registration.geometry.rigid_fit import kabsch
+from registration.phantom.displacement import BODY_MM
 
 GUIDE_MM = np.column_stack(
     [3 * np.sin(np.linspace(0, 3, 40)), np.linspace(-2, 4, 40), np.linspace(-40, 40, 40)]

@@ -21,6 +21,7 @@ from experiments.analysis.consolidation.rows import (
 from experiments.analysis.consolidation.thresholds import STEPS
 from experiments.analysis.segmentation.case_table import dataset_label, distance, once_each
 from experiments.statistics import Bootstrap, Interval
+from models.averaging import InterpolationPath
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -216,12 +217,11 @@ def barrier_table(cases: pd.DataFrame) -> pd.DataFrame:
 
 
 def _barrier(line: pd.DataFrame) -> tuple[float, float]:
-    """Largest rise of the loss above, and fall of the DSC below, the straight line between the ends."""
+    """Barriers of loss and DSC of one pair in one job."""
     line = line.sort_values("alpha")
-    alphas = line["alpha"].to_numpy()
-    ends = {name: line[name].to_numpy()[[0, -1]] for name in ("loss", "dsc")}
-    loss, dsc = (line[name] - ((1 - alphas) * ends[name][0] + alphas * ends[name][1]) for name in ends)
-    return float(loss.max()), float((-dsc).max())
+    alphas, losses, dscs = (line[name].to_numpy(dtype=np.float64) for name in ("alpha", "loss", "dsc"))
+    path = InterpolationPath(str(line["first"].iloc[0]), str(line["second"].iloc[0]), alphas, losses, dscs)
+    return path.loss_barrier, path.dsc_barrier
 
 
 def reliability(rows: pd.DataFrame, resamples: int = 1000) -> dict[tuple[str, str, str], dict[str, float]]:

@@ -262,6 +262,31 @@ def motion_jacobian(
     return jacobian
 
 
+def motion_transforms(
+    motion_mm: Float64[np.ndarray, "s 6"],
+    centre_mm: Float64[np.ndarray, "*c 3"],
+    radius_mm: float | Float64[np.ndarray, "s 1"],
+) -> Float64[np.ndarray, "s 4 4"]:
+    """Turn small motions in the unknowns of ``motion_jacobian`` into transforms.
+
+    Parameters
+    ----------
+    motion_mm : ndarray, shape (s, 6)
+        Rotation vectors times the radius, and translations, in mm.
+    centre_mm : ndarray, shape (3,) or (s, 3)
+        Centre of rotation in mm in the fixed coordinate frame, of all motions or of each.
+    radius_mm : float or ndarray, shape (s, 1)
+        Radius of the cloud in mm, the unit in which rotations are measured.
+
+    Returns
+    -------
+    ndarray, shape (s, 4, 4)
+        Transforms (fixed_T_fixed).
+    """
+    turn = Rotation.from_rotvec(motion_mm[:, :3] / radius_mm)
+    return transforms.from_rotation(turn, centre_mm + motion_mm[:, 3:] - turn.apply(centre_mm))
+
+
 def _newton(
     pairs: Pairs, normals: np.ndarray, weights: np.ndarray, damping: float, offset: bool
 ) -> Float64[np.ndarray, "s 4 4"]:
@@ -282,9 +307,7 @@ def _newton(
     motion_mm = (inverse @ pull)[:, :6, 0]
     longest_mm = np.abs(motion_mm).max(axis=1, keepdims=True)
     motion_mm *= LONGEST_STEP * radius_mm / np.maximum(longest_mm, LONGEST_STEP * radius_mm)
-    turn = Rotation.from_rotvec(motion_mm[:, :3] / radius_mm)
-    centre_mm = centre_mm[:, 0]
-    return transforms.from_rotation(turn, centre_mm + motion_mm[:, 3:] - turn.apply(centre_mm))
+    return motion_transforms(motion_mm, centre_mm[:, 0], radius_mm)
 
 
 def with_offset(jacobian: Float64[np.ndarray, "*s n 6"]) -> Float64[np.ndarray, "*s n 7"]:

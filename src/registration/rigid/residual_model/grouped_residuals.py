@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64, Int64
-from scipy.spatial.transform import Rotation
 
 from registration import transforms
 from registration.errors import InputError
 from registration.rigid.icp.correspondence import TreeTarget
-from registration.rigid.icp.estimation import motion_jacobian, with_offset
+from registration.rigid.icp.estimation import motion_jacobian, motion_transforms, with_offset
 from registration.rigid.icp.pairs import Pairs, closest_pairs
 from registration.rigid.icp.robust_kernels import MEDIAN_TO_SIGMA
 from registration.rigid.residual_model.compact_blocks import blocks_of
@@ -79,9 +78,7 @@ class GroupedResiduals:
         ndarray, shape (k, 4, 4)
             Transforms (fixed_T_fixed).
         """
-        turn = Rotation.from_rotvec(motion_mm[:, :3] / self.radius_mm)
-        shift_mm = self.centre_mm + motion_mm[:, 3:6] - turn.apply(self.centre_mm)
-        return transforms.from_rotation(turn, shift_mm)
+        return motion_transforms(motion_mm[:, :6], self.centre_mm, self.radius_mm)
 
 
 def grouped_residuals(
