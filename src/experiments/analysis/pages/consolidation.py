@@ -15,8 +15,9 @@ from experiments.tracking.run_record import RunRecord
 
 HEAD = """# One model from the folds: {dataset}
 
-Made by `ctus -m +preset=consolidation_{name}` and `python scripts/consolidation_results.py {name}` from the runs in
-`results/runs`. Commit {commits}; {runs} runs (seeds {seeds}); {machines}. Trainings: {trainings}.
+Made by `ctus -m +preset=consolidation_{name}`, with the trainings named below, and
+`python scripts/consolidation_results.py {name}` from the runs in `results/runs`. Commit {commits}; {runs} runs
+(seeds {seeds}); {machines}. Trainings: {trainings}.
 
 Every choice is made on selection groups; test groups are scored once, after all choices. `mean fold` is the mean of the
 single folds, `best fold` the one that is best on selection groups. Masks of the table of candidates are at a

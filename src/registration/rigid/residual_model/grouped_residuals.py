@@ -17,11 +17,11 @@ from registration.rigid.residual_model.compact_blocks import blocks_of
 
 # Points farther from the surface than this, or than so many robust standard deviations, are no points of it.
 FARTHEST_MM = 6.0
-OUTLIER_SIGMA, LEAST_CUT_MM = 5.0, 0.5
+OUTLIER_SIGMA, MIN_CUT_MM = 5.0, 0.5
 # A point whose closest fixed one lies aside by more than so many spacings lies beyond the end of the fixed cloud.
 ASIDE_SPACINGS = 3.0
 # A group with fewer points left says too little.
-LEAST_POINTS = 3
+MIN_POINTS = 3
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def grouped_residuals(
     near = _near(pairs, target.spacing_mm)
     count = np.bincount(block[near], minlength=int(block.max()) + 1)
     # The last group is one for all points that do not count.
-    kept = count >= LEAST_POINTS
+    kept = count >= MIN_POINTS
     near &= kept[block]
     group = (np.cumsum(kept) - 1)[block[near]]
     moved_mm, normals, gap_mm = pairs.moved_mm[0][near], pairs.normals[0][near], pairs.gap_mm[0][near]
@@ -181,7 +181,7 @@ def _near(pairs: Pairs, spacing_mm: float) -> np.ndarray:
     """Which points are near the surface."""
     gap_mm = pairs.gap_mm[0]
     away_mm = np.abs(gap_mm - np.median(gap_mm))
-    cut_mm = min(FARTHEST_MM, max(OUTLIER_SIGMA * MEDIAN_TO_SIGMA * float(np.median(away_mm)), LEAST_CUT_MM))
+    cut_mm = min(FARTHEST_MM, max(OUTLIER_SIGMA * MEDIAN_TO_SIGMA * float(np.median(away_mm)), MIN_CUT_MM))
     aside_mm2 = pairs.squared_mm2[0] - gap_mm**2
     return np.asarray((away_mm <= cut_mm) & (aside_mm2 <= (ASIDE_SPACINGS * spacing_mm) ** 2))
 

@@ -16,7 +16,7 @@ from registration.rigid.residual_model.grouped_residuals import GroupedResiduals
 # A direction with less than this share of the mean stiffness is as good as free.
 FREE_SHARE = 1e-6
 # Clouds that fit each other without noise are taken to have this much of it, in mm.
-LEAST_NOISE_MM = 1e-6
+MIN_NOISE_MM = 1e-6
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def _fit(
     spread = np.linalg.inv(stiffness)
     motion_mm = spread @ (jacobian.T @ gap_mm)
     left_mm = gap_mm - jacobian @ motion_mm
-    noise_mm2 = left_mm @ left_mm / freedom + LEAST_NOISE_MM**2
+    noise_mm2 = left_mm @ left_mm / freedom + MIN_NOISE_MM**2
     log_likelihood = -0.5 * freedom * np.log(noise_mm2) - np.log(np.diag(factor)).sum()
     log_likelihood -= 0.5 * np.linalg.slogdet(stiffness)[1]
     return float(log_likelihood), float(noise_mm2), motion_mm, spread

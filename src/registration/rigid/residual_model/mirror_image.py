@@ -15,7 +15,7 @@ from registration.rigid.residual_model.grouped_residuals import GroupedResiduals
 
 POINTS, ITERATIONS, TOLERANCE, DAMPING, KEEP = 300, 20, 1e-3, 0.01, 0.95
 # Misfits below this, in mm, are the sampling's.
-LEAST_MISFIT_MM = 0.02
+MIN_MISFIT_MM = 0.02
 
 
 def misfit_mm(residuals: GroupedResiduals) -> float:
@@ -35,7 +35,7 @@ def misfit_mm(residuals: GroupedResiduals) -> float:
     left_mm = residuals.gap_mm - residuals.jacobian @ fitted
     freedom = max(len(left_mm) - len(fitted), 1)
     structure_mm2 = float(left_mm @ left_mm) / freedom - residuals.noise_mm**2 / residuals.group_points
-    return float(np.sqrt(max(structure_mm2, LEAST_MISFIT_MM**2)))
+    return float(np.sqrt(max(structure_mm2, MIN_MISFIT_MM**2)))
 
 
 def mirrored_misfit_mm(
@@ -68,8 +68,8 @@ def mirrored_misfit_mm(
     """
     moved_mm = transforms.apply(fixed_T_moving, moving_mm)
     frame = principal_frame(moved_mm)
-    least = frame.axes[:, 2]
-    mirrored_mm = moved_mm - 2.0 * ((moved_mm - frame.centre_mm) @ least)[:, None] * least
+    shortest = frame.axes[:, 2]
+    mirrored_mm = moved_mm - 2.0 * ((moved_mm - frame.centre_mm) @ shortest)[:, None] * shortest
     # Mirrored in another principal plane it is the same image, turned over about a principal axis.
     turns = Rotation.from_rotvec(np.pi * np.stack([np.zeros(3), frame.axes[:, 0], frame.axes[:, 1]]))
     settled = align(

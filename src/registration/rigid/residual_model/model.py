@@ -27,7 +27,7 @@ BORDER, JITTER = (2.0, 12.0, 60.0), (0.0, 2.0)
 # An expected motion hangs together over this length in mm: a shorter one would show.
 UNSEEN_LENGTH_MM = 45.0
 # A displacement below this share of the distance between fixed points is the sampling's, not the tissue's.
-LEAST_SIZE_SPACINGS = 0.1
+MIN_SIZE_SPACINGS = 0.1
 # A model that finds the vessel less probable than this does not describe the clouds, and corrects nothing.
 IMPROBABLE = 0.05
 # Covariances less probable than this share of the best one say nothing more.
@@ -178,7 +178,7 @@ class ResidualModel:
         fits = fit_residuals(residuals, CovarianceParts(residuals), self.tried(frame is not None))
         posterior = Posterior(residuals, fits.chosen(LIKELY))
         size_mm = posterior.bent_mm()
-        detected = fits.gain >= self.min_gain and size_mm >= LEAST_SIZE_SPACINGS * target.spacing_mm
+        detected = fits.gain >= self.min_gain and size_mm >= MIN_SIZE_SPACINGS * target.spacing_mm
         if not detected:
             posterior = Posterior(residuals, fits.chosen(LIKELY, still=True))
         mirrored_mm = mirrored_misfit_mm(moving_mm, target, fixed_T_moving, block=block, offset=offset)

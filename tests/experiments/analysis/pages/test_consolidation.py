@@ -58,7 +58,7 @@ def test_the_page_holds_findings_tables_figures_and_the_certificate(tmp_path: Pa
     assert consolidation.write_page(tmp_path / "runs", out, "usgra", summarise) == 2
     page = (out / "consolidation_usgra.md").read_text(encoding="utf-8")
     assert page.startswith("# One model from the folds: usgra\n")
-    assert "Commit 0123456789ab; 2 runs (seeds 0, 1); one machine." in page
+    assert "Commit 0123456789ab; 2 runs\n(seeds 0, 1); one machine." in page
     assert "Trainings: 3 folds, at most 15 epochs of batches of 4, 128 px, from pretrained weights." in page
     assert "- The average passes.\n" in page and "| uniform | 2 |" in page
     assert "## Candidates on test groups\n\n| model | seeds |" in page
