@@ -18,7 +18,7 @@ from models.networks.blocks import (
     initialise,
     normalisation_layer,
     require_fields,
-    require_size,
+    require_size_of,
 )
 from models.networks.outputs import PresenceBranch, SideOutputs, outputs_of
 
@@ -200,7 +200,7 @@ class AttentionUNetModule(nn.Module):
         Tensor, shape (b, 1, h, w), or SideOutputs
             Logits of "vessel" for every pixel; in training with a presence branch, its logits as well.
         """
-        require_size(images.shape[-2], images.shape[-1], self.multiple)
+        require_size_of(images, self.multiple)
         *skips, features = self.encoder(images)
         presence = None if self.presence is None else self.presence(features)
         for level, up in zip(reversed(range(len(skips))), self.decoder, strict=True):

@@ -228,6 +228,25 @@ def require_size(height: int, width: int, multiple: int) -> None:
         )
 
 
+def require_size_of(images: Tensor, multiple: int) -> None:
+    """Check the size of images.
+
+    Parameters
+    ----------
+    images : Tensor
+        Images, (b, c, h, w).
+    multiple : int
+        Number that both sides must be multiples of, and at least twice.
+
+    Raises
+    ------
+    InputError
+        If a side is not such a multiple.
+    """
+    # While a network is traced for export, sizes are tensors.
+    require_size(int(images.shape[-2]), int(images.shape[-1]), multiple)
+
+
 def require_fields(*, width: int, depth: int, normalisation: str, dropout: float) -> None:
     """Check the settings that networks of the U-Net family share.
 

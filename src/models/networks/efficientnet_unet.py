@@ -11,7 +11,7 @@ from torch.nn import functional
 
 from models.array_types import Float
 from models.errors import InputError
-from models.networks.blocks import NORMALISATIONS, UpBlock, initialise, require_size
+from models.networks.blocks import NORMALISATIONS, UpBlock, initialise, require_size_of
 from models.networks.outputs import PresenceBranch, SideOutputs, outputs_of
 
 STEM_CHANNELS = 32
@@ -249,7 +249,7 @@ class EfficientNetUNetModule(nn.Module):
         Tensor, shape (b, 1, h, w), or SideOutputs
             Logits of "vessel" for every pixel; in training with a presence branch, its logits as well.
         """
-        require_size(images.shape[-2], images.shape[-1], self.multiple)
+        require_size_of(images, self.multiple)
         *skips, features = self.encoder(images)
         presence = None if self.presence is None else self.presence(features)
         for up in self.decoder:

@@ -11,7 +11,7 @@ from torch import Tensor, nn
 
 from models.array_types import Float
 from models.errors import InputError
-from models.networks.blocks import require_size
+from models.networks.blocks import require_size_of
 
 NETWORKS = ("AttentionUnet", "BasicUNet", "BasicUNetPlusPlus", "DynUNet", "SegResNet", "UNet")
 # What this program decides itself: grey images in, one map of logits out.
@@ -135,7 +135,7 @@ class MonaiModule(nn.Module):
         Tensor, shape (b, 1, h, w)
             Logits of "vessel" for every pixel.
         """
-        require_size(images.shape[-2], images.shape[-1], self.multiple)
+        require_size_of(images, self.multiple)
         outputs = self.inner(images)
         # BasicUNetPlusPlus gives a list, of one tensor where only its finest level is supervised.
         logits: Tensor = outputs[0] if isinstance(outputs, list) else outputs

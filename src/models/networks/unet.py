@@ -8,7 +8,7 @@ from typing import ClassVar
 from torch import Tensor, nn
 
 from models.array_types import Float
-from models.networks.blocks import Encoder, decoder, initialise, require_fields, require_size
+from models.networks.blocks import Encoder, decoder, initialise, require_fields, require_size_of
 from models.networks.outputs import PresenceBranch, SideOutputs, outputs_of
 
 
@@ -98,7 +98,7 @@ class UNetModule(nn.Module):
         Tensor, shape (b, 1, h, w), or SideOutputs
             Logits of "vessel" for every pixel; in training with a presence branch, its logits as well.
         """
-        require_size(images.shape[-2], images.shape[-1], self.multiple)
+        require_size_of(images, self.multiple)
         *skips, features = self.encoder(images)
         presence = None if self.presence is None else self.presence(features)
         for up in self.decoder:

@@ -17,7 +17,7 @@ from models.networks.blocks import (
     initialise,
     normalisation_layer,
     require_fields,
-    require_size,
+    require_size_of,
 )
 from models.networks.outputs import PresenceBranch, SideOutputs, gated, outputs_of
 from models.networks.upsampled_convolution import UpsampledConvolution
@@ -198,7 +198,7 @@ class UNet3PlusModule(nn.Module):
         Tensor, shape (b, 1, h, w), or SideOutputs
             Logits of "vessel" for every pixel; in training with an option, those of the coarser levels as well.
         """
-        require_size(images.shape[-2], images.shape[-1], self.multiple)
+        require_size_of(images, self.multiple)
         features = self.encoder(images)
         presence = None if self.presence is None else self.presence(features[-1])
         # From coarse to fine the decoder's features take the place of the encoder's.
