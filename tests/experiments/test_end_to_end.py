@@ -80,7 +80,10 @@ def test_the_whole_path(home: Path, capsys) -> None:
 
 def test_a_missing_network_is_said_before_anything_is_simulated(home: Path, capsys) -> None:
     assert main(["study=pipeline", "model_path=nowhere.pt"]) == 2
-    assert "model_path: expected a model file or a network trained by study=segmentation" in capsys.readouterr().err
+    assert (
+        "model_path: expected a model file or a network trained by study=segmentation"
+        in capsys.readouterr().err
+    )
 
 
 def test_a_missing_root_is_one_sentence(home: Path, capsys) -> None:
