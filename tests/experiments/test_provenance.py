@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 from pathlib import Path
@@ -48,3 +49,16 @@ def test_a_package_below_somebody_elses_repository_has_no_commit(checkout: Path)
     git(checkout, "add", "theirs.txt")
     git(checkout, "commit", "-qm", "theirs")
     assert "mlflow.source.git.commit" not in provenance.environment_tags()
+
+
+def test_the_machine_names_its_gpus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tool = tmp_path / "nvidia-smi"
+    tool.write_text("#!/bin/sh\necho 'NVIDIA A'\necho 'NVIDIA B'\n")
+    tool.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+    provenance._gpus.cache_clear()
+    assert provenance.environment_tags()["ctus.machine"].endswith(" CPUs, NVIDIA A, NVIDIA B")
+    tool.write_text("#!/bin/sh\necho 'no driver'\nexit 9\n")
+    provenance._gpus.cache_clear()
+    assert provenance.environment_tags()["ctus.machine"].endswith(" CPUs")
+    provenance._gpus.cache_clear()
