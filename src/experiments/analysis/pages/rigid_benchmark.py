@@ -24,13 +24,13 @@ HEAD = """# Rigid registration on the frozen benchmark
 Made by `make rigid-benchmark`. A case is a simulated sweep of a random anatomy, reconstructed from its exact masks with
 the simulator's default pose noise, and the model that was re-segmented from a simulated CT of the same anatomy; tissue
 does not deform. 3000 moving points start turned by up to 180 degrees and moved by up to 50 mm, 5000 points of the model
-stay. Of each anatomy there is the whole sweep, pieces of 80, 60 and 40 % of its frames, one with 10 % stray points and
+stay. Of each anatomy there is the whole sweep, pieces of 80, 60 and 40 % of its frames, one with 10 % outliers and
 one with 30 % of its frames missing.
 
 `tre_mm` is the root mean square over the model's centerline, swept or not; success is a TRE of at most 2 mm. Intervals
-(`low`, `high`) of methods are by the bootstrap over anatomies, all others Wilson's, at 95 %. An answer is doubted
-rightly if another pose, elsewhere by more than 2 mm, explains the clouds within their noise: it is looked for from the
-true pose, by slides, rolls and half turns, and from the method's own candidates.
+(`low`, `high`) of methods are by the bootstrap over anatomies, all others Wilson's, at 95 %. A result is
+rightly not accepted if another pose, elsewhere by more than 2 mm, explains the clouds within their noise: it is looked
+for from the true pose, by slides, rolls and half turns, and from the method's own candidates.
 
 ![Risk, predicted error, kinds](rigid_benchmark.png)
 """
@@ -108,7 +108,7 @@ def write_page(folder: Path, out: Path) -> int:
 
 
 def _tables(rows: pd.DataFrame) -> str:
-    """The tables of all blocks without that of every doubted case, which the CSV file has."""
+    """The tables of all blocks without that of every case not accepted, which the CSV file has."""
     tables = benchmark_tables(rows)
     return markdown({name: table for name, table in tables.items() if not name.startswith("not accepted")})
 

@@ -140,11 +140,11 @@ def _of_verdicts(name: str, cases: pd.DataFrame, found: dict[str, float]) -> Ite
     judged, failed = unsure["ambiguous_rightly"].notna(), int((unsure["verdict"] == FAILED).sum())
     rightly = int((unsure["ambiguous_rightly"] == 1).sum())
     yield (
-        f"{name} doubts {len(unsure)} of {len(cases)} results (declared failed: {failed}; right all the same: "
+        f"{name} does not accept {len(unsure)} of {len(cases)} results (declared failed: {failed}; right all the same: "
         f"{int(unsure[RIGHT].sum())})"
         + (
             f"; in {rightly} of {int(judged.sum())} a second pose explains the clouds within their noise, and "
-            f"right results that were doubted without one: {len(over_cautious(cases))}{_named(over_cautious(cases))}."
+            f"right results not accepted without one: {len(over_cautious(cases))}{_named(over_cautious(cases))}."
             if judged.any()
             else "."
         )

@@ -121,13 +121,13 @@ def test_methods_are_compared_by_anatomy() -> None:
     assert compared["p_holm"] == pytest.approx(0.75)
 
 
-def test_sentences_say_what_failed_and_what_was_doubted() -> None:
+def test_sentences_say_what_failed_and_what_was_not_accepted() -> None:
     said = " ".join(describe_benchmark(pd.concat([MINE, OTHER], ignore_index=True)))
     assert "mine: 3 of 6 cases within 2 mm TRE (50.0%, 95 % interval over 3 anatomies" in said
     assert "are right (wrong: b_whole)." in said
-    assert "mine doubts 3 of 6 results (declared failed: 1; right all the same: 1)" in said
+    assert "mine does not accept 3 of 6 results (declared failed: 1; right all the same: 1)" in said
     assert "in 1 of 2 a second pose explains the clouds within their noise" in said
-    assert "right results that were doubted without one: 1 (c_whole)" in said
+    assert "right results not accepted without one: 1 (c_whole)" in said
     assert "other: its results are not judged." in said
     assert "other accepts" not in said
     assert "80.0 % (Wilson 95 % interval" in said
