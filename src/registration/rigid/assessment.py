@@ -131,6 +131,9 @@ class Problem:
         Number of axes that were tried as the vessel's.
     begin_s : float
         When the registration began, by ``time.perf_counter``.
+    seen_share : float or None, optional
+        Share of the moving points that a search for partial overlap found in view of the fixed cloud, and ``evidence``
+        is of these; None for a search for the whole cloud.
     """
 
     moving_mm: Float64[np.ndarray, "m 3"]
@@ -138,6 +141,7 @@ class Problem:
     bound: Bound | None
     axes_tried: int
     begin_s: float
+    seen_share: float | None = None
 
 
 def assess(settings: Assessment, problem: Problem, found: Found) -> RigidResult:
@@ -206,7 +210,10 @@ def _result(
         probe_points=settings.probe_points,
         keep=settings.keep,
     )
-    verdict, reason = _verdict(settings, problem, found, predicted, measured.inlier_share, gap, directions)
+    judged = measured
+    if problem.seen_share is not None:
+        judged = settings.fit(problem.evidence.moving_mm, problem.evidence.target, pose)
+    verdict, reason = _verdict(settings, problem, found, predicted, judged.inlier_share, gap, directions)
     return RigidResult(
         fixed_T_moving=pose,
         rmse_mm=measured.rmse_mm,
@@ -250,6 +257,12 @@ def _verdict(
         deformation=predicted.deformation,
         probability_right_vessel=predicted.probability_right_vessel,
     )
+    if problem.seen_share is not None and verdict == ACCEPTED:
+        verdict = AMBIGUOUS
+        reason = (
+            f"only {problem.seen_share:.0%} of the moving points lie beside the fixed cloud: such a part may fit "
+            "other places and other vessels as well"
+        )
     bound, pose = problem.bound, predicted.fixed_T_moving
     beyond = _beyond(settings.acceptance.min_gap, problem.evidence, found, bound, pose)
     return _within_bound(verdict, reason, bound, pose, beyond)

@@ -64,8 +64,6 @@ class Found:
         By how many standard errors the first c of them, the refined ones, explain the clouds worse than the best.
     iterations : int
         Iterations of all starts together.
-    settled : bool
-        Whether the best pose has settled.
     outside : Candidate or None, optional
         Best pose beyond the bound of the search, which is no candidate; None where there is none.
     """
@@ -73,8 +71,12 @@ class Found:
     candidates: tuple[Candidate, ...]
     gap: Float64[np.ndarray, " c"]
     iterations: int
-    settled: bool
     outside: Candidate | None = None
+
+    @property
+    def settled(self) -> bool:
+        """Whether the best pose has settled."""
+        return self.candidates[0].settled
 
     def with_best(self, fixed_T_moving: Float64[np.ndarray, "4 4"]) -> Found:
         """Return the same with another pose for the best candidate.
@@ -163,13 +165,13 @@ class CoarseToFine:
         pool, steps = self._coarse(evidence, starts)
         pool, beyond = _divided(pool, within)
         near, far = pool[: self.coarse.max_survivors], pool[self.coarse.max_survivors :]
-        middle, more, _ = self._refined(evidence, near + beyond[:1], self.middle, moving_normals)
+        middle, more = self._refined(evidence, near + beyond[:1], self.middle, moving_normals)
         middle, beyond = _divided(middle, within)
         hopeful = [
             one for one, gap in zip(middle, _gaps(evidence, middle), strict=True) if gap < HOPELESS_GAP
         ]
         chosen = hopeful[: self.middle.max_survivors]
-        fine, last, settled = self._refined(evidence, chosen + beyond[:1], self.fine, moving_normals)
+        fine, last = self._refined(evidence, chosen + beyond[:1], self.fine, moving_normals)
         fine, beyond = _divided(fine, within)
         names = {id(one) for one in chosen}
         left = [one for one in middle if id(one) not in names]
@@ -177,7 +179,6 @@ class CoarseToFine:
             candidates=tuple(fine + left + far),
             gap=_gaps(evidence, fine + left),
             iterations=steps + more + last,
-            settled=bool(fine) and settled[fine[0].fixed_T_moving.tobytes()],
             outside=next(iter(beyond), None),
         )
 
@@ -195,7 +196,7 @@ class CoarseToFine:
         poses = np.concatenate([coarse.fixed_T_moving[ranks], first.fixed_T_moving[dropped]])
         residuals_mm = np.concatenate([coarse.rmse_mm[ranks], first.rmse_mm[dropped]])
         origins = starts[np.concatenate([kept[ranks], dropped])]
-        groups = distinct(poses, evidence.moving_mm[:BASIN_POINTS], self._reach_mm(evidence))
+        groups = distinct(poses, evidence.moving_mm[:BASIN_POINTS], self.reach_mm(evidence))
         found = [
             _candidate(
                 poses[group[0]],
@@ -214,10 +215,10 @@ class CoarseToFine:
         chosen: list[Candidate],
         stage: Stage,
         moving_normals: np.ndarray | None,
-    ) -> tuple[list[Candidate], int, dict[bytes, bool]]:
-        """Exact closest points from the chosen poses on: best first, steps, and which of the poses settled."""
+    ) -> tuple[list[Candidate], int]:
+        """Exact closest points from the chosen poses on: best first, and the number of steps."""
         if not chosen:
-            return [], 0, {}
+            return [], 0
         poses = np.stack([one.fixed_T_moving for one in chosen])
         found = self._aligned(
             evidence, evidence.target, poses, stage, self.estimation, self.kernel, moving_normals
@@ -225,7 +226,7 @@ class CoarseToFine:
         scores_mm = np.sqrt(evidence.bounded_mm2(found.fixed_T_moving).mean(axis=1))
         order = np.argsort(scores_mm, kind="stable")
         groups = distinct(
-            found.fixed_T_moving[order], evidence.moving_mm[:BASIN_POINTS], self._reach_mm(evidence)
+            found.fixed_T_moving[order], evidence.moving_mm[:BASIN_POINTS], self.reach_mm(evidence)
         )
         merged = [
             _candidate(
@@ -234,14 +235,11 @@ class CoarseToFine:
                 stage.name,
                 sum(chosen[order[member]].starts for member in group),
                 chosen[order[group[0]]].start_fixed_T_moving,
+                settled=bool(found.converged[order[group[0]]]),
             )
             for group in groups
         ]
-        settled = {
-            pose.tobytes(): bool(still)
-            for pose, still in zip(found.fixed_T_moving, found.converged, strict=True)
-        }
-        return merged, int(found.iterations.sum()), settled
+        return merged, int(found.iterations.sum())
 
     def _aligned(
         self,
@@ -267,7 +265,19 @@ class CoarseToFine:
             moving_normals=None if moving_normals is None else moving_normals[: stage.points],
         )
 
-    def _reach_mm(self, evidence: Evidence) -> float:
+    def reach_mm(self, evidence: Evidence) -> float:
+        """Compute within what distance two poses move the cloud alike.
+
+        Parameters
+        ----------
+        evidence : Evidence
+            Both clouds.
+
+        Returns
+        -------
+        float
+            Root mean square distance in mm.
+        """
         return self.basin_share * float(np.sqrt(evidence.moving_mm.var(axis=0).sum()))
 
 
@@ -295,7 +305,13 @@ def estimation_by(refine_by: str, offset: bool) -> Estimation:
 
 
 def _candidate(
-    pose: np.ndarray, score_mm: float, stage: str, starts: int, start: np.ndarray | None
+    pose: np.ndarray,
+    score_mm: float,
+    stage: str,
+    starts: int,
+    start: np.ndarray | None,
+    *,
+    settled: bool = False,
 ) -> Candidate:
     return Candidate(
         fixed_T_moving=pose,
@@ -305,6 +321,7 @@ def _candidate(
         stage=stage,
         start_fixed_T_moving=start,
         score_mm=score_mm,
+        settled=settled,
     )
 
 

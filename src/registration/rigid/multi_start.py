@@ -13,11 +13,12 @@ from registration.checks import require_count, require_positive
 from registration.errors import InputError
 from registration.rigid.acceptance import AcceptanceCriteria
 from registration.rigid.assessment import Assessment, Problem, assess
-from registration.rigid.coarse_to_fine import CoarseToFine, estimation_by
+from registration.rigid.coarse_to_fine import CoarseToFine, Found, estimation_by
 from registration.rigid.correspondence import Correspondence
 from registration.rigid.icp.correspondence import TreeTarget
 from registration.rigid.icp.robust_kernels import RobustKernel, Tukey
 from registration.rigid.isolated_points import isolated_points
+from registration.rigid.partial_overlap import PartialOverlap
 from registration.rigid.pose_comparison import Evidence
 from registration.rigid.residual_model.compact_blocks import blocks_of, blocks_of_frames
 from registration.rigid.residual_model.model import ResidualModel
@@ -71,6 +72,9 @@ class MultiStartICP:
         says how probable it is that both clouds show one vessel. None takes all residuals for noise.
     acceptance : AcceptanceCriteria, optional
         What a result must show to be accepted.
+    partial_overlap : PartialOverlap or None, optional
+        Search for a pose that brings a part of one cloud onto a part of the other, where that for the whole cloud ends
+        in no accepted result; its results are never accepted. None, or ``refine_by='point'``, leaves it out.
     seed : int, optional
         Seed of all draws; the method is deterministic in it.
 
@@ -102,6 +106,7 @@ class MultiStartICP:
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
     residual_model: ResidualModel | None = field(default_factory=ResidualModel)
     acceptance: AcceptanceCriteria = field(default_factory=AcceptanceCriteria)
+    partial_overlap: PartialOverlap | None = field(default_factory=PartialOverlap)
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -193,14 +198,53 @@ class MultiStartICP:
         problem = Problem(moving_mm, evidence, bound, axes_tried, begin_s)
         search = self._search(axes_tried)
         found = search(evidence, starts, bound, normals)
-        result = assess(self._assessment, problem, found)
-        if centerlines is None or bound is not None or result.verdict == ACCEPTED:
+        result = assess(self._assessment, problem, found) if len(found.gap) else None
+        if result is not None and result.verdict == ACCEPTED:
             return result
-        # Centerlines that are rough, or not of one vessel, can mislead: the surfaces' own axes have a say as well.
-        own = self.starts(evidence, None, None)
-        again = search(evidence, np.concatenate([starts, own]), bound, normals)
-        again = replace(again, iterations=found.iterations + again.iterations)
-        return assess(self._assessment, problem, again)
+        if centerlines is not None and bound is None:
+            # Centerlines that are rough, or not of one vessel, can mislead: the surfaces' own axes have a say as well.
+            starts = np.concatenate([starts, self.starts(evidence, None, None)])
+            again = search(evidence, starts, bound, normals)
+            found = replace(again, iterations=found.iterations + again.iterations)
+            result = assess(self._assessment, problem, found)
+            if result.verdict == ACCEPTED:
+                return result
+        return (
+            self._in_part(problem, search, starts, found, normals)
+            or result
+            or assess(self._assessment, problem, found)
+        )
+
+    def _in_part(
+        self,
+        problem: Problem,
+        search: CoarseToFine,
+        starts: np.ndarray,
+        found: Found,
+        normals: np.ndarray | None,
+    ) -> RigidResult | None:
+        """The result of the search for partial overlap; None without one, or where it prefers the pose found before."""
+        partial, evidence = self.partial_overlap, problem.evidence
+        if partial is None or self.refine_by == "point" or (problem.bound is None and not partial.overhang):
+            return None
+        if problem.bound is None:
+            starts = partial.starts(evidence, starts)
+        steps = {offset: estimation_by(self.refine_by, offset) for offset in (False, self.wall_offset)}
+        more = [
+            one(evidence, starts, problem.bound, normals) for one in partial.searches(search, steps.values())
+        ]
+        best = partial.best(evidence, (found, *more), search.reach_mm(evidence))
+        if best is None:
+            return None
+        merged, seen = best
+        if any(merged.candidates[0].fixed_T_moving is one.fixed_T_moving for one in found.candidates):
+            return None
+        share = float(seen.mean())
+        part = replace(problem, evidence=evidence.part(seen), seen_share=share)
+        result = assess(self._assessment, part, merged)
+        # Other poses see other points: their gaps are over all of them.
+        gap = min(merged.gap[1:], default=float("inf"))
+        return replace(result, ambiguity_gap=min(result.ambiguity_gap, float(gap)))
 
     @property
     def kept(self) -> float:

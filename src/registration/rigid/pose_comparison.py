@@ -8,10 +8,10 @@ their residuals hang together.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Bool, Float64, Int64
 from scipy.spatial.distance import cdist
 
 from registration import transforms
@@ -175,11 +175,50 @@ class Evidence:
         ndarray, shape (s,)
             Gaps in standard errors, 0 for the first.
         """
-        losses = self.bounded_mm2(poses)
-        count = int(self.block.max()) + 1
-        summed = np.stack([np.bincount(self.block, row, count) for row in losses - losses[0]])
-        error = np.sqrt(count * summed.var(axis=1, ddof=1)) if count > 1 else np.zeros(len(losses))
-        return np.divide(summed.sum(axis=1), error, out=np.zeros(len(losses)), where=error > 0)
+        return gaps_of(self.bounded_mm2(poses), self.block)
+
+    def part(self, chosen: Bool[np.ndarray, " m"]) -> Evidence:
+        """Take a part of the moving points.
+
+        Parameters
+        ----------
+        chosen : ndarray of bool, shape (m,)
+            Which points.
+
+        Returns
+        -------
+        Evidence
+            What these points say.
+        """
+        blocks = np.unique(self.block[chosen], return_inverse=True)[1]
+        return replace(
+            self,
+            moving_mm=self.moving_mm[chosen],
+            block=blocks,
+            core=int(chosen[: self.core].sum()),
+            frame=None if self.frame is None else self.frame[chosen],
+        )
+
+
+def gaps_of(losses: Float64[np.ndarray, "s m"], block: Int64[np.ndarray, " m"]) -> Float64[np.ndarray, " s"]:
+    """Compute by how many standard errors each pose explains the points worse than the first one does.
+
+    Parameters
+    ----------
+    losses : ndarray, shape (s, m)
+        Loss of each point under each pose.
+    block : ndarray of int, shape (m,)
+        Block of each point.
+
+    Returns
+    -------
+    ndarray, shape (s,)
+        Gaps in standard errors, 0 for the first.
+    """
+    count = int(block.max()) + 1
+    summed = np.stack([np.bincount(block, row, count) for row in losses - losses[0]])
+    error = np.sqrt(count * summed.var(axis=1, ddof=1)) if count > 1 else np.zeros(len(losses))
+    return np.divide(summed.sum(axis=1), error, out=np.zeros(len(losses)), where=error > 0)
 
 
 @dataclass(frozen=True)

@@ -51,6 +51,8 @@ class Candidate:
         Share of moving points within the inlier distance.
     coverage : float, optional
         Share of fixed points that the moved cloud covers.
+    settled : bool, optional
+        Whether its last stage had settled when the iterations ran out.
     """
 
     fixed_T_moving: Float64[np.ndarray, "4 4"]
@@ -64,6 +66,7 @@ class Candidate:
     rmse_bidirectional_mm: float = float("nan")
     inlier_share: float = float("nan")
     coverage: float = float("nan")
+    settled: bool = False
 
 
 @dataclass(frozen=True, repr=False)
