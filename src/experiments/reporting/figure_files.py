@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 
@@ -33,9 +34,25 @@ def save_figure(figure: Figure, stem: Path, suffixes: Sequence[str] = ("png", "s
     import matplotlib
     from matplotlib.text import Text
 
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            _plain_numbers(axis)
     for text in figure.findobj(Text):
         text.set_parse_math(False)
     # Ticks that are only made while drawing take it from here.
     with matplotlib.rc_context({"text.parse_math": False}):
         for suffix in suffixes:
             figure.savefig(stem.with_name(f"{stem.name}.{suffix}"), dpi=dpi, bbox_inches="tight")
+
+
+def _plain_numbers(axis: Axis) -> None:
+    """Write the numbers of a logarithmic axis without a formula, which is what matplotlib makes of them."""
+    from matplotlib.ticker import FuncFormatter, LogFormatter, NullFormatter
+
+    plain = FuncFormatter(lambda value, _: f"{value:g}")
+    if isinstance(axis.get_major_formatter(), LogFormatter):
+        axis.set_major_formatter(plain)
+    if isinstance(axis.get_minor_formatter(), LogFormatter):
+        first, last = sorted(axis.get_view_interval())
+        within_a_decade = first > 0 and last < 10 * first
+        axis.set_minor_formatter(plain if within_a_decade else NullFormatter())

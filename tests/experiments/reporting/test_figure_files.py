@@ -26,3 +26,15 @@ def test_dollar_signs_are_no_formula(name: str, tmp_path: Path) -> None:
     # The SVG notes each text as a comment before its outlines: as it is, not as a formula's parts.
     drawn = (tmp_path / "figure.of.names.svg").read_text()
     assert drawn.count(f"<!-- {name} -->") == 8
+
+
+@pytest.mark.parametrize("scale", ["log", "symlog"])
+def test_a_logarithmic_axis_has_plain_numbers(scale: str, tmp_path: Path) -> None:
+    figure = Figure(layout="constrained")
+    axes = figure.subplots()
+    axes.plot([0.02, 300], [1, 2])
+    axes.set(xscale=scale, xlim=(0.05, 200))
+    save_figure(figure, tmp_path / "figure", ("svg",))
+    drawn = (tmp_path / "figure.svg").read_text()
+    assert "<!-- 100 -->" in drawn
+    assert "mathdefault" not in drawn

@@ -40,7 +40,7 @@ def benchmark_figures(cases: pd.DataFrame) -> dict[str, Figure]:
     """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(16, 4.6), layout="constrained")
+    figure = Figure(figsize=(16, 5.2), layout="constrained")
     simulated = " (simulated)" if "simulated" in cases and bool(np.all(cases["simulated"])) else ""
     figure.suptitle(f"Rigid benchmark{simulated}: {cases['case'].nunique()} cases")
     left, middle, right = figure.subplots(1, 3)
@@ -72,7 +72,8 @@ def _risk(axes: Axes, cases: pd.DataFrame) -> None:
     )
     axes.set_ylim(bottom=-0.005)
     axes.grid(alpha=0.3)
-    axes.legend(fontsize=8)
+    # Below the axes: the curves fill them.
+    axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2)
 
 
 def _predicted(axes: Axes, cases: pd.DataFrame) -> None:
