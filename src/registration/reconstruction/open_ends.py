@@ -7,11 +7,12 @@ and bulge alike. Here the surface is cut along the line where the measured point
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
+from scipy.sparse import coo_array, csr_array
 from scipy.spatial import cKDTree
 
 from registration.checks import require_positive
-from registration.geometry.mesh_topology import borders, connected, directed_edges, edge_numbers
+from registration.geometry.mesh_topology import Border, borders, connected, directed_edges, edge_numbers
 from registration.geometry.point_cloud import OrientedCloud
 from registration.geometry.shapes import Mesh
 from registration.reconstruction.outlier_filters import VoxelDownsampling
@@ -22,6 +23,8 @@ MIN_COSINE = 0.5
 CELLS_A_BRIDGE = 12
 # Depth of what is kept although nothing was measured there: just inside.
 SHALLOW_MM = 1e-6
+# A border is judged by the triangles within two rings of it; beyond so many nothing changes it.
+RINGS = 5
 # Vertices processed at a time, which bounds the memory.
 BLOCK = 2000
 
@@ -54,14 +57,66 @@ def measured_part(mesh: Mesh, cloud: OrientedCloud, bridge_mm: float) -> Mesh:
     past_mm = beyond_mm(mesh, cloud, bridge_mm)
     out = past_mm > 0
     edges = directed_edges(mesh)
-    edges = edges[out[edges].all(axis=1)]
-    piece = connected(edges, len(past_mm))[1]
-    for one in np.unique(piece[out]):
-        own = out & (piece == one)
-        rims = borders(clip(mesh, np.where(own, past_mm, np.minimum(past_mm, -SHALLOW_MM))))
-        if all(not rim.is_end and rim.radius_mm <= bridge_mm for rim in rims):
+    piece = connected(edges[out[edges].all(axis=1)], len(past_mm))[1]
+    around = _Surroundings(mesh)
+    members = np.flatnonzero(out)
+    members = members[np.argsort(piece[members], kind="stable")]
+    for own in np.split(members, np.flatnonzero(np.diff(piece[members])) + 1):
+        if len(own) and all(
+            not rim.is_end and rim.radius_mm <= bridge_mm for rim in around.rims(own, past_mm)
+        ):
             past_mm[own] = -SHALLOW_MM
     return clip(mesh, past_mm)
+
+
+class _Surroundings:
+    """Neighbourhoods of a mesh, so that a hole is judged in its own: rough masks leave hundreds of them.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Surface.
+    """
+
+    def __init__(self, mesh: Mesh) -> None:
+        self.mesh = mesh
+        count, corners = len(mesh.vertices_mm), mesh.triangles.reshape(-1)
+        edges = directed_edges(mesh)
+        ones = np.ones(len(edges), dtype=bool)
+        neighbours = coo_array((ones, edges.T), shape=(count, count)).tocsr()
+        self.neighbours = csr_array(neighbours + neighbours.T)
+        owner = np.repeat(np.arange(len(mesh.triangles)), 3)
+        self.triangles = coo_array((np.ones(len(corners), dtype=bool), (corners, owner))).tocsr()
+
+    def rims(self, own: Int64[np.ndarray, " o"], past_mm: Float64[np.ndarray, " v"]) -> list[Border]:
+        """Find the borders that are left around some vertices if they alone are cut off.
+
+        Parameters
+        ----------
+        own : ndarray of int, shape (o,)
+            Indices of the vertices.
+        past_mm : ndarray, shape (v,)
+            How far each vertex of the mesh lies past the points, in mm.
+
+        Returns
+        -------
+        list of Border
+            Borders.
+        """
+        ring, rings = own, [own]
+        for _ in range(RINGS):
+            ring = np.setdiff1d(self.neighbours[ring].indices, np.concatenate(rings))
+            rings.append(ring)
+        inner = np.concatenate(rings[:-1])
+        used, corners = np.unique(
+            self.mesh.triangles[np.unique(self.triangles[inner].indices)], return_inverse=True
+        )
+        part = Mesh(self.mesh.vertices_mm[used], corners.reshape(-1, 3).astype(np.int64))
+        values = np.where(np.isin(used, own), past_mm[used], np.minimum(past_mm[used], -SHALLOW_MM))
+        cut, ends = _cut(part, values, 0.0)
+        # Where the part itself ends is no border of the surface.
+        outermost = np.isin(used, ring)[ends].any(axis=1)
+        return [rim for rim in borders(cut) if not outermost[rim.edges].any()]
 
 
 def beyond_mm(mesh: Mesh, cloud: OrientedCloud, bridge_mm: float) -> Float64[np.ndarray, " v"]:
@@ -173,6 +228,11 @@ def clip(mesh: Mesh, values: Float64[np.ndarray, " v"], max_value: float = 0.0) 
     Mesh
         The part that is kept.
     """
+    return _cut(mesh, values, max_value)[0]
+
+
+def _cut(mesh: Mesh, values: np.ndarray, max_value: float) -> tuple[Mesh, Int64[np.ndarray, "k 2"]]:
+    """The part that is kept, and the edge of the mesh that each of its vertices lies on; a corner is one twice."""
     inside = values <= max_value
     count = inside[mesh.triangles].sum(axis=1)
     cut = (count == 1) | (count == 2)
@@ -205,4 +265,6 @@ def clip(mesh: Mesh, values: Float64[np.ndarray, " v"], max_value: float = 0.0) 
     )
     used, index = np.unique(triangles, return_inverse=True)
     vertices_mm = np.concatenate([mesh.vertices_mm, added_mm])[used]
-    return Mesh(vertices_mm, index.reshape(-1, 3).astype(np.int64))
+    corners = np.repeat(np.arange(len(values))[:, None], 2, axis=1)
+    kept = Mesh(vertices_mm, index.reshape(-1, 3).astype(np.int64))
+    return kept, np.concatenate([corners, ends])[used].astype(np.int64)

@@ -18,7 +18,7 @@ from registration.rigid.residual_model.posterior import Posterior
 DRAWS, POINTS = 400, 60
 # The size of the errors is itself known only to a factor, whose logarithm has this standard deviation: fitted on
 # deforming anatomies with seeds below 1000, with the inflation.
-SIZE_DOUBT = 0.3
+SIZE_DOUBT = 0.45
 # A point that another pose loses counts like a residual of so many standard deviations.
 OUTLIER_CAP = 3.0
 
