@@ -14,7 +14,7 @@ from registration.rigid.coarse_to_fine import Found
 from registration.rigid.fit import Fit, fit
 from registration.rigid.icp.correspondence import TreeTarget
 from registration.rigid.icp.robust_kernels import RobustKernel
-from registration.rigid.open_motions import left_open
+from registration.rigid.open_motions import OpenMotions, left_open
 from registration.rigid.pose_comparison import Evidence, both_ways
 from registration.rigid.prediction import Prediction, predict
 from registration.rigid.residual_model.model import ResidualModel
@@ -200,7 +200,7 @@ def _result(
     pose = predicted.fixed_T_moving
     candidates = _measured(settings, problem, found)
     measured = settings.fit(problem.moving_mm, problem.evidence.target, pose)
-    gap, directions = left_open(
+    left = left_open(
         settings.acceptance,
         problem.axes_tried,
         problem.evidence,
@@ -213,7 +213,7 @@ def _result(
     judged = measured
     if problem.seen_share is not None:
         judged = settings.fit(problem.evidence.moving_mm, problem.evidence.target, pose)
-    verdict, reason = _verdict(settings, problem, found, predicted, judged.inlier_share, gap, directions)
+    verdict, reason = _verdict(settings, problem, found, predicted, judged.inlier_share, left)
     return RigidResult(
         fixed_T_moving=pose,
         rmse_mm=measured.rmse_mm,
@@ -227,8 +227,9 @@ def _result(
         coverage=candidates[0].coverage,
         verdict=verdict,
         reason=reason,
-        ambiguity_gap=gap,
-        weak_directions=directions,
+        ambiguity_gap=left.gap,
+        weak_directions=left.directions,
+        rival_fixed_T_moving=left.rival,
         pose_samples=predicted.samples,
         wall_offset_mm=problem.evidence.wall_offset_mm(pose),
         search_cone=None if problem.bound is None else problem.bound.kept_to,
@@ -243,16 +244,15 @@ def _verdict(
     found: Found,
     predicted: Prediction,
     inlier_share: float,
-    gap: float,
-    weak: tuple[str, ...],
+    left: OpenMotions,
 ) -> tuple[str, str]:
     """Verdict with its reason, within the bound where there is one."""
     verdict, reason = settings.acceptance(
         settled=found.settled,
         inlier_share=inlier_share,
-        gap=gap,
+        gap=left.gap,
         expected_mm=predicted.expected_mm,
-        weak=weak,
+        weak=left.directions,
         tries=problem.axes_tried,
         deformation=predicted.deformation,
         probability_right_vessel=predicted.probability_right_vessel,

@@ -243,8 +243,14 @@ class MultiStartICP:
         part = replace(problem, evidence=evidence.part(seen), seen_share=share)
         result = assess(self._assessment, part, merged)
         # Other poses see other points: their gaps are over all of them.
-        gap = min(merged.gap[1:], default=float("inf"))
-        return replace(result, ambiguity_gap=min(result.ambiguity_gap, float(gap)))
+        if len(merged.gap) < 2 or merged.gap[1:].min() > result.ambiguity_gap:
+            return result
+        rival = 1 + int(merged.gap[1:].argmin())
+        return replace(
+            result,
+            ambiguity_gap=float(merged.gap[rival]),
+            rival_fixed_T_moving=merged.candidates[rival].fixed_T_moving,
+        )
 
     @property
     def kept(self) -> float:

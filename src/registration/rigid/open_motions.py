@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from jaxtyping import Float64
 
@@ -26,6 +28,25 @@ PROBED_ITERATIONS = 6
 ALIKE_GAPS = 2.0
 
 
+@dataclass(frozen=True)
+class OpenMotions:
+    """What the clouds leave open.
+
+    Parameters
+    ----------
+    gap : float
+        Standard errors by which the next pose is worse; infinite where there is none.
+    directions : tuple of str
+        Names of the motions.
+    rival : ndarray, shape (4, 4), or None
+        That next pose (fixed_T_moving).
+    """
+
+    gap: float
+    directions: tuple[str, ...]
+    rival: Float64[np.ndarray, "4 4"] | None
+
+
 def left_open(
     criteria: AcceptanceCriteria,
     axes_tried: int,
@@ -36,7 +57,7 @@ def left_open(
     *,
     probe_points: int,
     keep: float,
-) -> tuple[float, tuple[str, ...]]:
+) -> OpenMotions:
     """Find by how much the next pose is worse, and which motions the clouds leave open.
 
     Parameters
@@ -60,10 +81,8 @@ def left_open(
 
     Returns
     -------
-    gap : float
-        Standard errors by which the next pose is worse; infinite where there is none.
-    directions : tuple of str
-        Names of the motions.
+    OpenMotions
+        The next pose, and the motions by name.
     """
     pose = found.candidates[0].fixed_T_moving
     frame = principal_frame(transforms.apply(pose, evidence.moving_mm))
@@ -76,7 +95,7 @@ def left_open(
         for motion, (other, behind), is_far in zip(motions, others, far, strict=True)
         if is_far
     ]
-    gap = min((behind for _, behind in rivals), default=float("inf"))
+    next_motion, gap = min(rivals, key=lambda rival: rival[1], default=(None, float("inf")))
     weak = []
     # Where several axes may be the vessel's, as many searches look for a pose that is better by chance.
     if gap < criteria.needed_gap(axes_tried):
@@ -84,7 +103,8 @@ def left_open(
     if predicted.expected_mm > criteria.max_tre_mm:
         weak.append(predicted.weakest)
     names = {name for motion in weak for name in named_motion(motion, frame)}
-    return gap, tuple(name for name in DIRECTIONS if name in names)
+    rival = None if next_motion is None else transforms.compose(next_motion, pose)
+    return OpenMotions(gap, tuple(name for name in DIRECTIONS if name in names), rival)
 
 
 def _gap(predicted: Prediction, evidence: Evidence, other: np.ndarray, behind: float) -> float:

@@ -105,6 +105,8 @@ class RigidResult:
         looked.
     weak_directions : tuple of str, optional
         Names of the motions that the clouds leave open (``slide``, ``roll``, ...).
+    rival_fixed_T_moving : ndarray, shape (4, 4), or None, optional
+        The other pose that explains the clouds best, by which the gap is; None where there is none or nobody looked.
     pose_samples : ndarray, shape (b, 4, 4), or None, optional
         Motions (fixed_T_fixed) to where the result might as well lie; they carry the prediction of its error.
     wall_offset_mm : float, optional
@@ -136,6 +138,7 @@ class RigidResult:
     reason: str = UNJUDGED
     ambiguity_gap: float = float("nan")
     weak_directions: tuple[str, ...] = ()
+    rival_fixed_T_moving: Float64[np.ndarray, "4 4"] | None = None
     pose_samples: Float64[np.ndarray, "b 4 4"] | None = None
     wall_offset_mm: float = float("nan")
     search_cone: SearchCone | None = None

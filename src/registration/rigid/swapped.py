@@ -67,6 +67,7 @@ def inverted_result(
     candidates = tuple(_inverted(one, measure) for one in result.candidates)
     residuals, best = fit(pose), candidates[0]
     samples, bent = result.pose_samples, result.deformation
+    rival = result.rival_fixed_T_moving
     if samples is not None:
         samples = pose @ np.stack([transforms.invert_rigid(one) for one in samples]) @ result.fixed_T_moving
     return replace(
@@ -78,6 +79,7 @@ def inverted_result(
         candidates=candidates,
         rmse_bidirectional_mm=best.rmse_bidirectional_mm,
         coverage=best.coverage,
+        rival_fixed_T_moving=None if rival is None else transforms.invert_rigid(rival),
         pose_samples=samples,
         # What the residuals say was said in the frame that was the fixed one there.
         deformation=None if bent is None else bent.seen_from(result.fixed_T_moving),

@@ -92,6 +92,9 @@ def record(found: Registered) -> dict[str, Any]:
         # JSON has no infinity: no other pose was found at all, which is not the same as that nobody looked.
         "ambiguity_gap": "inf" if result.ambiguity_gap == math.inf else _finite(result.ambiguity_gap),
         "weak_directions": list(result.weak_directions),
+        "rival_fixed_T_moving": None
+        if result.rival_fixed_T_moving is None
+        else result.rival_fixed_T_moving.tolist(),
         "wall_offset_mm": _finite(result.wall_offset_mm),
         "predicted_tre_mm": _predicted_tre(found),
         "deformation": _deformation(result.deformation),

@@ -18,7 +18,7 @@ from registration.geometry.shapes import Mesh, Surface
 from registration.io.surfaces import write_surface
 from registration.io.transforms import write_transform
 from registration.metrics.surface_distance import rms
-from registration.rigid.result import FAILED, predicted_sentence, verdict_sentence
+from registration.rigid.result import AMBIGUOUS, FAILED, predicted_sentence, verdict_sentence
 
 # Landmarks whose error is this many times what they and the surfaces reach at best speak for another pose.
 LANDMARK_FACTOR = 5.0
@@ -41,7 +41,10 @@ def write(found: Registered, workspace: Path) -> None:
     files.write_text(workspace / "registration.json", record_text + "\n")
     write_surface(workspace / "moved.ply", moved(found.pair.moving.surface, pose))
     write_transform(workspace / "fixed_T_moving.h5", pose)
-    register_scene(found.pair, pose, found.name, _findings(found)).write(workspace / "scene.html")
+    residual, verdict, *more = _findings(found)
+    rival = found.result.rival_fixed_T_moving if found.result.verdict == AMBIGUOUS else None
+    scene = register_scene(found.pair, pose, found.name, (verdict, *more, residual), rival)
+    scene.write(workspace / "scene.html")
 
 
 def moved(surface: Surface, fixed_T_moving: np.ndarray) -> Surface:

@@ -21,7 +21,13 @@ FAR_SIZES = 5.0
 COLOR_PERCENTILE = 99.0
 
 
-def register_scene(pair: Pair, fixed_T_moving: np.ndarray, method: str, findings: Sequence[str]) -> Scene:
+def register_scene(
+    pair: Pair,
+    fixed_T_moving: np.ndarray,
+    method: str,
+    findings: Sequence[str],
+    rival_fixed_T_moving: np.ndarray | None = None,
+) -> Scene:
     """Make the scene in the frame of the fixed file, in mm.
 
     What moves is shown before (at first hidden) and after registration. After registration every vertex or
@@ -36,7 +42,9 @@ def register_scene(pair: Pair, fixed_T_moving: np.ndarray, method: str, findings
     method : str
         Name of the method in the title.
     findings : sequence of str
-        Sentences next to the scene.
+        Sentences next to the scene, the verdict first.
+    rival_fixed_T_moving : ndarray, shape (4, 4), or None, optional
+        Another pose that explains the clouds as well, shown beside the result; None shows none.
 
     Returns
     -------
@@ -56,6 +64,9 @@ def register_scene(pair: Pair, fixed_T_moving: np.ndarray, method: str, findings
             f"Before registration the moving file lies {away_mm:.0f} mm away; it is not shown there."
         )
     layers.append(_layer("moving, after", _with_points(moving, after_mm), BLUE, 0.9, values_mm=distance_mm))
+    if rival_fixed_T_moving is not None:
+        rival_mm = transforms.apply(rival_fixed_T_moving, _points(moving))
+        layers.append(_layer("moving, rival pose", _with_points(moving, rival_mm), ORANGE, 0.35))
     layers += _lines(pair, fixed_T_moving)
     if pair.landmarks is not None:
         brought_mm = transforms.apply(fixed_T_moving, pair.landmarks.moving_mm)

@@ -62,6 +62,15 @@ def test_landmarks_and_both_centerlines_are_there_when_given() -> None:
     np.testing.assert_allclose(layers["landmarks, fixed"].points_mm, marks)
 
 
+def test_a_rival_pose_is_a_layer_of_its_own() -> None:
+    rival = transforms.compose(transforms.translation((0.0, 0.0, 8.0)), TURN)
+    pair = Pair(side(moving(TURN)), side(TUBE), None, None, ())
+    layers = {layer.name: layer for layer in register_scene(pair, TURN, "multistart", [], rival).layers}
+    shown = layers["moving, rival pose"]
+    assert shown.shown
+    np.testing.assert_allclose(shown.mesh.vertices_mm, TUBE.vertices_mm + np.array([0, 0, 8.0]), atol=1e-9)
+
+
 def test_what_lies_far_away_does_not_shrink_the_rest() -> None:
     away = transforms.compose(TURN, transforms.translation((2000.0, 0.0, 0.0)))
     scene = register_scene(Pair(side(moving(away)), side(TUBE), None, None, ()), away, "multistart", [])

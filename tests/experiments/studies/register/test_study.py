@@ -429,6 +429,10 @@ def test_a_straight_tube_is_ambiguous_with_its_centerlines_too(folder: Path) -> 
     outcome, record = run(folder)
     assert record["rmse_mm"] < 0.3
     assert record["verdict"] == "ambiguous"
+    assert np.linalg.det(np.array(record["rival_fixed_T_moving"])[:3, :3]) == pytest.approx(1.0)
+    page = next(folder.rglob("scene.html")).read_text()
+    assert "moving, rival pose" in page
+    assert page.index("Verdict: ambiguous") < page.index("mm RMSE")
     assert "roll" in record["weak_directions"]
     assert record["reason"]
     assert any("The clouds leave open: " in sentence for sentence in outcome.findings)
