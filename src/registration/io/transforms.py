@@ -127,10 +127,14 @@ def _read_rows(path: Path) -> np.ndarray:
 
 def _read_json(path: Path) -> np.ndarray:
     try:
-        matrix = np.array(json.loads(read_text(path))[KEY], dtype=np.float64)
+        content = json.loads(read_text(path))
+        if not isinstance(content, dict) or KEY not in content:
+            names = ", ".join(map(str, content)) if isinstance(content, dict) else type(content).__name__
+            raise ValueError(f"no {KEY}: {names or 'nothing'}")
+        matrix = np.array(content[KEY], dtype=np.float64)
         if matrix.shape != (4, 4):
             raise ValueError(f"an array of shape {matrix.shape}")
-    except (ValueError, KeyError, TypeError) as refusal:
+    except (ValueError, TypeError) as refusal:
         raise InputError(f"{path}: expected {KEY} as 4 rows of 4 numbers, received {refusal}") from refusal
     return matrix
 

@@ -12,7 +12,7 @@ from scipy.sparse import coo_array, csr_array
 from scipy.spatial import cKDTree
 
 from registration.checks import require_positive
-from registration.geometry.mesh_topology import Border, borders, connected, directed_edges, edge_numbers
+from registration.geometry.mesh_topology import borders, connected, directed_edges, edge_numbers
 from registration.geometry.point_cloud import OrientedCloud
 from registration.geometry.shapes import Mesh
 from registration.reconstruction.outlier_filters import VoxelDownsampling
@@ -62,9 +62,7 @@ def measured_part(mesh: Mesh, cloud: OrientedCloud, bridge_mm: float) -> Mesh:
     members = np.flatnonzero(out)
     members = members[np.argsort(piece[members], kind="stable")]
     for own in np.split(members, np.flatnonzero(np.diff(piece[members])) + 1):
-        if len(own) and all(
-            not rim.is_end and rim.radius_mm <= bridge_mm for rim in around.rims(own, past_mm)
-        ):
+        if len(own) and around.is_hole(own, past_mm, bridge_mm):
             past_mm[own] = -SHALLOW_MM
     return clip(mesh, past_mm)
 
@@ -86,10 +84,14 @@ class _Surroundings:
         neighbours = coo_array((ones, edges.T), shape=(count, count)).tocsr()
         self.neighbours = csr_array(neighbours + neighbours.T)
         owner = np.repeat(np.arange(len(mesh.triangles)), 3)
-        self.triangles = coo_array((np.ones(len(corners), dtype=bool), (corners, owner))).tocsr()
+        self.triangles = coo_array(
+            (np.ones(len(corners), dtype=bool), (corners, owner)), shape=(count, len(mesh.triangles))
+        ).tocsr()
 
-    def rims(self, own: Int64[np.ndarray, " o"], past_mm: Float64[np.ndarray, " v"]) -> list[Border]:
-        """Find the borders that are left around some vertices if they alone are cut off.
+    def is_hole(
+        self, own: Int64[np.ndarray, " o"], past_mm: Float64[np.ndarray, " v"], bridge_mm: float
+    ) -> bool:
+        """Tell whether vertices close a narrow hole in the middle of a wall.
 
         Parameters
         ----------
@@ -97,11 +99,13 @@ class _Surroundings:
             Indices of the vertices.
         past_mm : ndarray, shape (v,)
             How far each vertex of the mesh lies past the points, in mm.
+        bridge_mm : float
+            Largest radius in mm of such a hole.
 
         Returns
         -------
-        list of Border
-            Borders.
+        bool
+            False if they are an open end, or reach the border of the mesh.
         """
         ring, rings = own, [own]
         for _ in range(RINGS):
@@ -115,8 +119,14 @@ class _Surroundings:
         values = np.where(np.isin(used, own), past_mm[used], np.minimum(past_mm[used], -SHALLOW_MM))
         cut, ends = _cut(part, values, 0.0)
         # Where the part itself ends is no border of the surface.
-        outermost = np.isin(used, ring)[ends].any(axis=1)
-        return [rim for rim in borders(cut) if not outermost[rim.edges].any()]
+        outermost, touching = (np.isin(used, some)[ends].any(axis=1) for some in (ring, own))
+        for rim in borders(cut):
+            if not outermost[rim.edges].any():
+                if rim.is_end or rim.radius_mm > bridge_mm:
+                    return False
+            elif touching[rim.edges].any():  # it goes on along the border of the mesh
+                return False
+        return True
 
 
 def beyond_mm(mesh: Mesh, cloud: OrientedCloud, bridge_mm: float) -> Float64[np.ndarray, " v"]:

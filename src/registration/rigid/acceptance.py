@@ -122,7 +122,7 @@ class AcceptanceCriteria:
                 f"{100 * self.min_inlier_share:.0f} % are needed"
             )
         if gap < needed:
-            return AMBIGUOUS, f"{_rival(gap, named)}, at least {needed:.2g} are needed"
+            return AMBIGUOUS, _rival(gap, needed, named)
         if probability_right_vessel < self.min_probability:
             return AMBIGUOUS, _another_vessel(probability_right_vessel, self.min_probability)
         if expected_mm > self.max_tre_mm:
@@ -140,10 +140,13 @@ class AcceptanceCriteria:
         return ACCEPTED, f"{rest}, and {_predicted(expected_mm, deformation)}"
 
 
-def _rival(gap: float, named: str) -> str:
+def _rival(gap: float, needed: float, named: str) -> str:
     if gap < 0:
-        return f"another pose{named} explains the clouds better, by {-gap:.1f} standard errors"
-    return f"another pose{named} explains the clouds as well: it is worse by {gap:.1f} standard errors"
+        return f"another pose{named} explains the clouds as well, or better by {-gap:.1f} standard errors"
+    return (
+        f"another pose{named} explains the clouds as well: it is worse by {gap:.1f} standard errors, "
+        f"at least {needed:.2g} are needed"
+    )
 
 
 def _another_vessel(probability: float, needed: float) -> str:

@@ -209,11 +209,9 @@ def _result(
         places_mm,
         probe_points=settings.probe_points,
         keep=settings.keep,
+        over_all=problem.seen_share is not None,
     )
-    judged = measured
-    if problem.seen_share is not None:
-        judged = settings.fit(problem.evidence.moving_mm, problem.evidence.target, pose)
-    verdict, reason = _verdict(settings, problem, found, predicted, judged.inlier_share, left)
+    verdict, reason = _verdict(settings, problem, found, predicted, measured.inlier_share, left)
     return RigidResult(
         fixed_T_moving=pose,
         rmse_mm=measured.rmse_mm,
@@ -230,6 +228,7 @@ def _result(
         ambiguity_gap=left.gap,
         weak_directions=left.directions,
         rival_fixed_T_moving=left.rival,
+        overlap_share=float("nan") if problem.seen_share is None else problem.seen_share,
         pose_samples=predicted.samples,
         wall_offset_mm=problem.evidence.wall_offset_mm(pose),
         search_cone=None if problem.bound is None else problem.bound.kept_to,
@@ -247,6 +246,9 @@ def _verdict(
     left: OpenMotions,
 ) -> tuple[str, str]:
     """Verdict with its reason, within the bound where there is one."""
+    if problem.seen_share is not None:
+        seen_mm, target = problem.evidence.moving_mm, problem.evidence.target
+        inlier_share = settings.fit(seen_mm, target, predicted.fixed_T_moving).inlier_share
     verdict, reason = settings.acceptance(
         settled=found.settled,
         inlier_share=inlier_share,
@@ -260,8 +262,7 @@ def _verdict(
     if problem.seen_share is not None and verdict == ACCEPTED:
         verdict = AMBIGUOUS
         reason = (
-            f"only {problem.seen_share:.0%} of the moving points lie beside the fixed cloud: such a part may fit "
-            "other places and other vessels as well"
+            "it was found as a partial overlap, and a part may fit other places and other vessels as well"
         )
     bound, pose = problem.bound, predicted.fixed_T_moving
     beyond = _beyond(settings.acceptance.min_gap, problem.evidence, found, bound, pose)

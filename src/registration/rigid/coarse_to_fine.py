@@ -182,6 +182,36 @@ class CoarseToFine:
             outside=next(iter(beyond), None),
         )
 
+    def refined(
+        self,
+        evidence: Evidence,
+        one: Candidate,
+        within: Bound | None = None,
+        moving_normals: Float64[np.ndarray, "m 3"] | None = None,
+    ) -> tuple[Candidate | None, int]:
+        """Take a pose through the last stage.
+
+        Parameters
+        ----------
+        evidence : Evidence
+            Both clouds.
+        one : Candidate
+            Pose.
+        within : Bound or None, optional
+            Bound that the pose must stay in.
+        moving_normals : ndarray, shape (m, 3), or None, optional
+            Normals of the moving points.
+
+        Returns
+        -------
+        pose : Candidate or None
+            Where it ended; None if that is beyond the bound.
+        iterations : int
+            Number of iterations.
+        """
+        found, steps = self._refined(evidence, [one], self.fine, moving_normals)
+        return next(iter(_divided(found, within)[0]), None), steps
+
     def _coarse(self, evidence: Evidence, starts: np.ndarray) -> tuple[list[Candidate], int]:
         """Both early stages: candidates of different basins, the ones dropped after the first stage last."""
         target = evidence.target

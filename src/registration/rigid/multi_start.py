@@ -223,34 +223,25 @@ class MultiStartICP:
         found: Found,
         normals: np.ndarray | None,
     ) -> RigidResult | None:
-        """The result of the search for partial overlap; None without one, or where it prefers the pose found before."""
+        """The result of the search for partial overlap; None without one, or where it prefers the result before."""
         partial, evidence = self.partial_overlap, problem.evidence
         if partial is None or self.refine_by == "point" or (problem.bound is None and not partial.overhang):
             return None
         if problem.bound is None:
             starts = partial.starts(evidence, starts)
         steps = {offset: estimation_by(self.refine_by, offset) for offset in (False, self.wall_offset)}
-        more = [
-            one(evidence, starts, problem.bound, normals) for one in partial.searches(search, steps.values())
-        ]
-        best = partial.best(evidence, (found, *more), search.reach_mm(evidence))
+        searches = tuple(partial.searches(search, steps.values()))
+        ended = [(one, one(evidence, starts, problem.bound, normals)) for one in searches]
+        best = partial.best(evidence, [(search, found), *ended], problem.bound, normals)
         if best is None:
             return None
         merged, seen = best
-        if any(merged.candidates[0].fixed_T_moving is one.fixed_T_moving for one in found.candidates):
+        if found.candidates and np.array_equal(
+            merged.candidates[0].fixed_T_moving, found.candidates[0].fixed_T_moving
+        ):
             return None
-        share = float(seen.mean())
-        part = replace(problem, evidence=evidence.part(seen), seen_share=share)
-        result = assess(self._assessment, part, merged)
-        # Other poses see other points: their gaps are over all of them.
-        if len(merged.gap) < 2 or merged.gap[1:].min() > result.ambiguity_gap:
-            return result
-        rival = 1 + int(merged.gap[1:].argmin())
-        return replace(
-            result,
-            ambiguity_gap=float(merged.gap[rival]),
-            rival_fixed_T_moving=merged.candidates[rival].fixed_T_moving,
-        )
+        part = replace(problem, evidence=evidence.part(seen), seen_share=float(seen.mean()))
+        return assess(self._assessment, part, merged)
 
     @property
     def kept(self) -> float:

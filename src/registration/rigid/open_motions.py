@@ -57,6 +57,7 @@ def left_open(
     *,
     probe_points: int,
     keep: float,
+    over_all: bool = False,
 ) -> OpenMotions:
     """Find by how much the next pose is worse, and which motions the clouds leave open.
 
@@ -78,6 +79,9 @@ def left_open(
         Number of moving points on which the result is slid and rolled.
     keep : float
         Share of closest pairs that counts then.
+    over_all : bool, optional
+        Whether the gaps of the search are over more points than ``evidence`` has: a part of the points knows too
+        little of poses that bring another part onto the surface.
 
     Returns
     -------
@@ -87,6 +91,10 @@ def left_open(
     pose = found.candidates[0].fixed_T_moving
     frame = principal_frame(transforms.apply(pose, evidence.moving_mm))
     others = _others(criteria, evidence, found, frame, probe_points, keep)
+    if over_all:
+        known = zip(others, found.gap[1:], strict=False)
+        refined = [(other, min(behind, float(gap))) for (other, behind), gap in known]
+        others = [*refined, *others[len(refined) :]]
     back = transforms.invert_rigid(pose)
     motions = [transforms.compose(other, back) for other, _ in others]
     far = [displacement_mm(motion[None], places_mm)[0] > criteria.max_tre_mm for motion in motions]

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float64
+from jaxtyping import Bool, Float64, Int64
 
 from registration.checks import require_count, require_positive
 from registration.errors import InputError
@@ -20,6 +20,8 @@ from registration.rigid.coarse_to_fine import BASIN_POINTS, CoarseToFine, Found
 from registration.rigid.icp.estimation import Estimation
 from registration.rigid.icp.pairs import closest_pairs
 from registration.rigid.pose_comparison import LOSS_CAP, PATCH_SPACINGS, Evidence, distinct, gaps_of
+from registration.rigid.result import Candidate
+from registration.rigid.search_cone import Bound
 
 # A point this many times as far along the surface as a fixed point stands for lies beyond the ends of the cloud.
 BEYOND_PATCHES = 2.0
@@ -87,7 +89,10 @@ class PartialOverlap:
 
     def __post_init__(self) -> None:
         require_positive("keep", self.keep, 1.0)
-        require_positive("min_share", self.min_share, 1.0)
+        if not QUARTER <= self.min_share <= 1.0:
+            raise InputError(
+                f"min_share: expected a share from {QUARTER:g} to 1, received {self.min_share!r}"
+            )
         if not 0.0 <= self.overhang < 1.0:
             raise InputError(f"overhang: expected a share from 0 to below 1, received {self.overhang!r}")
         require_count("survivors", self.survivors, 1)
@@ -146,7 +151,11 @@ class PartialOverlap:
             )
 
     def best(
-        self, evidence: Evidence, found: Sequence[Found], reach_mm: float
+        self,
+        evidence: Evidence,
+        found: Sequence[tuple[CoarseToFine, Found]],
+        within: Bound | None = None,
+        moving_normals: Float64[np.ndarray, "m 3"] | None = None,
     ) -> tuple[Found, Bool[np.ndarray, " m"]] | None:
         """Compare the refined poses of several searches.
 
@@ -154,10 +163,12 @@ class PartialOverlap:
         ----------
         evidence : Evidence
             Both clouds.
-        found : sequence of Found
-            Where the searches ended.
-        reach_mm : float
-            Poses are one if they move the cloud alike within this distance in mm.
+        found : sequence of (CoarseToFine, Found)
+            The searches and where they ended.
+        within : Bound or None, optional
+            Bound that no pose lies outside of.
+        moving_normals : ndarray, shape (m, 3), or None, optional
+            Normals of the moving points.
 
         Returns
         -------
@@ -167,26 +178,41 @@ class PartialOverlap:
             Which moving points are in view under that pose.
             None in place of both if no pose has enough points in view.
         """
-        pool = [one for each in found for one in each.candidates[: len(each.gap)]]
-        if not pool:
+        pool = [(search, one) for search, each in found for one in each.candidates[: len(each.gap)]]
+        iterations = sum(each.iterations for _, each in found)
+        ranked = self._ranked(evidence, [one for _, one in pool])[0]
+        last, more = [], 0
+        for index in ranked[: self.finalists]:
+            search, one = pool[index]
+            if one.stage != search.fine.name:
+                refined, more = search.refined(evidence, one, within, moving_normals)
+                iterations += more
+                if refined is None:
+                    continue
+                one = refined
+            last.append(one)
+        order, view = self._ranked(evidence, last)
+        if view is None or not len(order):
             return None
-        view = compare_in_view(evidence, np.stack([one.fixed_T_moving for one in pool]))
-        order = np.argsort(view.loss.mean(axis=1), kind="stable")
-        order = order[view.seen.mean(axis=1)[order] >= self.min_share]
-        if not len(order):
-            return None
-        poses = np.stack([pool[index].fixed_T_moving for index in order])
+        poses = np.stack([last[index].fixed_T_moving for index in order])
+        reach_mm = found[0][0].reach_mm(evidence)
         firsts = order[[group[0] for group in distinct(poses, evidence.moving_mm[:BASIN_POINTS], reach_mm)]]
         candidates = tuple(
-            replace(pool[index], score_mm=float(view.noise_mm * np.sqrt(view.loss[index].mean())))
+            replace(last[index], score_mm=float(view.noise_mm * np.sqrt(view.loss[index].mean())))
             for index in firsts
         )
-        merged = Found(
-            candidates=candidates,
-            gap=gaps_of(view.loss[firsts], evidence.block),
-            iterations=sum(each.iterations for each in found),
-        )
+        merged = Found(candidates, gaps_of(view.loss[firsts], evidence.block), iterations)
         return merged, view.seen[firsts[0]]
+
+    def _ranked(
+        self, evidence: Evidence, pool: Sequence[Candidate]
+    ) -> tuple[Int64[np.ndarray, " k"], View | None]:
+        """Those with enough points in view, best first, and what all of them see."""
+        if not pool:
+            return np.zeros(0, dtype=np.int64), None
+        view = compare_in_view(evidence, np.stack([one.fixed_T_moving for one in pool]))
+        order = np.argsort(view.loss.mean(axis=1), kind="stable")
+        return order[view.seen.mean(axis=1)[order] >= self.min_share].astype(np.int64), view
 
 
 def compare_in_view(evidence: Evidence, poses: Float64[np.ndarray, "s 4 4"]) -> View:
@@ -208,7 +234,9 @@ def compare_in_view(evidence: Evidence, poses: Float64[np.ndarray, "s 4 4"]) -> 
     reach_mm = PATCH_SPACINGS * evidence.smoothed.spacing_mm
     across_mm2 = np.maximum(pairs.squared_mm2 - pairs.gap_mm**2, 0.0)
     seen = across_mm2 <= (BEYOND_PATCHES * reach_mm) ** 2
-    off_mm = np.abs(pairs.gap_mm - _offsets_mm(evidence, pairs.gap_mm, seen)[:, None])
+    # Walls that coincide nowhere are no offset: a cloud that floats beside the vessel would be in view all the same.
+    offset_mm = np.clip(_offsets_mm(evidence, pairs.gap_mm, seen), -reach_mm, reach_mm)
+    off_mm = np.abs(pairs.gap_mm - offset_mm[:, None])
     quarters_mm = np.quantile(np.where(seen, off_mm, np.finfo(np.float64).max), QUARTER, axis=1)
     noise_mm = max(QUARTER_TO_SIGMA * float(quarters_mm.min()), FLOOR_SPACINGS * evidence.smoothed.spacing_mm)
     loss = np.where(seen, np.minimum((off_mm / noise_mm) ** 2, LOSS_CAP**2), BEYOND_LOSS)

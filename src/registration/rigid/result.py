@@ -107,6 +107,10 @@ class RigidResult:
         Names of the motions that the clouds leave open (``slide``, ``roll``, ...).
     rival_fixed_T_moving : ndarray, shape (4, 4), or None, optional
         The other pose that explains the clouds best, by which the gap is; None where there is none or nobody looked.
+    overlap_share : float, optional
+        Share of the moving points (of the fixed ones where the clouds were swapped) beside the other cloud, of a result
+        found as a partial overlap; its predicted error is that of these points. NaN for a result of the search for the
+        whole cloud.
     pose_samples : ndarray, shape (b, 4, 4), or None, optional
         Motions (fixed_T_fixed) to where the result might as well lie; they carry the prediction of its error.
     wall_offset_mm : float, optional
@@ -139,6 +143,7 @@ class RigidResult:
     ambiguity_gap: float = float("nan")
     weak_directions: tuple[str, ...] = ()
     rival_fixed_T_moving: Float64[np.ndarray, "4 4"] | None = None
+    overlap_share: float = float("nan")
     pose_samples: Float64[np.ndarray, "b 4 4"] | None = None
     wall_offset_mm: float = float("nan")
     search_cone: SearchCone | None = None

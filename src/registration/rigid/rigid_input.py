@@ -9,6 +9,9 @@ from numpy.typing import ArrayLike
 from registration.errors import InputError
 from registration.geometry.shapes import require_cloud, require_millimetres, require_points
 
+# Larger numbers have no neighbours among the numbers that a computer stores.
+MAX_FRAME = 2**53
+
 
 def rigid_clouds(
     moving_mm: ArrayLike, fixed_mm: ArrayLike, min_points: int = 3
@@ -86,10 +89,18 @@ def frame_of_points(moving_frame: ArrayLike | None, count: int) -> Int64[np.ndar
     """
     if moving_frame is None:
         return None
-    frame = np.asarray(moving_frame)
+    try:
+        frame = np.asarray(moving_frame)
+    except ValueError as refusal:
+        raise InputError(
+            f"moving_frame: expected one frame for each of {count} points, received {refusal}"
+        ) from refusal
     if frame.ndim != 1 or len(frame) != count:
         received = len(frame) if frame.ndim == 1 else f"shape {frame.shape}"
         raise InputError(f"moving_frame: expected one frame for each of {count} points, received {received}")
-    if frame.dtype.kind not in "iuf" or not np.equal(np.mod(frame, 1), 0).all():
+    whole = frame.dtype.kind in "iu" or (
+        frame.dtype.kind == "f" and bool(((np.abs(frame) < MAX_FRAME) & (np.round(frame) == frame)).all())
+    )
+    if not whole:
         raise InputError(f"moving_frame: expected whole numbers, received {frame.dtype}")
     return frame.astype(np.int64)

@@ -191,6 +191,12 @@ def bootstrap_motions(
     pull_mm = drawn @ (fit.pull_mm - fit.pull_mm.mean(axis=0))
     unknowns = stiffness.shape[1]
     mean = np.trace(stiffness, axis1=1, axis2=2)[:, None, None] / unknowns
-    solved = np.linalg.solve(stiffness + FREE_SHARE * mean * np.eye(unknowns), pull_mm[..., None])[:, :6]
+    damped = stiffness + FREE_SHARE * mean * np.eye(unknowns)
+    try:
+        solved = np.linalg.solve(damped, pull_mm[..., None])[:, :6]
+    except (
+        np.linalg.LinAlgError
+    ):  # a draw without a point that weighs: a handful of points, or all of them outliers
+        solved = (np.linalg.pinv(damped) @ pull_mm[..., None])[:, :6]
     doubt = np.exp(SPREAD_DOUBT * rng.standard_normal((replicates, 1)))
     return inflation * (1 + STIFFENING * fit.roughness**2) * doubt * solved[..., 0]

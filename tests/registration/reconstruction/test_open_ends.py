@@ -81,6 +81,21 @@ def test_a_hole_in_a_wall_stays_closed_if_small() -> None:
     assert mesh_quality(measured_part(WHOLE, punched, 3.0)).holes == 0
 
 
+def test_wall_that_was_not_measured_up_to_the_border_of_the_mesh_is_cut() -> None:
+    """A strip of 14 of 48 columns is not measured, from one open end of the tube to the other."""
+    seen = np.arange(len(WHOLE.vertices_mm)) % 48 >= 14
+    cloud = OrientedCloud(WHOLE.vertices_mm[seen], vertex_normals(WHOLE)[seen])
+    found = measured_part(WHOLE, cloud, 1.5)
+    assert found.areas_mm2.sum() == pytest.approx(33 / 48 * WHOLE.areas_mm2.sum(), rel=0.02)
+
+
+def test_a_vertex_of_no_triangle_changes_nothing() -> None:
+    cloud = measured(5.0, 35.0)
+    stray = Mesh(np.concatenate([WHOLE.vertices_mm, [[50.0, 0.0, 0.0]]]), WHOLE.triangles)
+    with_it, without = measured_part(stray, cloud, 2.0), measured_part(WHOLE, cloud, 2.0)
+    assert np.array_equal(with_it.corners_mm, without.corners_mm)
+
+
 def test_vertex_normals_of_a_tube() -> None:
     radial = WHOLE.vertices_mm - np.repeat(LINE_MM, 48, axis=0)
     assert np.einsum("vi,vi->v", vertex_normals(WHOLE), radial / 4).min() > 0.99

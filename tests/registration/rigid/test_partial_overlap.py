@@ -66,7 +66,23 @@ def test_near_a_known_pose_the_common_part_is_found_but_never_accepted(seed: int
 def test_a_part_that_fits_is_ambiguous_and_says_how_large_it_is() -> None:
     result = METHOD(MOVING_MM, FIXED_MM, guess(10.0, 5.0, 0))
     assert result.verdict == "ambiguous"
-    assert "of the moving points lie beside the fixed cloud" in result.reason
+    assert "found as a partial overlap" in result.reason
+    # The part that both show, and a rim around it.
+    assert 0.42 < result.overlap_share < 0.6
+    assert result.candidates[0].stage == "fine"
+    assert np.isfinite([result.coverage, result.rmse_bidirectional_mm]).all()
+    assert np.isnan(ALONE(WHOLE_MM[::7], WHOLE_MM[::2], np.eye(4)).overlap_share)
+
+
+def test_the_gap_is_that_of_the_reason_and_over_all_points() -> None:
+    for seed in range(3):
+        result = METHOD(MOVING_MM, FIXED_MM, guess(10.0, 5.0, seed))
+        if "standard errors" in result.reason:
+            assert f"by {abs(result.ambiguity_gap):.1f} standard errors" in result.reason
+        else:
+            assert result.ambiguity_gap >= METHOD.acceptance.min_gap
+        if result.rival_fixed_T_moving is not None:
+            assert error_mm(result.rival_fixed_T_moving) > 1.0
 
 
 def test_the_search_for_a_part_stays_within_the_bound() -> None:

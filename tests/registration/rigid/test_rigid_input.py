@@ -86,6 +86,11 @@ def test_centerlines_and_frames_are_checked() -> None:
     assert frame_of_points([0, 1, 1], 3).tolist() == [0, 1, 1]
     with pytest.raises(InputError, match="moving_frame: expected whole numbers"):
         frame_of_points([0.5, 1.0, 2.0], 3)
+    for beyond in (np.inf, 1e300, np.nan):
+        with pytest.raises(InputError, match="moving_frame: expected whole numbers"):
+            frame_of_points([0.0, 1.0, beyond], 3)
+    with pytest.raises(InputError, match="moving_frame: expected one frame for each of 2 points"):
+        frame_of_points([[1, 2], [3]], 2)
     with pytest.raises(InputError, match="moving_frame: expected one frame for each of 3 points, received 2"):
         frame_of_points([0, 1], 3)
 

@@ -9,6 +9,7 @@ from symmetric_shapes import frustum
 from registration import transforms
 from registration.rigid.icp.correspondence import TreeTarget
 from registration.rigid.icp.robust_kernels import Tukey
+from registration.rigid.multi_start import MultiStartICP
 from registration.rigid.residual_model.compact_blocks import blocks_of
 from registration.rigid.smoothed_target import SmoothedTarget, outward_targets
 from registration.rigid.uncertainty import SPREAD_DOUBT, STIFFENING, bootstrap_motions, local_fit
@@ -87,3 +88,11 @@ def test_an_offset_that_is_unknown_leaves_the_slide_along_a_taper_less_sure() ->
     )
     assert unsure.shape == (1000, 6)
     assert unsure[:, 5].std() > 3 * sure[:, 5].std()
+
+
+@pytest.mark.parametrize("count", [4, 5])
+def test_a_handful_of_points_has_a_result(count: int) -> None:
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        moving_mm, fixed_mm = rng.normal(size=(count, 3)) * 10, rng.normal(size=(60, 3)) * [20, 6, 5]
+        assert MultiStartICP()(moving_mm, fixed_mm).verdict != "accepted"

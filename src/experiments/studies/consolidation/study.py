@@ -80,6 +80,7 @@ def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
     if asked is not None and asked not in seeds:
         raise InputError(f"training_seed: expected one of seeds {seeds}, or null for all, received {asked!r}")
     split = registry.build(config["split"], "split")
+    _require_parts(split)
     outer = list(
         dict.fromkeys(job.get("outer_fold") for job in fold_jobs(split, config.get("outer_fold"), None))
     )
@@ -88,6 +89,17 @@ def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
         for seed in (seeds if asked is None else [asked])
         for number in outer
     ]
+
+
+def _require_parts(split: GroupSplits) -> None:
+    """Refuse a split without groups for choices or for scores, before any data is read."""
+    selection = split.selection_share > 0 or bool(split.selection_groups)
+    test = split.test_share > 0 or bool(split.test_groups) or split.outer_folds is not None
+    if split.file is None and not (selection and test):
+        raise InputError(
+            "split: expected groups outside the folds for selection and for test (split=three_way or split=nested), "
+            f"received none for {'selection' if not selection else 'test'}"
+        )
 
 
 def check(

@@ -95,6 +95,7 @@ def record(found: Registered) -> dict[str, Any]:
         "rival_fixed_T_moving": None
         if result.rival_fixed_T_moving is None
         else result.rival_fixed_T_moving.tolist(),
+        "overlap_share": _finite(result.overlap_share),
         "wall_offset_mm": _finite(result.wall_offset_mm),
         "predicted_tre_mm": _predicted_tre(found),
         "deformation": _deformation(result.deformation),

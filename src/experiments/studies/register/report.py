@@ -22,6 +22,8 @@ from registration.rigid.result import AMBIGUOUS, FAILED, predicted_sentence, ver
 
 # Landmarks whose error is this many times what they and the surfaces reach at best speak for another pose.
 LANDMARK_FACTOR = 5.0
+# Surfaces that show one vessel with less than this probability may each show a part of it.
+UNLIKELY = 0.5
 # An offset of the walls below this is what masks and models have anyway.
 NOTED_OFFSET_MM = 0.2
 
@@ -128,13 +130,24 @@ def _findings(found: Registered) -> tuple[str, ...]:
         sentences.append(predicted)
     if math.isfinite(result.probability_right_vessel):
         sentences.append(
-            f"The probability that both surfaces show one vessel is {100 * result.probability_right_vessel:.0f} %."
+            f"The probability that both surfaces show one vessel at this pose is "
+            f"{100 * result.probability_right_vessel:.0f} %."
         )
     if abs(result.wall_offset_mm) >= NOTED_OFFSET_MM:
         side = "outside" if result.wall_offset_mm > 0 else "inside"
         sentences.append(
             f"The moving wall lies {abs(result.wall_offset_mm):.2f} mm {side} the fixed one everywhere: the borders "
             "were drawn differently, or the scale differs; the pose allows for it."
+        )
+    if math.isfinite(result.overlap_share):
+        sentences.append(
+            f"It is a partial overlap: {100 * result.overlap_share:.0f} % of the moving points lie beside the fixed "
+            "surface, and the predicted error is that of these; the RMSE is over all."
+        )
+    elif result.verdict in (AMBIGUOUS, FAILED) and result.probability_right_vessel < UNLIKELY:
+        sentences.append(
+            "Where both surfaces reach beyond each other, give initial=, or "
+            "rigid.multistart.partial_overlap.overhang=0.6."
         )
     if result.weak_directions:
         sentences.append(f"The clouds leave open: {', '.join(result.weak_directions)}.")

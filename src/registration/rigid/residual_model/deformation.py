@@ -170,8 +170,8 @@ class Deformation:
         residuals = grouped_residuals(
             moving_mm, target, fixed_T_moving, block=self.block, offset=offset, frame=frame
         )
-        freedom = len(residuals.gap_mm) - residuals.jacobian.shape[1]
-        if freedom < 1:
+        freedom = 0 if residuals is None else len(residuals.gap_mm) - residuals.jacobian.shape[1]
+        if residuals is None or freedom < 1:
             return float("inf")
         refitted = fit_residuals(residuals, CovarianceParts(residuals), [fits.ratios[fits.best]])
         worse = float(refitted.noise_mm2[0] / fits.noise_mm2[fits.best]) - 1.0

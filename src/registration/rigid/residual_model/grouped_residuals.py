@@ -89,7 +89,7 @@ def grouped_residuals(
     block: Int64[np.ndarray, " m"],
     offset: bool,
     frame: Int64[np.ndarray, " m"] | None = None,
-) -> GroupedResiduals:
+) -> GroupedResiduals | None:
     """Average the point-to-plane residuals at a pose over groups of neighbouring points.
 
     Parameters
@@ -109,8 +109,8 @@ def grouped_residuals(
 
     Returns
     -------
-    GroupedResiduals
-        Residuals of the groups.
+    GroupedResiduals or None
+        Residuals and what they depend on; None if the pose brings no group near the surface.
 
     Raises
     ------
@@ -125,6 +125,8 @@ def grouped_residuals(
     # The last group is one for all points that do not count.
     kept = count >= MIN_POINTS
     near &= kept[block]
+    if not near.any():
+        return None
     group = (np.cumsum(kept) - 1)[block[near]]
     moved_mm, normals, gap_mm = pairs.moved_mm[0][near], pairs.normals[0][near], pairs.gap_mm[0][near]
     centre_mm = moved_mm.mean(axis=0)

@@ -64,7 +64,7 @@ def mirrored_misfit_mm(
     Returns
     -------
     float
-        Misfit in mm at the best place.
+        Misfit in mm at the best place; infinite if it lies nowhere near the surface.
     """
     moved_mm = transforms.apply(fixed_T_moving, moving_mm)
     frame = principal_frame(moved_mm)
@@ -83,4 +83,4 @@ def mirrored_misfit_mm(
     )
     best = settled.fixed_T_moving[int(settled.rmse_mm.argmin())]
     residuals = grouped_residuals(mirrored_mm, target, best, block=block, offset=offset)
-    return misfit_mm(residuals) / residuals.share
+    return float("inf") if residuals is None else misfit_mm(residuals) / residuals.share

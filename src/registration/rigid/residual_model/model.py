@@ -172,6 +172,8 @@ class ResidualModel:
         residuals = grouped_residuals(
             moving_mm, target, fixed_T_moving, block=block, offset=offset, frame=frame
         )
+        if residuals is None:
+            return None
         count, unknowns = residuals.jacobian.shape
         if count < GROUPS_PER_UNKNOWN * unknowns:
             return None

@@ -247,7 +247,12 @@ def test_folds_from_other_starts_are_not_averaged(tmp_path: Path, monkeypatch: p
 
 
 def config(**changes: Any) -> dict[str, Any]:
-    split = {"_target_": "experiments.splits.group_splits.GroupSplits", "folds": 2, "test_share": 0.2}
+    split = {
+        "_target_": "experiments.splits.group_splits.GroupSplits",
+        "folds": 2,
+        "selection_share": 0.2,
+        "test_share": 0.2,
+    }
     dataset = {"_target_": "experiments.datasets.phantom.Phantom"}
     return {
         "split": split,
@@ -262,7 +267,12 @@ def config(**changes: Any) -> dict[str, Any]:
 def test_jobs_are_all_seeds_and_outer_folds() -> None:
     assert consolidation.jobs(config()) == [{"training_seed": 0}, {"training_seed": 1}]
     assert consolidation.jobs(config(training_seed=1)) == [{"training_seed": 1}]
-    nested = {"_target_": "experiments.splits.group_splits.GroupSplits", "folds": 2, "outer_folds": 2}
+    nested: dict[str, Any] = {
+        "_target_": "experiments.splits.group_splits.GroupSplits",
+        "folds": 2,
+        "outer_folds": 2,
+    }
+    nested["selection_share"] = 0.2
     assert consolidation.jobs(config(split=nested, training_seed=0)) == [
         {"training_seed": 0, "outer_fold": 0},
         {"training_seed": 0, "outer_fold": 1},
@@ -270,6 +280,13 @@ def test_jobs_are_all_seeds_and_outer_folds() -> None:
     for changes in ({"seeds": []}, {"seeds": [1, 1]}, {"training_seed": 7}):
         with pytest.raises(InputError, match=r"seeds: expected|training_seed: expected"):
             consolidation.jobs(config(**changes))
+
+
+@pytest.mark.parametrize("missing", ["selection", "test"])
+def test_a_split_without_groups_to_choose_or_to_score_is_refused_before_data_is_read(missing: str) -> None:
+    split = {**config()["split"], f"{missing}_share": 0.0}
+    with pytest.raises(InputError, match=rf"split: expected .* received none for {missing}"):
+        consolidation.jobs(config(split=split))
 
 
 def test_a_second_network_must_be_another_one() -> None:
