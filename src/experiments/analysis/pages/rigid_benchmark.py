@@ -30,7 +30,8 @@ one with 30 % of its frames missing.
 `tre_mm` is the root mean square over the model's centerline, swept or not; success is a TRE of at most 2 mm. Intervals
 (`low`, `high`) of methods are by the bootstrap over anatomies, all others Wilson's, at 95 %. A result is
 rightly not accepted if another pose, elsewhere by more than 2 mm, explains the clouds within their noise: it is looked
-for from the true pose, by slides, rolls and half turns, and from the method's own candidates.
+for from the true pose, by slides, rolls and half turns, and from the method's own candidates. `runtime_s` is of worker
+processes that share the machine with whatever else runs; `scripts/bench_rigid.py` compares times.
 
 ![Risk, predicted error, kinds](rigid_benchmark.png)
 """

@@ -54,6 +54,8 @@ KEYS = {
     "reason",
     "ambiguity_gap",
     "weak_directions",
+    "rival_fixed_T_moving",
+    "overlap_share",
     "wall_offset_mm",
     "predicted_tre_mm",
     "deformation",
