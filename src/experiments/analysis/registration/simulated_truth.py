@@ -61,13 +61,15 @@ def truth_record(truth: SimulatedSweep) -> dict[str, Any]:
     }
 
 
-def read_targets(path: Path) -> tuple[np.ndarray, str] | None:
+def read_targets(path: Path, name: str = "reference") -> tuple[np.ndarray, str] | None:
     """Read the targets of a simulated sweep's truth.
 
     Parameters
     ----------
     path : Path
         File to read.
+    name : str, optional
+        Name of the setting, for messages.
 
     Returns
     -------
@@ -83,7 +85,7 @@ def read_targets(path: Path) -> tuple[np.ndarray, str] | None:
     try:
         found = json.loads(path.read_text(encoding="utf-8")) if path.suffix.lower() == ".json" else None
     except (OSError, ValueError) as refusal:
-        raise InputError(f"reference: {path}: expected JSON, received {refusal}") from refusal
+        raise InputError(f"{name}: {path}: expected JSON, received {refusal}") from refusal
     # The truth of a benchmark's case has targets too, and its symmetry, and is read whole.
     if not isinstance(found, dict) or TARGETS not in found or "symmetry" in found:
         return None
@@ -97,10 +99,10 @@ def read_targets(path: Path) -> tuple[np.ndarray, str] | None:
         or not len(targets_mm)
         or not np.isfinite(targets_mm).all()
     ):
-        raise InputError(f"reference: {path}: expected {TARGETS} as points (t, 3), received others")
+        raise InputError(f"{name}: {path}: expected {TARGETS} as points (t, 3), received others")
     fixed, frame = found.get("fixed_frame", FIXED_FRAME), found.get(FRAME, FIXED_FRAME)
     if frame != fixed:
         raise InputError(
-            f"reference: {path}: expected {TARGETS} in the frame of the fixed side ({fixed}), received {frame}"
+            f"{name}: {path}: expected {TARGETS} in the frame of the fixed side ({fixed}), received {frame}"
         )
     return targets_mm, str(frame)

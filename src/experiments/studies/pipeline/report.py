@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from experiments import files
 from experiments.analysis.registration.reconstruction_faults import numbers, sentences
-from experiments.analysis.registration.simulated_truth import truth_record
+from experiments.analysis.registration.simulated_truth import targets_of, truth_record
 from experiments.outcome import Outcome
 from registration import transforms
 from registration.io.centerlines import write_centerline
 from registration.io.surfaces import write_surface
-from registration.rigid.result import verdict_sentence
+from registration.rigid.result import length_mm, predicted_sentence, verdict_sentence
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from registration.pipeline import Reconstructed
     from registration.rigid.result import RigidResult
 
+# Of the predicted interval.
+LEVEL = 0.9
 RESIDUALS = ("rmse_mm", "rmse_trimmed_mm", "rmse_bidirectional_mm", "hd95_mm", "inlier_share", "coverage")
 
 
@@ -105,6 +108,8 @@ def write(workspace: Path, truth: SimulatedSweep, found: Registered, name: str) 
         "fixed_T_moving": result.fixed_T_moving.tolist(),
         "verdict": result.verdict,
         "reason": result.reason,
+        "predicted_tre_mm": _predicted_tre(truth, found),
+        "measured_tre_mm": float(found.error.tre_mm),
         "reconstruction": {"mask_check": found.left_out.masks, "surface": found.left_out.surface},
     }
     files.write_text(workspace / "registration.json", json.dumps(record))
@@ -176,9 +181,23 @@ def outcome(
             "Seconds by stage": pd.DataFrame([seconds]),
         },
         figures=figures(truth, masks, found.cloud_mm, found.result.fixed_T_moving),
-        findings=(finding, verdict_sentence(found.result), *_gaps(found)),
+        findings=(finding, verdict_sentence(found.result), *_predicted(truth, found), *_gaps(found)),
         tags={"rigid": name, "simulated": "true", "verdict": found.result.verdict},
     )
+
+
+def _predicted_tre(truth: SimulatedSweep, found: Registered) -> dict[str, float | None]:
+    """What the method predicts of its error, where it is measured."""
+    low_mm, high_mm = found.result.tre_interval_mm(targets_of(truth), LEVEL)
+    known = math.isfinite(low_mm) and math.isfinite(high_mm)
+    return {"low": low_mm if known else None, "high": high_mm if known else None, "level": LEVEL}
+
+
+def _predicted(truth: SimulatedSweep, found: Registered) -> tuple[str, ...]:
+    """The predicted error in a sentence, and the measured one beside it."""
+    interval_mm = found.result.tre_interval_mm(targets_of(truth), LEVEL)
+    sentence = predicted_sentence(*interval_mm, found.result.deformation)
+    return (f"{sentence} Measured: {length_mm(float(found.error.tre_mm))}.",) if sentence else ()
 
 
 def _measured(found: Registered) -> dict[str, float]:

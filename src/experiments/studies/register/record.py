@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.studies.register.pair import Pair
+from experiments.studies.register.truth import KnownTruth
 from registration.geometry.shapes import Mesh
 from registration.metrics.surface_distance import SurfaceResiduals, rms
 from registration.metrics.targets import MAX_TARGETS, target_points
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 
 LENGTHS = ("rmse_mm", "rmse_trimmed_mm", "rmse_bidirectional_mm", "msd_mm", "hd95_mm")
 SHARES = ("inlier_share", "coverage")
-# The error is predicted at so many points of the fixed model.
 
 
 @dataclass(frozen=True)
@@ -37,12 +37,15 @@ class Registered:
         Result of the method.
     residuals : SurfaceResiduals
         Residuals between both surfaces.
+    truth : KnownTruth or None, optional
+        The right pose, where it is known.
     """
 
     name: str
     pair: Pair
     result: RigidResult
     residuals: SurfaceResiduals
+    truth: KnownTruth | None = None
 
     @property
     def landmark_errors_mm(self) -> np.ndarray | None:
@@ -53,11 +56,22 @@ class Registered:
     @property
     def predicted_tre_mm(self) -> tuple[float, float]:
         """The 90 % interval that the method predicts for the target registration error; NaN if it predicts none."""
-        fixed = self.pair.fixed
-        targets_mm = fixed.centerline_mm(MAX_TARGETS)
-        if targets_mm is None:
-            targets_mm = target_points(fixed.surface)
-        return self.result.tre_interval_mm(targets_mm)
+        return self.result.tre_interval_mm(self._targets_mm)
+
+    @property
+    def measured_tre_mm(self) -> float:
+        """The target registration error against the right pose; NaN where that is not known."""
+        if self.truth is None:
+            return math.nan
+        return self.truth.tre_mm(self.result.fixed_T_moving, self._targets_mm)
+
+    @property
+    def _targets_mm(self) -> np.ndarray:
+        """Targets of the truth, else points of the fixed centerline, else of the fixed surface."""
+        if self.truth is not None and self.truth.targets_mm is not None:
+            return self.truth.targets_mm
+        targets_mm = self.pair.fixed.centerline_mm(MAX_TARGETS)
+        return target_points(self.pair.fixed.surface) if targets_mm is None else targets_mm
 
 
 def record(found: Registered) -> dict[str, Any]:
@@ -98,6 +112,7 @@ def record(found: Registered) -> dict[str, Any]:
         "overlap_share": _finite(result.overlap_share),
         "wall_offset_mm": _finite(result.wall_offset_mm),
         "predicted_tre_mm": _predicted_tre(found),
+        "measured_tre_mm": _finite(found.measured_tre_mm),
         "deformation": _deformation(result.deformation),
         "probability_right_vessel": _finite(result.probability_right_vessel),
         "initial": _initial(pair, result.search_cone),

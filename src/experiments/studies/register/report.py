@@ -18,7 +18,14 @@ from registration.geometry.shapes import Mesh, Surface
 from registration.io.surfaces import write_surface
 from registration.io.transforms import write_transform
 from registration.metrics.surface_distance import rms
-from registration.rigid.result import AMBIGUOUS, FAILED, predicted_sentence, verdict_sentence
+from registration.rigid.result import (
+    AMBIGUOUS,
+    FAILED,
+    RigidResult,
+    length_mm,
+    predicted_sentence,
+    verdict_sentence,
+)
 
 # Landmarks whose error is this many times what they and the surfaces reach at best speak for another pose.
 LANDMARK_FACTOR = 5.0
@@ -98,6 +105,7 @@ def outcome(found: Registered) -> Outcome:
         "ambiguity_gap": result.ambiguity_gap,
         "predicted_tre_low_mm": low_mm,
         "predicted_tre_high_mm": high_mm,
+        "tre_mm": found.measured_tre_mm,
     }
     return Outcome(
         metrics={
@@ -128,6 +136,10 @@ def _findings(found: Registered) -> tuple[str, ...]:
     low_mm, high_mm = found.predicted_tre_mm
     if predicted := predicted_sentence(low_mm, high_mm, result.deformation):
         sentences.append(predicted)
+    if found.truth is not None:
+        sentences.append(
+            f"Measured TRE {length_mm(found.measured_tre_mm)} against the known pose of {found.truth.path.name}."
+        )
     if math.isfinite(result.probability_right_vessel):
         sentences.append(
             f"The probability that both surfaces show one vessel at this pose is "
@@ -139,16 +151,7 @@ def _findings(found: Registered) -> tuple[str, ...]:
             f"The moving wall lies {abs(result.wall_offset_mm):.2f} mm {side} the fixed one everywhere: the borders "
             "were drawn differently, or the scale differs; the pose allows for it."
         )
-    if math.isfinite(result.overlap_share):
-        sentences.append(
-            f"It is a partial overlap: {100 * result.overlap_share:.0f} % of the moving points lie beside the fixed "
-            "surface, and the predicted error is that of these; the RMSE is over all."
-        )
-    elif result.verdict in (AMBIGUOUS, FAILED) and result.probability_right_vessel < UNLIKELY:
-        sentences.append(
-            "Where both surfaces reach beyond each other, give initial=, or "
-            "rigid.multistart.partial_overlap.overhang=0.6."
-        )
+    sentences += _of_overlap(result)
     if result.weak_directions:
         sentences.append(f"The clouds leave open: {', '.join(result.weak_directions)}.")
     if not result.converged and result.verdict != FAILED:
@@ -157,6 +160,21 @@ def _findings(found: Registered) -> tuple[str, ...]:
     if errors_mm is not None:
         sentences.append(_of_landmarks(found, errors_mm))
     return tuple(sentences)
+
+
+def _of_overlap(result: RigidResult) -> list[str]:
+    """What is to be said where each surface may show a part of the vessel only."""
+    if math.isfinite(result.overlap_share):
+        return [
+            f"It is a partial overlap: {100 * result.overlap_share:.0f} % of the moving points lie beside the fixed "
+            "surface, and the predicted error is that of these; the RMSE is over all."
+        ]
+    if result.verdict in (AMBIGUOUS, FAILED) and result.probability_right_vessel < UNLIKELY:
+        return [
+            "Where both surfaces reach beyond each other, give initial=, or "
+            "rigid.multistart.partial_overlap.overhang=0.6."
+        ]
+    return []
 
 
 def _of_landmarks(found: Registered, errors_mm: np.ndarray) -> str:

@@ -15,6 +15,7 @@ from experiments.studies.register.centerlines import bends, centerline_candidate
 from experiments.studies.register.pair import Pair, SideFiles, read_pair
 from experiments.studies.register.record import Registered
 from experiments.studies.register.report import outcome, write
+from experiments.studies.register.truth import read_known_truth
 from registration.geometry.shapes import Mesh, Surface
 from registration.metrics.surface_distance import surface_residuals
 
@@ -51,6 +52,7 @@ def check(
     initial: PathSetting | None,
     search_cone_deg: float | None,
     search_radius_mm: float | None,
+    truth: PathSetting | None,
     moving_landmarks: PathSetting | None,
     fixed_landmarks: PathSetting | None,
     moving_centerline: PathSetting | Literal["none"] | None,
@@ -76,6 +78,8 @@ def check(
         How far in degrees the result may rotate from a known pose; None for the default.
     search_radius_mm : float or None
         How far in mm the result may move from a known pose; None for the default.
+    truth : PathSetting or None
+        File of the right pose, which the error is measured against; None where it is not known.
     moving_landmarks, fixed_landmarks : PathSetting or None
         File of landmarks, paired by name; None for no landmarks.
     moving_centerline, fixed_centerline : PathSetting or {"none"} or None
@@ -91,6 +95,7 @@ def check(
         If the files and settings cannot be registered.
     """
     one_method(rigid)
+    read_known_truth(truth)
     read_pair(
         SideFiles("moving", moving, moving_unit, moving_space, moving_centerline, moving_landmarks),
         SideFiles("fixed", fixed, fixed_unit, fixed_space, fixed_centerline, fixed_landmarks),
@@ -108,6 +113,7 @@ def run(
     initial: PathSetting | None,
     search_cone_deg: float | None,
     search_radius_mm: float | None,
+    truth: PathSetting | None,
     moving_landmarks: PathSetting | None,
     fixed_landmarks: PathSetting | None,
     moving_centerline: PathSetting | Literal["none"] | None,
@@ -144,6 +150,8 @@ def run(
         How far in degrees the result may rotate from a known pose; None for the default.
     search_radius_mm : float or None
         How far in mm the result may move from a known pose; None for the default.
+    truth : PathSetting or None
+        File of the right pose, which the error is measured against; None where it is not known.
     moving_landmarks, fixed_landmarks : PathSetting or None
         File of landmarks, paired by name; None for no landmarks.
     moving_centerline, fixed_centerline : PathSetting or {"none"} or None
@@ -193,7 +201,7 @@ def run(
         keep=keep,
         seed=seed,
     )
-    found = Registered(name, pair, result, residuals)
+    found = Registered(name, pair, result, residuals, read_known_truth(truth))
     write(found, workspace)
     return outcome(found)
 

@@ -84,12 +84,17 @@ def test_exact_masks_and_poses_bring_the_cloud_home(oracle: dict[str, Any], tmp_
     assert outcome.cases["simulated"].all()
     # The files hold the same result: the cloud, moved by the truth, lies on the model; moved.ply is the cloud moved.
     truth = np.array(json.loads((tmp_path / "truth.json").read_text())["fixed_T_moving"])
-    found = np.array(json.loads((tmp_path / "registration.json").read_text())["fixed_T_moving"])
+    record = json.loads((tmp_path / "registration.json").read_text())
+    found = np.array(record["fixed_T_moving"])
     cloud_mm = np.asarray(read_surface(tmp_path / "cloud.ply"))
     distances_mm = SurfaceDistance(read_surface(tmp_path / "model.ply"))(transforms.apply(truth, cloud_mm))
     assert np.sqrt((distances_mm**2).mean()) < 0.5
     moved_mm = np.asarray(read_surface(tmp_path / "moved.ply"))
     np.testing.assert_allclose(moved_mm, transforms.apply(found, cloud_mm), atol=1e-3)
+    # The measured error stands beside the predicted one, in the file and in the terminal.
+    assert record["measured_tre_mm"] == pytest.approx(outcome.metrics["tre_mm"])
+    assert 0 < record["predicted_tre_mm"]["low"] < record["predicted_tre_mm"]["high"] < 2
+    assert any(each.startswith("Predicted TRE") and "Measured: " in each for each in outcome.findings)
 
 
 def test_a_lag_of_the_images_is_felt(oracle: dict[str, Any], tmp_path: Path) -> None:

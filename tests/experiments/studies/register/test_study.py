@@ -58,6 +58,7 @@ KEYS = {
     "overlap_share",
     "wall_offset_mm",
     "predicted_tre_mm",
+    "measured_tre_mm",
     "deformation",
     "probability_right_vessel",
     "initial",
@@ -75,6 +76,7 @@ GIVEN = (
     "initial",
     "search_cone_deg",
     "search_radius_mm",
+    "truth",
     "moving_landmarks",
     "fixed_landmarks",
     "moving_centerline",
@@ -296,7 +298,7 @@ def test_landmarks_are_where_the_search_begins_and_are_always_reported(folder: P
     moving_mm = moving_mm + np.random.default_rng(0).normal(size=moving_mm.shape)
     write_landmarks(folder / "moving.mrk.json", moving_mm)
     write_landmarks(folder / "fixed.mrk.json", fixed_mm)
-    given = {name: str(folder / f"{name.partition('_')[0]}.mrk.json") for name in GIVEN[6:8]}
+    given = {name: str(folder / f"{name.partition('_')[0]}.mrk.json") for name in GIVEN[7:9]}
     single = {"single_icp": SingleStartICP()}
     _, without = run(folder, rigid=single)
     assert without["landmarks"] is None
@@ -319,7 +321,7 @@ def test_axes_that_are_wrong_are_absorbed_by_the_search_and_shown_by_landmarks(f
     fixed_mm = TUBE.vertices_mm[[0, 700, 1500, 2500]]
     write_landmarks(folder / "moving.mrk.json", transforms.apply(transforms.invert_rigid(POSE), fixed_mm))
     write_landmarks(folder / "fixed.mrk.json", fixed_mm)
-    given = {name: str(folder / f"{name.partition('_')[0]}.mrk.json") for name in GIVEN[6:8]}
+    given = {name: str(folder / f"{name.partition('_')[0]}.mrk.json") for name in GIVEN[7:9]}
     # A pose is given, so that the landmarks do not lead the search to the pose that they speak for.
     turned = transforms.compose(POSE, np.diag([-1.0, -1.0, 1.0, 1.0]))
     write_transform(folder / "turned.tfm", turned)
@@ -502,3 +504,26 @@ def test_the_open_and_the_closed_aorta(real_data: Path, folder: Path) -> None:
     assert isinstance(opened, Mesh)
     assert apart_mm(record["fixed_T_moving"], np.eye(4), opened) < 0.1
     assert record["coverage"] < 0.95 < record["inlier_share"]
+
+
+def test_where_the_truth_is_known_the_measured_error_stands_beside_the_predicted_one(folder: Path) -> None:
+    """A truth that is 3 mm off along one axis: a good result lies so far from it at every target."""
+    off = transforms.compose(transforms.translation((0.0, 0.0, 3.0)), POSE)
+    truth = folder / "truth.json"
+    truth.write_text(
+        json.dumps({"fixed_T_moving": off.tolist(), "targets_mm": TUBE.vertices_mm[::50].tolist()})
+    )
+    outcome, record = run(folder, truth=str(truth))
+    assert record["measured_tre_mm"] == pytest.approx(3.0, abs=0.2)
+    assert outcome.metrics["tre_mm"] == record["measured_tre_mm"]
+    assert any(
+        sentence.startswith("Measured TRE ") and "truth.json" in sentence for sentence in outcome.findings
+    )
+    assert "Measured TRE" in (folder / "out" / "scene.html").read_text()
+    _, without = run(folder)
+    assert without["measured_tre_mm"] is None
+    with pytest.raises(InputError, match="truth"):
+        check(folder, truth=str(folder / "nowhere.json"))
+    truth.write_text(json.dumps({"fixed_T_moving": off.tolist(), "targets_mm": "none"}))
+    with pytest.raises(InputError, match=r"truth: .*expected targets_mm as points"):
+        check(folder, truth=str(truth))
