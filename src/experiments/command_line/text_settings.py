@@ -65,6 +65,7 @@ PATHS = frozenset(
         "moving_centerline",
         "fixed_centerline",
         "moving_truth",
+        "truth",
         "target_centerline",
         "targets",
     }

@@ -37,7 +37,7 @@ OF_STUDIES = {
     "record_sweep": {"calibration"},
     "register": {
         *("moving", "fixed", "initial", "moving_landmarks", "fixed_landmarks"),
-        *("moving_centerline", "fixed_centerline"),
+        *("moving_centerline", "fixed_centerline", "truth"),
     },
     "export_model": {"model_path"},
     "segment": {"model_path", "input"},
