@@ -99,19 +99,18 @@ def left_open(
     motions = [transforms.compose(other, back) for other, _ in others]
     far = [displacement_mm(motion[None], places_mm)[0] > criteria.max_tre_mm for motion in motions]
     rivals = [
-        (motion, _gap(predicted, evidence, other, behind))
+        (motion, _gap(predicted, evidence, other, behind), other)
         for motion, (other, behind), is_far in zip(motions, others, far, strict=True)
         if is_far
     ]
-    next_motion, gap = min(rivals, key=lambda rival: rival[1], default=(None, float("inf")))
+    _, gap, rival = min(rivals, key=lambda one: one[1], default=(None, float("inf"), None))
     weak = []
     # Where several axes may be the vessel's, as many searches look for a pose that is better by chance.
     if gap < criteria.needed_gap(axes_tried):
-        weak = [motion for motion, behind in rivals if behind < gap + ALIKE_GAPS]
+        weak = [motion for motion, behind, _ in rivals if behind < gap + ALIKE_GAPS]
     if predicted.expected_mm > criteria.max_tre_mm:
         weak.append(predicted.weakest)
     names = {name for motion in weak for name in named_motion(motion, frame)}
-    rival = None if next_motion is None else transforms.compose(next_motion, pose)
     return OpenMotions(gap, tuple(name for name in DIRECTIONS if name in names), rival)
 
 

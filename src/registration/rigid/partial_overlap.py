@@ -19,7 +19,14 @@ from registration.geometry.shapes import principal_frame
 from registration.rigid.coarse_to_fine import BASIN_POINTS, CoarseToFine, Found
 from registration.rigid.icp.estimation import Estimation
 from registration.rigid.icp.pairs import closest_pairs
-from registration.rigid.pose_comparison import LOSS_CAP, PATCH_SPACINGS, Evidence, distinct, gaps_of
+from registration.rigid.pose_comparison import (
+    FLOOR_SPACINGS,
+    LOSS_CAP,
+    PATCH_SPACINGS,
+    Evidence,
+    distinct,
+    gaps_of,
+)
 from registration.rigid.result import Candidate
 from registration.rigid.search_cone import Bound
 
@@ -29,8 +36,6 @@ BEYOND_PATCHES = 2.0
 BEYOND_LOSS = 2.0
 # A quarter of the points is enough to tell the noise from: the right pose brings as many onto the surface.
 QUARTER, QUARTER_TO_SIGMA = 0.25, 1 / 0.31864
-# Noise below this share of the spacing is the sampling's.
-FLOOR_SPACINGS = 0.1
 # Step between starts beyond the ends, as a share of the moving cloud's length.
 OVERHANG_STEP = 0.15
 
@@ -181,7 +186,7 @@ class PartialOverlap:
         pool = [(search, one) for search, each in found for one in each.candidates[: len(each.gap)]]
         iterations = sum(each.iterations for _, each in found)
         ranked = self._ranked(evidence, [one for _, one in pool])[0]
-        last, more = [], 0
+        last = []
         for index in ranked[: self.finalists]:
             search, one = pool[index]
             if one.stage != search.fine.name:
@@ -232,8 +237,7 @@ def compare_in_view(evidence: Evidence, poses: Float64[np.ndarray, "s 4 4"]) -> 
     """
     pairs = closest_pairs(evidence.moving_mm, evidence.smoothed, poses)
     reach_mm = PATCH_SPACINGS * evidence.smoothed.spacing_mm
-    across_mm2 = np.maximum(pairs.squared_mm2 - pairs.gap_mm**2, 0.0)
-    seen = across_mm2 <= (BEYOND_PATCHES * reach_mm) ** 2
+    seen = pairs.aside_mm2 <= (BEYOND_PATCHES * reach_mm) ** 2
     # Walls that coincide nowhere are no offset: a cloud that floats beside the vessel would be in view all the same.
     offset_mm = np.clip(_offsets_mm(evidence, pairs.gap_mm, seen), -reach_mm, reach_mm)
     off_mm = np.abs(pairs.gap_mm - offset_mm[:, None])

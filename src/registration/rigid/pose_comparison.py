@@ -119,10 +119,10 @@ class Evidence:
         if key not in self._known:
             pairs = closest_pairs(self.moving_mm, self.smoothed, pose[None])
             gap_mm = pairs.gap_mm[0]
-            across_mm = np.sqrt(np.maximum(pairs.squared_mm2[0] - gap_mm**2, 0.0))
+            aside_mm = np.sqrt(pairs.aside_mm2[0])
             along_mm2 = (gap_mm - np.median(gap_mm) if self.offset else gap_mm) ** 2
             reach_mm = PATCH_SPACINGS * self.smoothed.spacing_mm
-            self._known[key] = along_mm2 + np.maximum(across_mm - reach_mm, 0.0) ** 2
+            self._known[key] = along_mm2 + np.maximum(aside_mm - reach_mm, 0.0) ** 2
         return self._known[key]
 
     def wall_offset_mm(self, pose: Float64[np.ndarray, "4 4"]) -> float:

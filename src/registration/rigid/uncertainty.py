@@ -194,9 +194,8 @@ def bootstrap_motions(
     damped = stiffness + FREE_SHARE * mean * np.eye(unknowns)
     try:
         solved = np.linalg.solve(damped, pull_mm[..., None])[:, :6]
-    except (
-        np.linalg.LinAlgError
-    ):  # a draw without a point that weighs: a handful of points, or all of them outliers
+    except np.linalg.LinAlgError:
+        # A draw without a point that weighs: a handful of points, or all of them outliers.
         solved = (np.linalg.pinv(damped) @ pull_mm[..., None])[:, :6]
     doubt = np.exp(SPREAD_DOUBT * rng.standard_normal((replicates, 1)))
     return inflation * (1 + STIFFENING * fit.roughness**2) * doubt * solved[..., 0]

@@ -142,7 +142,7 @@ def _findings(found: Registered) -> tuple[str, ...]:
         )
     if math.isfinite(result.probability_right_vessel):
         sentences.append(
-            f"The probability that both surfaces show one vessel at this pose is "
+            "The probability that both surfaces show one vessel at this pose is "
             f"{100 * result.probability_right_vessel:.0f} %."
         )
     if abs(result.wall_offset_mm) >= NOTED_OFFSET_MM:

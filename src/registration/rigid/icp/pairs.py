@@ -51,6 +51,11 @@ class Pairs:
             return np.sqrt(self.squared_mm2)
         return np.einsum("snk,snk->sn", self.offset_mm, self.normals)
 
+    @cached_property
+    def aside_mm2(self) -> Float64[np.ndarray, "s n"]:
+        """Squared distance across the fixed point's normal in mm2; 0 without normals."""
+        return np.maximum(self.squared_mm2 - self.gap_mm**2, 0.0)
+
 
 def closest_pairs(
     moving_mm: Float64[np.ndarray, "n 3"],

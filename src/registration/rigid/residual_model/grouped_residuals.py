@@ -184,8 +184,7 @@ def _near(pairs: Pairs, spacing_mm: float) -> np.ndarray:
     gap_mm = pairs.gap_mm[0]
     away_mm = np.abs(gap_mm - np.median(gap_mm))
     cut_mm = min(FARTHEST_MM, max(OUTLIER_SIGMA * MEDIAN_TO_SIGMA * float(np.median(away_mm)), MIN_CUT_MM))
-    aside_mm2 = pairs.squared_mm2[0] - gap_mm**2
-    return np.asarray((away_mm <= cut_mm) & (aside_mm2 <= (ASIDE_SPACINGS * spacing_mm) ** 2))
+    return np.asarray((away_mm <= cut_mm) & (pairs.aside_mm2[0] <= (ASIDE_SPACINGS * spacing_mm) ** 2))
 
 
 @dataclass(frozen=True)
