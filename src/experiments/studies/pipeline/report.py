@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from experiments import files
+from experiments.analysis.registration.pose_scores import plain
 from experiments.analysis.registration.reconstruction_faults import numbers, sentences
-from experiments.analysis.registration.simulated_truth import targets_of, truth_record
+from experiments.analysis.registration.simulated_truth import truth_record
 from experiments.outcome import Outcome
 from registration import transforms
 from registration.io.centerlines import write_centerline
@@ -68,6 +68,8 @@ class Registered:
         Residuals between the cloud and the model.
     error : PoseError
         Error of the pose against the truth.
+    predicted_tre_mm : tuple of float
+        Ends in mm of the interval that is predicted for the error, where it is measured; NaN where none is predicted.
     """
 
     cloud_mm: np.ndarray
@@ -77,6 +79,7 @@ class Registered:
     result: RigidResult
     residuals: SurfaceResiduals
     error: PoseError
+    predicted_tre_mm: tuple[float, float]
 
 
 def write(workspace: Path, truth: SimulatedSweep, found: Registered, name: str) -> None:
@@ -108,7 +111,10 @@ def write(workspace: Path, truth: SimulatedSweep, found: Registered, name: str) 
         "fixed_T_moving": result.fixed_T_moving.tolist(),
         "verdict": result.verdict,
         "reason": result.reason,
-        "predicted_tre_mm": _predicted_tre(truth, found),
+        "predicted_tre_mm": {
+            **dict(zip(("low", "high"), map(plain, found.predicted_tre_mm), strict=True)),
+            "level": LEVEL,
+        },
         "measured_tre_mm": float(found.error.tre_mm),
         "reconstruction": {"mask_check": found.left_out.masks, "surface": found.left_out.surface},
     }
@@ -181,22 +187,14 @@ def outcome(
             "Seconds by stage": pd.DataFrame([seconds]),
         },
         figures=figures(truth, masks, found.cloud_mm, found.result.fixed_T_moving),
-        findings=(finding, verdict_sentence(found.result), *_predicted(truth, found), *_gaps(found)),
+        findings=(finding, verdict_sentence(found.result), *_predicted(found), *_gaps(found)),
         tags={"rigid": name, "simulated": "true", "verdict": found.result.verdict},
     )
 
 
-def _predicted_tre(truth: SimulatedSweep, found: Registered) -> dict[str, float | None]:
-    """What the method predicts of its error, where it is measured."""
-    low_mm, high_mm = found.result.tre_interval_mm(targets_of(truth), LEVEL)
-    known = math.isfinite(low_mm) and math.isfinite(high_mm)
-    return {"low": low_mm if known else None, "high": high_mm if known else None, "level": LEVEL}
-
-
-def _predicted(truth: SimulatedSweep, found: Registered) -> tuple[str, ...]:
+def _predicted(found: Registered) -> tuple[str, ...]:
     """The predicted error in a sentence, and the measured one beside it."""
-    interval_mm = found.result.tre_interval_mm(targets_of(truth), LEVEL)
-    sentence = predicted_sentence(*interval_mm, found.result.deformation)
+    sentence = predicted_sentence(*found.predicted_tre_mm, found.result.deformation)
     return (f"{sentence} Measured: {length_mm(float(found.error.tre_mm))}.",) if sentence else ()
 
 

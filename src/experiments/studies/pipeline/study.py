@@ -14,7 +14,7 @@ from experiments.errors import InputError
 from experiments.inputs.surfaces import one_method
 from experiments.outcome import Outcome, Progress
 from experiments.paths import PathSetting
-from experiments.studies.pipeline.report import LeftOut, Registered, outcome, write
+from experiments.studies.pipeline.report import LEVEL, LeftOut, Registered, outcome, write
 from registration.centerline.extractor import CenterlineExtractor
 from registration.errors import InputError as RegistrationInputError
 from registration.metrics.surface_distance import pose_error, surface_residuals
@@ -155,11 +155,21 @@ def run(
     residuals = surface_residuals(
         cloud_mm, truth.model, result.fixed_T_moving, inlier_mm=inlier_mm, keep=keep, seed=seed
     )
-    error = pose_error(result.fixed_T_moving, truth.ct_T_world, targets_of(truth))
+    targets_mm = targets_of(truth)
+    error = pose_error(result.fixed_T_moving, truth.ct_T_world, targets_mm)
     left_out = LeftOut(
         mask_record(gathered, posed.kept), None if built is None else surface_record(built, posed.kept)
     )
-    found = Registered(cloud_mm, built, refusal, left_out, result, residuals, error)
+    found = Registered(
+        cloud_mm,
+        built,
+        refusal,
+        left_out,
+        result,
+        residuals,
+        error,
+        result.tre_interval_mm(targets_mm, LEVEL),
+    )
     write(workspace, truth, found, name)
     masks = values >= 0.5
     return outcome(

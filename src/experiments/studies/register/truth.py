@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from experiments.analysis.registration.simulated_truth import read_targets
-from experiments.inputs.surfaces import read_pose, require_path
+from experiments.inputs.surfaces import read_pose
 from registration.metrics.surface_distance import pose_error
 
 
@@ -72,6 +72,6 @@ def read_known_truth(truth: str | None) -> KnownTruth | None:
     """
     if truth is None:
         return None
-    path = require_path(truth, "truth", "a file with the right fixed_T_moving")
-    targets = read_targets(path, "truth")
-    return KnownTruth(path, read_pose(path, "truth"), None if targets is None else targets[0])
+    path = Path(truth)
+    pose, targets = read_pose(path, "truth"), read_targets(path, "truth")
+    return KnownTruth(path, pose, None if targets is None else targets[0])

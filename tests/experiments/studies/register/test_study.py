@@ -522,7 +522,7 @@ def test_where_the_truth_is_known_the_measured_error_stands_beside_the_predicted
     assert "Measured TRE" in (folder / "out" / "scene.html").read_text()
     _, without = run(folder)
     assert without["measured_tre_mm"] is None
-    with pytest.raises(InputError, match="truth"):
+    with pytest.raises(InputError, match=r"truth: .*nowhere\.json: expected a file, received nothing there"):
         check(folder, truth=str(folder / "nowhere.json"))
     truth.write_text(json.dumps({"fixed_T_moving": off.tolist(), "targets_mm": "none"}))
     with pytest.raises(InputError, match=r"truth: .*expected targets_mm as points"):
