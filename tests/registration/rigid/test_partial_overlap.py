@@ -128,6 +128,8 @@ def test_points_beyond_the_ends_cost_the_same_and_those_across_are_outliers() ->
     assert view.noise_mm == pytest.approx(0.1)
     assert np.allclose(view.loss[0, : len(on)], 0.0, atol=1e-6)
     assert view.loss[0, len(on) :] == pytest.approx([BEYOND_LOSS, 2.5**2, 9.0])
+    # Dearer than a fair pair, or the cloud would slide out; cheaper than an outlier, or it would be pulled in.
+    assert 1.0 < BEYOND_LOSS < 9.0
 
 
 def test_settings_out_of_range_are_refused() -> None:
