@@ -17,7 +17,7 @@ from experiments.paths import PathSetting
 from experiments.studies.pipeline.report import LEVEL, LeftOut, Registered, outcome, write
 from registration.centerline.extractor import CenterlineExtractor
 from registration.errors import InputError as RegistrationInputError
-from registration.metrics.surface_distance import pose_error, surface_residuals
+from registration.metrics.surface_distance import PoseError, pose_error, surface_residuals
 from registration.phantom.scan import simulate_sweep
 from registration.phantom.settings import PhantomSettings
 from registration.pipeline import STAGES, CloudFilter, Gathered, Reconstructed, Reconstruction, timed
@@ -155,25 +155,23 @@ def run(
     residuals = surface_residuals(
         cloud_mm, truth.model, result.fixed_T_moving, inlier_mm=inlier_mm, keep=keep, seed=seed
     )
-    targets_mm = targets_of(truth)
-    error = pose_error(result.fixed_T_moving, truth.ct_T_world, targets_mm)
     left_out = LeftOut(
         mask_record(gathered, posed.kept), None if built is None else surface_record(built, posed.kept)
     )
-    found = Registered(
-        cloud_mm,
-        built,
-        refusal,
-        left_out,
-        result,
-        residuals,
-        error,
-        result.tre_interval_mm(targets_mm, LEVEL),
-    )
+    found = Registered(cloud_mm, built, refusal, left_out, result, residuals, *_target_error(truth, result))
     write(workspace, truth, found, name)
     masks = values >= 0.5
     return outcome(
         _score_frames(masks, truth), found, seconds, truth, masks, name, sum(posed.dropped.values())
+    )
+
+
+def _target_error(truth: SimulatedSweep, result: RigidResult) -> tuple[PoseError, tuple[float, float]]:
+    """Error at the targets against the exact pose, and the interval that the result predicts for it."""
+    targets_mm = targets_of(truth)
+    return (
+        pose_error(result.fixed_T_moving, truth.ct_T_world, targets_mm),
+        result.tre_interval_mm(targets_mm, LEVEL),
     )
 
 
