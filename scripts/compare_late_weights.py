@@ -172,7 +172,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "--out", type=Path, required=True, help="folder for a table of scores for each seed and fold"
     )
-    parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
+    # Not nargs="+", which would take the overrides that follow for seeds.
+    parser.add_argument("--seeds", type=_whole_numbers, default=[0, 1, 2], help="such as 0,1,2")
     parser.add_argument("--fold", type=int, help="train this fold alone, to share the work between processes")
     parser.add_argument("overrides", nargs="*", help="settings of study=segmentation, such as dataset=usgra")
     given = parser.parse_args(arguments)
@@ -186,6 +187,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
             if not path.is_file() and given.fold in (None, split.fold):
                 train(job, split, frames, split.fold, seed).to_parquet(path)
     _show(given.out.glob("seed-*.parquet"))
+
+
+def _whole_numbers(text: str) -> list[int]:
+    return [int(number) for number in text.split(",")]
 
 
 def _show(paths: Iterable[Path]) -> None:

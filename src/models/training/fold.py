@@ -56,6 +56,7 @@ def train_fold(
     directory: Path,
     state_directory: Path | None = None,
     on_epoch: OnEpoch | None = None,
+    on_wait: Callable[[], None] | None = None,
 ) -> TrainedFold:
     """Train a network and keep the weights of the epoch that ``training.trainer`` selects in ``directory/model.pt``.
 
@@ -78,6 +79,9 @@ def train_fold(
         continue from; None keeps nothing.
     on_epoch : callable or None
         Called with each epoch's measures; in a resumed training, with those of the earlier epochs first.
+    on_wait : callable or None
+        Called once where another process is at this very training in ``state_directory``. Its result is taken
+        when it ends, and what it left is continued if it ends early.
 
     Returns
     -------
@@ -92,11 +96,15 @@ def train_fold(
         If the training diverges.
     """
     with fixed_threads(training.trainer.threads):
-        return _train(training, directory, state_directory, on_epoch)
+        return _train(training, directory, state_directory, on_epoch, on_wait)
 
 
 def _train(
-    training: FoldTraining, directory: Path, state_directory: Path | None, on_epoch: OnEpoch | None
+    training: FoldTraining,
+    directory: Path,
+    state_directory: Path | None,
+    on_epoch: OnEpoch | None,
+    on_wait: Callable[[], None] | None,
 ) -> TrainedFold:
     settings = training.trainer
     path = directory / "model.pt"
@@ -108,8 +116,8 @@ def _train(
         callback = _run(training, Phase.whole(settings), None, directory, lambda epoch: path, None, on_epoch)
         return _trained(callback, path)
     folder = TrainingFolder(state_directory, training.fingerprint)
-    with folder.locked():
-        phase, start, own = _where_to_begin(folder, training)
+    with folder.locked(on_wait) as waited:
+        phase, start, own = _where_to_begin(folder, training, afresh=not (settings.resume or waited))
         weights = {True: own.weights_path, False: folder.weights_path}
         callback = _run(training, phase, start, directory, own.weights_path, own, on_epoch)
         kept = phase.kept(callback.history)
@@ -119,13 +127,13 @@ def _train(
 
 
 def _where_to_begin(
-    folder: TrainingFolder, training: FoldTraining
+    folder: TrainingFolder, training: FoldTraining, *, afresh: bool
 ) -> tuple[Phase, TrainingState | None, TrainingFolder]:
-    """The epochs to train, what they continue from, and the folder for their state."""
+    """The epochs to train, what they continue from, and the folder for their state, cleared if ``afresh``."""
     settings = training.trainer
     phase = Phase.whole(settings)
     if not settings.extend_epochs:
-        if not settings.resume:
+        if afresh:
             folder.clear()
         return phase, folder.load(), folder
     base = folder.load()
@@ -137,7 +145,7 @@ def _where_to_begin(
         )
     extension = phase.extension(base.history)
     extended = folder.extended
-    if not settings.resume:
+    if afresh:
         extended.clear()
     start = extended.load()
     if start is None or len(start.history) > extension.end:

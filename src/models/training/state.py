@@ -7,7 +7,7 @@ place of Lightning's checkpoints: those have no fingerprint of settings and data
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -151,24 +151,33 @@ class TrainingFolder:
                 path.unlink(missing_ok=True)
 
     @contextmanager
-    def locked(self) -> Iterator[None]:
-        """Keep other processes away from the folder.
+    def locked(self, on_wait: Callable[[], None] | None = None) -> Iterator[bool]:
+        """Keep other processes away from the folder; while one is at work in it, wait.
 
-        Raises
+        Nested splits have the same fold twice, and jobs that run side by side then train it at the same time.
+
+        Parameters
+        ----------
+        on_wait : callable or None, optional
+            Called once before waiting.
+
+        Yields
         ------
-        InputError
-            If another process is at work here.
+        bool
+            Whether another process was at work here: what it left is of this very training.
         """
         self.path.mkdir(parents=True, exist_ok=True)
         lock = FileLock(self.path / ".lock")
+        waited = False
         try:
             lock.acquire(timeout=0)
-        except Timeout as taken:
-            raise InputError(
-                f"{self.path}: expected no other process at this training, found one at work"
-            ) from taken
+        except Timeout:
+            waited = True
+            if on_wait is not None:
+                on_wait()
+            lock.acquire()
         try:
-            yield
+            yield waited
         finally:
             lock.release()
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 import torch
 from drawn_vessels import drawn_frames
+from filelock import FileLock
 
 from models.checkpoint import Checkpoint
 from models.errors import InputError
@@ -46,6 +47,7 @@ def trained(
     epochs: int = 2,
     state: Path | None = None,
     on_epoch=None,
+    on_wait=None,
     **changes: object,
 ) -> TrainedFold:
     training = FoldTraining(
@@ -59,7 +61,9 @@ def trained(
         fold=fold,
         **{"model": RECIPE, **changes},
     )
-    return train_fold(training, directory=directory, state_directory=state, on_epoch=on_epoch)
+    return train_fold(
+        training, directory=directory, state_directory=state, on_epoch=on_epoch, on_wait=on_wait
+    )
 
 
 def weights(result: TrainedFold) -> dict[str, torch.Tensor]:
@@ -361,9 +365,35 @@ def test_refuses_the_state_of_another_training(tmp_path) -> None:
         trained(tmp_path, trainer=resume)
 
 
-def test_refuses_the_folder_of_a_training_at_work(tmp_path) -> None:
-    def meanwhile(report: object) -> None:
-        trained(tmp_path / "second", state=tmp_path / "state")
+def stop_at_second(epochs: list[object]):
+    def stop(report: object) -> None:
+        epochs.append(report)
+        if len(epochs) == 2:
+            raise KeyboardInterrupt
 
-    with pytest.raises(InputError, match="expected no other process at this training, found one at work"):
-        trained(tmp_path / "first", state=tmp_path / "state", on_epoch=meanwhile)
+    return stop
+
+
+@pytest.mark.parametrize("other_ends", ["finished", "killed"])
+def test_takes_over_what_another_process_at_the_same_training_leaves(tmp_path, other_ends) -> None:
+    alone, state, epochs = trained(tmp_path / "alone", epochs=3), tmp_path / "state", []
+    if other_ends == "killed":
+        with pytest.raises(KeyboardInterrupt):
+            trained(tmp_path / "first", epochs=3, state=state, on_epoch=stop_at_second([]))
+    else:
+        first = trained(tmp_path / "first", epochs=3, state=state)
+    other = FileLock(state / ".lock")
+    other.acquire()
+    second = trained(
+        tmp_path / "second", epochs=3, state=state, on_wait=other.release, on_epoch=epochs.append
+    )
+    assert not other.is_locked
+    assert len(epochs) == len(second.history) == 3
+    assert same(weights(second), weights(alone))
+    if other_ends == "finished":
+        assert second.history == first.history  # with their speeds: nothing was trained again
+
+
+def test_trains_again_where_nobody_else_is_at_work(tmp_path) -> None:
+    first = trained(tmp_path / "first", state=tmp_path / "state")
+    assert trained(tmp_path / "second", state=tmp_path / "state").history != first.history

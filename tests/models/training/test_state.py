@@ -2,6 +2,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from filelock import FileLock, Timeout
 
 from models.errors import InputError
 from models.training.state import TrainingFolder, TrainingState
@@ -78,11 +79,11 @@ def test_a_truncated_state_is_refused(tmp_path) -> None:
 
 
 def test_one_process_at_a_time(tmp_path) -> None:
-    with (
-        folder(tmp_path / "new").locked(),
-        pytest.raises(InputError, match="expected no other process"),
-        folder(tmp_path / "new").locked(),
-    ):
-        pass
-    with folder(tmp_path / "new").locked():
-        pass
+    with folder(tmp_path / "new").locked() as waited:
+        assert waited is False
+        first = FileLock(tmp_path / "new" / ".lock")
+        with pytest.raises(Timeout):
+            first.acquire(timeout=0)
+    first.acquire()
+    with folder(tmp_path / "new").locked(first.release) as waited:
+        assert waited is True

@@ -321,7 +321,12 @@ def run_training(training: FoldTraining, place: str, workspace: Path, progress: 
     def advance(_: Mapping[str, float]) -> None:
         next(epochs, None)
 
-    trained = train_fold(training, directory=workspace, state_directory=state, on_epoch=advance)
+    def waits() -> None:
+        progress.note(f"{place}: waiting for another process at the same training")
+
+    trained = train_fold(
+        training, directory=workspace, state_directory=state, on_epoch=advance, on_wait=waits
+    )
     for _ in epochs:
         pass
     return trained
