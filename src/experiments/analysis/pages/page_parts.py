@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -71,13 +71,15 @@ def finished_jobs(archive: Path, study: str) -> Iterator[RunRecord]:
             yield run
 
 
-def archived_result(run: RunRecord) -> JobResult:
+def archived_result(run: RunRecord, choices: Mapping[str, str] | None = None) -> JobResult:
     """Take an exported run for the result of a job, as the summary of its study does.
 
     Parameters
     ----------
     run : RunRecord
         Run of a job.
+    choices : Mapping[str, str] or None, optional
+        What tells its rows from those of other jobs, by setting; None for all settings that differ.
 
     Returns
     -------
@@ -88,7 +90,8 @@ def archived_result(run: RunRecord) -> JobResult:
 
     last = run.history.sort_values("step").groupby("metric")["value"].last()
     metrics = {str(name): float(value) for name, value in last.items()}
-    return JobResult(yaml.safe_load(run.config), metrics, run.cases, Path(run.name), run.run_id)
+    config = yaml.safe_load(run.config)
+    return JobResult(config, metrics, run.cases, Path(run.name), run.run_id, dict(choices or {}))
 
 
 def listed(findings: Iterable[str]) -> str:

@@ -13,7 +13,14 @@ import pytest
 from experiments.analysis.pages.page_parts import listed, read_cases
 from experiments.errors import InputError
 
-SCRIPTS = ("robustness_results", "rigid_benchmark", "segmentation_results", "consistency")
+# Scripts that make pages, with what they take before the folder.
+SCRIPTS = {
+    "robustness_results": (),
+    "rigid_benchmark": (),
+    "segmentation_results": ("usgra",),
+    "consolidation_results": ("usgra",),
+    "consistency": (),
+}
 
 
 def test_cases_of_a_folder_and_of_a_subset_are_read(tmp_path: Path) -> None:
@@ -44,7 +51,7 @@ def test_a_script_has_no_logic_of_its_own(name: str, repository: Path) -> None:
 
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_a_script_refuses_an_empty_folder_in_one_line(name: str, repository: Path, tmp_path: Path) -> None:
-    script = [sys.executable, str(repository / "scripts" / f"{name}.py"), str(tmp_path)]
+    script = [sys.executable, str(repository / "scripts" / f"{name}.py"), *SCRIPTS[name], str(tmp_path)]
     done = subprocess.run(script, check=False, capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 2
     assert done.stderr.strip().splitlines()[-1].startswith(f"{tmp_path}: expected ")
