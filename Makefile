@@ -22,7 +22,7 @@ lint: setup
 # Every benchmark on a small budget, one after the other, to see that they run. For figures to quote start one of them
 # without --quick; of speeds next to the peers', taken in the same minute, quote the ratios, not the seconds.
 BENCHMARKS := bench_metrics bench_networks bench_training bench_phantom bench_centerline bench_reconstruction \
-	bench_sweep_faults bench_rigid bench_residual_model bench_inference
+	bench_sweep_faults bench_rigid bench_residual_model bench_deformable bench_inference
 bench: setup
 	@failed=; for name in $(BENCHMARKS); do \
 		printf '\n== %s\n' $$name; \

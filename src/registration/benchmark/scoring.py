@@ -117,7 +117,7 @@ def score_pose(
         transforms.require_rigid(fixed_T_moving, "fixed_T_moving")
         return replace(PoseScore(*[NOT_DEFINED] * len(fields(PoseScore))), rmse_mm=rmse_mm)
     error = pose_error(fixed_T_moving, truth.fixed_T_moving, truth.targets_mm)
-    apart_mm = _apart_mm(fixed_T_moving, truth)
+    apart_mm = material_error_mm(fixed_T_moving, truth)
     roll_deg, slide_mm = roll_and_slide(fixed_T_moving, truth.fixed_T_moving, truth.targets_mm)
     symmetric_mm = rms(apart_mm)
     if truth.symmetry:
@@ -136,6 +136,37 @@ def score_pose(
         roll_error_deg=roll_deg,
         slide_error_mm=slide_mm,
     )
+
+
+def material_error_mm(
+    fixed_T_moving: Float64[np.ndarray, "4 4"],
+    truth: CaseTruth,
+    displacement_mm: Float64[np.ndarray, "t 3"] | None = None,
+) -> Float64[np.ndarray, " t"]:
+    """Measure how far the model's targets are from where their material was swept.
+
+    Parameters
+    ----------
+    fixed_T_moving : ndarray, shape (4, 4)
+        Estimated pose.
+    truth : CaseTruth
+        Truth of the case.
+    displacement_mm : ndarray, shape (t, 3), or None, optional
+        Displacement in mm of each target of the model in the fixed frame, by a deformable method; None for none.
+
+    Returns
+    -------
+    ndarray, shape (t,)
+        Distances in mm.
+    """
+    shown_mm = truth.targets_mm
+    if truth.displacement_mm is not None:
+        shown_mm = shown_mm + truth.displacement_mm
+    error = transforms.compose(fixed_T_moving, transforms.invert_rigid(truth.fixed_T_moving))
+    apart_mm = transforms.apply(error, shown_mm) - truth.targets_mm
+    if displacement_mm is not None:
+        apart_mm = apart_mm - displacement_mm
+    return np.asarray(np.linalg.norm(apart_mm, axis=1))
 
 
 def roll_and_slide(
@@ -186,15 +217,6 @@ def lowest_tre_mm(truth: CaseTruth) -> float:
     if not truth.same_vessel:
         return NOT_DEFINED
     return 0.0 if truth.displacement_mm is None else rms(np.linalg.norm(truth.displacement_mm, axis=1))
-
-
-def _apart_mm(fixed_T_moving: np.ndarray, truth: CaseTruth) -> np.ndarray:
-    """How far from each target a pose puts its material."""
-    shown_mm = truth.targets_mm
-    if truth.displacement_mm is not None:
-        shown_mm = shown_mm + truth.displacement_mm
-    error = transforms.compose(fixed_T_moving, transforms.invert_rigid(truth.fixed_T_moving))
-    return np.asarray(np.linalg.norm(transforms.apply(error, shown_mm) - truth.targets_mm, axis=1))
 
 
 def _residual_mm(fixed_T_moving: np.ndarray, truth: CaseTruth, case: BenchmarkCase) -> float:

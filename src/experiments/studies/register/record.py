@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.studies.register.deformed import Deformed, deformed_record
 from experiments.studies.register.pair import Pair
 from experiments.studies.register.truth import KnownTruth
 from registration.geometry.shapes import Mesh
@@ -39,6 +40,8 @@ class Registered:
         Residuals between both surfaces.
     truth : KnownTruth or None, optional
         The right pose, where it is known.
+    deformed : Deformed or None, optional
+        Result of the deformable stage; None without one.
     """
 
     name: str
@@ -46,6 +49,7 @@ class Registered:
     result: RigidResult
     residuals: SurfaceResiduals
     truth: KnownTruth | None = None
+    deformed: Deformed | None = None
 
     @property
     def landmark_errors_mm(self) -> np.ndarray | None:
@@ -106,9 +110,7 @@ def record(found: Registered) -> dict[str, Any]:
         # JSON has no infinity: no other pose was found at all, which is not the same as that nobody looked.
         "ambiguity_gap": "inf" if result.ambiguity_gap == math.inf else _finite(result.ambiguity_gap),
         "weak_directions": list(result.weak_directions),
-        "rival_fixed_T_moving": None
-        if result.rival_fixed_T_moving is None
-        else result.rival_fixed_T_moving.tolist(),
+        "rival_fixed_T_moving": _plain(result.rival_fixed_T_moving),
         "overlap_share": _finite(result.overlap_share),
         "wall_offset_mm": _finite(result.wall_offset_mm),
         "predicted_tre_mm": _predicted_tre(found),
@@ -124,6 +126,7 @@ def record(found: Registered) -> dict[str, Any]:
             )
         },
         "landmarks": _landmarks(found),
+        "deformable": deformed_record(found.deformed, (*LENGTHS, *SHARES)),
         "candidates": [_candidate(candidate) for candidate in result.candidates],
         "runtime_s": result.runtime_s,
     }

@@ -11,10 +11,9 @@ import numpy as np
 
 from experiments import files
 from experiments.outcome import Outcome
+from experiments.studies.register.deformed import deformed_sentences, transformed, write_deformed
 from experiments.studies.register.record import LENGTHS, SHARES, Registered, record
 from experiments.studies.register.scene import register_scene
-from registration import transforms
-from registration.geometry.shapes import Mesh, Surface
 from registration.io.surfaces import write_surface
 from registration.io.transforms import write_transform
 from registration.metrics.surface_distance import rms
@@ -48,32 +47,14 @@ def write(found: Registered, workspace: Path) -> None:
     pose = found.result.fixed_T_moving
     record_text = json.dumps(record(found), indent=2, allow_nan=False)
     files.write_text(workspace / "registration.json", record_text + "\n")
-    write_surface(workspace / "moved.ply", moved(found.pair.moving.surface, pose))
+    write_surface(workspace / "moved.ply", transformed(found.pair.moving.surface, pose))
     write_transform(workspace / "fixed_T_moving.h5", pose)
+    if found.deformed is not None:
+        write_deformed(found.deformed, workspace)
     residual, verdict, *more = _findings(found)
     rival = found.result.rival_fixed_T_moving if found.result.verdict == AMBIGUOUS else None
-    scene = register_scene(found.pair, pose, found.name, (verdict, *more, residual), rival)
+    scene = register_scene(found.pair, pose, found.name, (verdict, *more, residual), rival, found.deformed)
     scene.write(workspace / "scene.html")
-
-
-def moved(surface: Surface, fixed_T_moving: np.ndarray) -> Surface:
-    """Transform a surface by a pose.
-
-    Parameters
-    ----------
-    surface : Surface
-        Surface or points in the moving frame in mm.
-    fixed_T_moving : ndarray, shape (4, 4)
-        Rigid transform from the moving to the fixed frame.
-
-    Returns
-    -------
-    Surface
-        Surface or points in the fixed frame in mm.
-    """
-    if isinstance(surface, Mesh):
-        return Mesh(transforms.apply(fixed_T_moving, surface.vertices_mm), surface.triangles)
-    return transforms.apply(fixed_T_moving, surface)
 
 
 def outcome(found: Registered) -> Outcome:
@@ -112,6 +93,7 @@ def outcome(found: Registered) -> Outcome:
             **metrics,
             # What a method does not know is no failure of it, so it is no metric either.
             **{key: float(value) for key, value in predicted.items() if math.isfinite(value)},
+            **_of_deformed(found),
             "converged": float(result.converged),
             "candidates": float(len(result.candidates)),
         },
@@ -120,10 +102,32 @@ def outcome(found: Registered) -> Outcome:
             *_findings(found),
             "registration.json holds the pose and all candidates, moved.ply the moved surface in mm (LPS), "
             "fixed_T_moving.h5 the transform for ITK and 3D Slicer, scene.html the page to look at.",
+            *_files_of_deformed(found),
         ),
         tags={"rigid": found.name, "verdict": result.verdict},
         inputs=found.pair.inputs,
     )
+
+
+def _of_deformed(found: Registered) -> dict[str, float]:
+    """Metrics of the deformable stage."""
+    if found.deformed is None:
+        return {}
+    result, (low_mm, high_mm) = found.deformed.result, found.deformed.predicted_tre_mm
+    metrics = {f"deformed_{key}": float(getattr(found.deformed.residuals, key)) for key in LENGTHS}
+    metrics |= {"deformation_mm": result.size_mm, "strain_p95": result.plausibility.strain_p95}
+    metrics |= {"jacobian_min": result.plausibility.jacobian_min, "deformable_runtime_s": result.runtime_s}
+    metrics |= {"deformed_predicted_tre_low_mm": low_mm, "deformed_predicted_tre_high_mm": high_mm}
+    return {key: value for key, value in metrics.items() if math.isfinite(value)}
+
+
+def _files_of_deformed(found: Registered) -> list[str]:
+    if found.deformed is None:
+        return []
+    return [
+        "moved_deformed.ply is the moved surface after both stages, model_deformed.ply the model where the sweep has "
+        "seen it, displacement.npz, .nrrd and .h5 the displacement of the model (ITK, 3D Slicer)."
+    ]
 
 
 def _findings(found: Registered) -> tuple[str, ...]:
@@ -159,6 +163,8 @@ def _findings(found: Registered) -> tuple[str, ...]:
     errors_mm = found.landmark_errors_mm
     if errors_mm is not None:
         sentences.append(_of_landmarks(found, errors_mm))
+    if found.deformed is not None:
+        sentences += deformed_sentences(found.deformed, residuals.rmse_mm)
     return tuple(sentences)
 
 

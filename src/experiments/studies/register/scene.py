@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from experiments.reporting.scene import CloudLayer, LineLayer, Scene, SurfaceLayer
-from experiments.reporting.scene_layers import BLUE, GREY, ORANGE, RED
+from experiments.reporting.scene_layers import BLUE, GREEN, GREY, ORANGE, RED
+from experiments.studies.register.deformed import Deformed, model_deformed
 from experiments.studies.register.pair import Pair
 from registration import transforms
 from registration.geometry.shapes import Mesh, Surface, diagonal_mm
@@ -17,6 +18,8 @@ from registration.metrics.surface_distance import SurfaceDistance
 # What lies farther away before registration than this many times the fixed surface's size would shrink all else to a
 # speck.
 FAR_SIZES = 5.0
+# The displacement is drawn at so many points of the model.
+ARROWS = 300
 # The colours end where this share of the distances does, so that a few far points do not bleach the others.
 COLOR_PERCENTILE = 99.0
 
@@ -27,6 +30,7 @@ def register_scene(
     method: str,
     findings: Sequence[str],
     rival_fixed_T_moving: np.ndarray | None = None,
+    deformed: Deformed | None = None,
 ) -> Scene:
     """Make the scene in the frame of the fixed file, in mm.
 
@@ -45,6 +49,8 @@ def register_scene(
         Sentences next to the scene, the verdict first.
     rival_fixed_T_moving : ndarray, shape (4, 4), or None, optional
         Another pose that explains the clouds as well, shown beside the result; None shows none.
+    deformed : Deformed or None, optional
+        Result of the deformable stage, at first hidden; None for none.
 
     Returns
     -------
@@ -67,6 +73,8 @@ def register_scene(
     if rival_fixed_T_moving is not None:
         rival_mm = transforms.apply(rival_fixed_T_moving, _points(moving))
         layers.append(_layer("moving, rival pose", _with_points(moving, rival_mm), ORANGE, 0.35))
+    if deformed is not None:
+        layers += _deformed_layers(deformed)
     layers += _lines(pair, fixed_T_moving)
     if pair.landmarks is not None:
         brought_mm = transforms.apply(fixed_T_moving, pair.landmarks.moving_mm)
@@ -81,6 +89,19 @@ def register_scene(
         values_name="Distance to fixed (mm)",
         values_range_mm=(0.0, max(top_mm, 1e-3)),
     )
+
+
+def _deformed_layers(found: Deformed) -> list[Any]:
+    """What moves after both stages, the model where it was swept, and by how much the model's points are displaced."""
+    before_mm = _points(found.model)
+    starts_mm = before_mm[:: max(1, len(before_mm) // ARROWS)]
+    ends_mm = starts_mm + found.result.displacement(starts_mm)
+    arrows = [np.stack(ends) for ends in zip(starts_mm, ends_mm, strict=True)]
+    return [
+        _layer("moving, deformed", found.moved, GREEN, 0.9, shown=False),
+        _layer("model, deformed", model_deformed(found), RED, 0.35, shown=False),
+        LineLayer("displacement of the model", arrows, RED, shown=False),
+    ]
 
 
 def _lines(pair: Pair, fixed_T_moving: np.ndarray) -> list[LineLayer]:

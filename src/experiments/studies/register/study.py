@@ -1,4 +1,4 @@
-"""Rigid registration of two files of a user's own."""
+"""Registration of two files of a user's own: rigid, and on request deformable after that."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from experiments.inputs.surfaces import one_method
 from experiments.outcome import Outcome, Progress
 from experiments.paths import PathSetting
 from experiments.studies.register.centerlines import bends, centerline_candidates
+from experiments.studies.register.deformed import deform, deformable_method, require_side
 from experiments.studies.register.pair import Pair, SideFiles, read_pair
 from experiments.studies.register.record import Registered
 from experiments.studies.register.report import outcome, write
@@ -49,6 +50,8 @@ def check(
     moving: PathSetting,
     fixed: PathSetting,
     rigid: Mapping[str, Any],
+    deformable: Mapping[str, Any],
+    model_side: str | None,
     initial: PathSetting | None,
     search_cone_deg: float | None,
     search_radius_mm: float | None,
@@ -72,6 +75,11 @@ def check(
         File of the surface or cloud that stays.
     rigid : Mapping[str, Any]
         Settings of exactly one rigid registration method by its name.
+    deformable : Mapping[str, Any]
+        Settings of exactly one deformable registration method by its name; ``none`` for no such method.
+    model_side : str or None
+        Side of the whole model, whose material is displaced: fixed or moving; None for the side that is no sweep, or
+        the longer one.
     initial : PathSetting or None
         File of a known pose; None for the pose of the landmarks, or none.
     search_cone_deg : float or None
@@ -95,6 +103,8 @@ def check(
         If the files and settings cannot be registered.
     """
     one_method(rigid)
+    deformable_method(deformable)
+    require_side(model_side)
     read_known_truth(truth)
     read_pair(
         SideFiles("moving", moving, moving_unit, moving_space, moving_centerline, moving_landmarks),
@@ -110,6 +120,8 @@ def run(
     moving: PathSetting,
     fixed: PathSetting,
     rigid: Mapping[str, Any],
+    deformable: Mapping[str, Any],
+    model_side: str | None,
     initial: PathSetting | None,
     search_cone_deg: float | None,
     search_radius_mm: float | None,
@@ -133,8 +145,8 @@ def run(
     """Register ``moving`` to ``fixed``.
 
     Leaves registration.json, moved.ply (mm, LPS), fixed_T_moving.h5 (in ITK's direction) and scene.html in
-    ``workspace``. Meshes are sampled uniformly by area for the method; residuals are measured on the surfaces
-    themselves.
+    ``workspace``; after a deformable stage moved_deformed.ply, model_deformed.ply and the displacement too. Meshes are
+    sampled uniformly by area for the method; residuals are measured on the surfaces themselves.
 
     Parameters
     ----------
@@ -144,6 +156,11 @@ def run(
         File of the surface or cloud that stays.
     rigid : Mapping[str, Any]
         Settings of exactly one rigid registration method by its name.
+    deformable : Mapping[str, Any]
+        Settings of exactly one deformable registration method by its name; ``none`` for no such method.
+    model_side : str or None
+        Side of the whole model, whose material is displaced: fixed or moving; None for the side that is no sweep, or
+        the longer one.
     initial : PathSetting or None
         File of a known pose; None for the pose of the landmarks, or none.
     search_cone_deg : float or None
@@ -201,7 +218,16 @@ def run(
         keep=keep,
         seed=seed,
     )
-    found = Registered(name, pair, result, residuals, read_known_truth(truth))
+    deformed = None
+    second, deformable_stage = deformable_method(deformable)
+    if deformable_stage is not None:
+        progress.note(f"deforming by {second}")
+        points = {"moving": moving_points, "fixed": fixed_points}
+        deformed = deform(
+            second, deformable_stage, pair, result, model_side,
+            points=points, inlier_mm=inlier_mm, keep=keep, seed=seed,
+        )  # fmt: skip
+    found = Registered(name, pair, result, residuals, read_known_truth(truth), deformed)
     write(found, workspace)
     return outcome(found)
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Bool, Float64, Int64
 
 from registration import transforms
 from registration.errors import InputError
 from registration.rigid.icp.correspondence import TreeTarget
 from registration.rigid.icp.estimation import motion_jacobian, motion_transforms, with_offset
-from registration.rigid.icp.pairs import Pairs, closest_pairs
+from registration.rigid.icp.pairs import closest_pairs
 from registration.rigid.icp.robust_kernels import MEDIAN_TO_SIGMA
 from registration.rigid.residual_model.compact_blocks import blocks_of
 
@@ -120,18 +120,63 @@ def grouped_residuals(
     pairs = closest_pairs(moving_mm, target, fixed_T_moving[None])
     if pairs.normals is None:
         raise InputError("target: expected normals of the fixed surface to measure along, received none")
-    near = _near(pairs, target.spacing_mm)
+    near = near_surface(pairs.gap_mm[0], pairs.aside_mm2[0], target.spacing_mm)
+    return averaged(
+        pairs.moved_mm[0],
+        pairs.normals[0],
+        pairs.gap_mm[0],
+        near=near,
+        block=block,
+        offset=offset,
+        frame=frame,
+    )
+
+
+def averaged(
+    places_mm: Float64[np.ndarray, "m 3"],
+    normals: Float64[np.ndarray, "m 3"],
+    gap_mm: Float64[np.ndarray, " m"],
+    *,
+    near: Bool[np.ndarray, " m"],
+    block: Int64[np.ndarray, " m"],
+    offset: bool,
+    frame: Int64[np.ndarray, " m"] | None = None,
+) -> GroupedResiduals | None:
+    """Average gaps along normals over groups of neighbouring points.
+
+    Parameters
+    ----------
+    places_mm : ndarray, shape (m, 3)
+        Where each gap was measured, in mm.
+    normals : ndarray, shape (m, 3)
+        Unit normals there.
+    gap_mm : ndarray, shape (m,)
+        Signed distance along the normal that would close the gap, in mm.
+    near : ndarray of bool, shape (m,)
+        Whether the point is one of the surface.
+    block : ndarray of int, shape (m,)
+        Group of each point.
+    offset : bool
+        Whether the walls may lie apart by the same distance everywhere.
+    frame : ndarray of int, shape (m,), or None, optional
+        Frame that each point was seen in.
+
+    Returns
+    -------
+    GroupedResiduals or None
+        Averages; None if no group has enough points near the surface.
+    """
     count = np.bincount(block[near], minlength=int(block.max()) + 1)
     # The last group is one for all points that do not count.
     kept = count >= MIN_POINTS
-    near &= kept[block]
+    near = near & kept[block]
     if not near.any():
         return None
     group = (np.cumsum(kept) - 1)[block[near]]
-    moved_mm, normals, gap_mm = pairs.moved_mm[0][near], pairs.normals[0][near], pairs.gap_mm[0][near]
-    centre_mm = moved_mm.mean(axis=0)
-    radius_mm = float(np.sqrt(((moved_mm - centre_mm) ** 2).sum(axis=1).mean()))
-    jacobian = motion_jacobian((moved_mm - centre_mm) / radius_mm, normals)
+    places_mm, normals, gap_mm = places_mm[near], normals[near], gap_mm[near]
+    centre_mm = places_mm.mean(axis=0)
+    radius_mm = float(np.sqrt(((places_mm - centre_mm) ** 2).sum(axis=1).mean()))
+    jacobian = motion_jacobian((places_mm - centre_mm) / radius_mm, normals)
     if offset:
         jacobian = with_offset(jacobian)
     mean = _Means(group, count[kept])
@@ -139,7 +184,7 @@ def grouped_residuals(
     return GroupedResiduals(
         centre_mm=centre_mm,
         radius_mm=radius_mm,
-        points_mm=mean(moved_mm),
+        points_mm=mean(places_mm),
         normals=mean(normals),
         gap_mm=mean_gap_mm,
         jacobian=mean(jacobian),
@@ -179,12 +224,28 @@ def groups_on(
     return blocks_of(target.points_mm[target.closest(transforms.apply(fixed_T_moving, moving_mm))], groups)
 
 
-def _near(pairs: Pairs, spacing_mm: float) -> np.ndarray:
-    """Which points are near the surface."""
-    gap_mm = pairs.gap_mm[0]
+def near_surface(
+    gap_mm: Float64[np.ndarray, " m"], aside_mm2: Float64[np.ndarray, " m"], spacing_mm: float
+) -> Bool[np.ndarray, " m"]:
+    """Tell which points are points of the surface: neither outliers nor beyond its end.
+
+    Parameters
+    ----------
+    gap_mm : ndarray, shape (m,)
+        Signed distance of each point along the normal of the closest one, in mm.
+    aside_mm2 : ndarray, shape (m,)
+        Its squared distance across that normal in mm².
+    spacing_mm : float
+        Distance in mm between the surface's points.
+
+    Returns
+    -------
+    ndarray of bool, shape (m,)
+        Whether each is.
+    """
     away_mm = np.abs(gap_mm - np.median(gap_mm))
     cut_mm = min(FARTHEST_MM, max(OUTLIER_SIGMA * MEDIAN_TO_SIGMA * float(np.median(away_mm)), MIN_CUT_MM))
-    return np.asarray((away_mm <= cut_mm) & (pairs.aside_mm2[0] <= (ASIDE_SPACINGS * spacing_mm) ** 2))
+    return np.asarray((away_mm <= cut_mm) & (aside_mm2 <= (ASIDE_SPACINGS * spacing_mm) ** 2))
 
 
 @dataclass(frozen=True)

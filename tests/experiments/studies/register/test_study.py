@@ -64,6 +64,7 @@ KEYS = {
     "initial",
     "centerlines",
     "landmarks",
+    "deformable",
     "candidates",
     "runtime_s",
 }
@@ -73,6 +74,8 @@ GIVEN = (
     "moving",
     "fixed",
     "rigid",
+    "deformable",
+    "model_side",
     "initial",
     "search_cone_deg",
     "search_radius_mm",
@@ -101,7 +104,8 @@ def settings(folder: Path, **change: Any) -> dict[str, Any]:
         "moving": str(folder / "moving.ply"),
         "fixed": str(folder / "fixed.ply"),
         "rigid": {"multistart": MultiStartICP()},
-        **dict.fromkeys(GIVEN[3:]),
+        "deformable": {"none": None},
+        **dict.fromkeys(GIVEN[4:]),
         "moving_points": 1200,
         "fixed_points": 2500,
         "inlier_mm": 1.0,
@@ -298,7 +302,7 @@ def test_landmarks_are_where_the_search_begins_and_are_always_reported(folder: P
     moving_mm = moving_mm + np.random.default_rng(0).normal(size=moving_mm.shape)
     write_landmarks(folder / "moving.mrk.json", moving_mm)
     write_landmarks(folder / "fixed.mrk.json", fixed_mm)
-    given = {name: str(folder / f"{name.partition('_')[0]}.mrk.json") for name in GIVEN[7:9]}
+    given = {name: str(folder / f"{name.partition('_')[0]}.mrk.json") for name in GIVEN[9:11]}
     single = {"single_icp": SingleStartICP()}
     _, without = run(folder, rigid=single)
     assert without["landmarks"] is None
@@ -321,7 +325,7 @@ def test_axes_that_are_wrong_are_absorbed_by_the_search_and_shown_by_landmarks(f
     fixed_mm = TUBE.vertices_mm[[0, 700, 1500, 2500]]
     write_landmarks(folder / "moving.mrk.json", transforms.apply(transforms.invert_rigid(POSE), fixed_mm))
     write_landmarks(folder / "fixed.mrk.json", fixed_mm)
-    given = {name: str(folder / f"{name.partition('_')[0]}.mrk.json") for name in GIVEN[7:9]}
+    given = {name: str(folder / f"{name.partition('_')[0]}.mrk.json") for name in GIVEN[9:11]}
     # A pose is given, so that the landmarks do not lead the search to the pose that they speak for.
     turned = transforms.compose(POSE, np.diag([-1.0, -1.0, 1.0, 1.0]))
     write_transform(folder / "turned.tfm", turned)

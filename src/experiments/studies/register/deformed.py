@@ -1,0 +1,326 @@
+"""The deformable stage of a registration: which side is displaced, what it leaves, and what is to be said of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.errors import InputError
+from experiments.studies.register.pair import Pair
+from registration import transforms
+from registration.geometry.shapes import Mesh, Surface, diagonal_mm
+from registration.metrics.surface_distance import SurfaceResiduals, surface_residuals
+from registration.metrics.targets import target_points
+from registration.rigid.result import FAILED, length_mm
+
+if TYPE_CHECKING:
+    from registration.cpd import CoherentPointDrift
+    from registration.deformable.result import DeformableResult
+    from registration.rigid.result import RigidResult
+
+SIDES = ("fixed", "moving")
+# The grid in files reaches so far beyond the model, and has at most so many nodes.
+MARGIN_MM, GRID_NODES, FINEST_MM = 10.0, 200_000, 2.0
+
+
+@dataclass(frozen=True)
+class Deformed:
+    """Result of the deformable stage.
+
+    Parameters
+    ----------
+    name : str
+        Name of the method.
+    model_side : str
+        The side whose material the field displaces: fixed or moving.
+    result : DeformableResult
+        Displacement from the model, in the fixed frame after the rigid pose, to where the sweep has seen it.
+    model : Surface
+        Model in the fixed frame, before the displacement.
+    moved : Surface
+        What moves, after both stages, in the fixed frame.
+    residuals : SurfaceResiduals
+        Residuals between both surfaces after both stages.
+    predicted_tre_mm : tuple of float
+        The 90 % interval of the error at targets of the model; NaN where none is predicted.
+    """
+
+    name: str
+    model_side: str
+    result: DeformableResult
+    model: Surface
+    moved: Surface
+    residuals: SurfaceResiduals
+    predicted_tre_mm: tuple[float, float]
+
+
+def deformable_method(deformable: Mapping[str, Any]) -> tuple[str, CoherentPointDrift | None]:
+    """Take the one deformable method.
+
+    Parameters
+    ----------
+    deformable : Mapping[str, Any]
+        Method by its name; ``none`` for no method.
+
+    Returns
+    -------
+    name : str
+        Name of the method.
+    method : CoherentPointDrift or None
+        The method.
+
+    Raises
+    ------
+    InputError
+        If there is not exactly one.
+    """
+    if len(deformable) != 1:
+        names = ", ".join(deformable) or "none"
+        raise InputError(f"deformable: expected exactly one method, such as deformable=cpd, received {names}")
+    return next(iter(deformable.items()))
+
+
+def require_side(model_side: str | None) -> None:
+    """Check the setting ``model_side``.
+
+    Parameters
+    ----------
+    model_side : str or None
+        Side of the model; None chooses.
+
+    Raises
+    ------
+    InputError
+        If it is no side.
+    """
+    if model_side is not None and model_side not in SIDES:
+        raise InputError(f"model_side: expected fixed, moving or null, received {model_side!r}")
+
+
+def deform(
+    name: str,
+    method: CoherentPointDrift,
+    pair: Pair,
+    rigid: RigidResult,
+    model_side: str | None,
+    *,
+    points: Mapping[str, int],
+    inlier_mm: float,
+    keep: float,
+    seed: int,
+) -> Deformed | None:
+    """Displace the model's side onto the other after the rigid pose.
+
+    Parameters
+    ----------
+    name : str
+        Name of the method.
+    method : CoherentPointDrift
+        The method.
+    pair : Pair
+        Both sides.
+    rigid : RigidResult
+        Result of the rigid stage.
+    model_side : str or None
+        Side of the model; None takes the side that is no sweep, else the longer one.
+    points : Mapping[str, int]
+        Number of points sampled from a mesh, by side.
+    inlier_mm : float
+        Distance in mm within which a point counts as explained.
+    keep : float
+        Share of closest distances in ``rmse_trimmed_mm``.
+    seed : int
+        Seed of everything that is drawn at random.
+
+    Returns
+    -------
+    Deformed or None
+        The result; None after a rigid stage that failed.
+    """
+    if rigid.verdict == FAILED:
+        return None
+    side = model_side or _model_side(pair)
+    pose = rigid.fixed_T_moving
+    surfaces = {"fixed": pair.fixed.surface, "moving": transformed(pair.moving.surface, pose)}
+    draws = dict(zip(SIDES, np.random.default_rng([seed, 2]).spawn(2), strict=True))
+    other = SIDES[1 - SIDES.index(side)]
+    clouds = {each: _cloud(surfaces[each], points[each], draws[each]) for each in SIDES}
+    frame = pair.moving.frame if other == "moving" else None
+    result = method(clouds[side], clouds[other], fixed_frame=frame, seed=seed)
+    moving = surfaces["moving"]
+    shift = result.displacement if side == "moving" else result.inverse
+    moved = _with_points(moving, _points(moving) + shift(_points(moving)))
+    residuals = surface_residuals(
+        moved, pair.fixed.surface, np.eye(4), inlier_mm=inlier_mm, keep=keep, seed=seed
+    )
+    model = surfaces[side]
+    predicted = result.tre_interval_mm(target_points(model))
+    return Deformed(name, side, result, model, moved, residuals, predicted)
+
+
+def transformed(surface: Surface, fixed_T_moving: np.ndarray) -> Surface:
+    """Transform a surface by a pose.
+
+    Parameters
+    ----------
+    surface : Surface
+        Surface or points in the moving frame in mm.
+    fixed_T_moving : ndarray, shape (4, 4)
+        Rigid transform from the moving to the fixed frame.
+
+    Returns
+    -------
+    Surface
+        Surface or points in the fixed frame in mm.
+    """
+    return _with_points(surface, transforms.apply(fixed_T_moving, _points(surface)))
+
+
+def model_deformed(found: Deformed) -> Surface:
+    """Displace the model to where the sweep has seen it.
+
+    Parameters
+    ----------
+    found : Deformed
+        Result of the deformable stage.
+
+    Returns
+    -------
+    Surface
+        Model in the fixed frame in mm.
+    """
+    before_mm = _points(found.model)
+    return _with_points(found.model, before_mm + found.result.displacement(before_mm))
+
+
+def write_deformed(found: Deformed, workspace: Path) -> None:
+    """Write moved_deformed.ply, model_deformed.ply and the displacement as displacement.npz, .nrrd and .h5.
+
+    Parameters
+    ----------
+    found : Deformed
+        Result of the deformable stage.
+    workspace : Path
+        Folder of the run in which result files are left.
+    """
+    from registration.io.displacement_fields import (
+        sample_grid,
+        write_displacement_grid,
+        write_displacement_transform,
+    )
+    from registration.io.surfaces import write_surface
+
+    write_surface(workspace / "moved_deformed.ply", found.moved)
+    write_surface(workspace / "model_deformed.ply", model_deformed(found))
+    points_mm = _points(found.model)
+    np.savez_compressed(
+        workspace / "displacement.npz",
+        points_mm=points_mm,
+        displacement_mm=found.result.displacement(points_mm),
+    )
+    low_mm, high_mm = points_mm.min(axis=0) - MARGIN_MM, points_mm.max(axis=0) + MARGIN_MM
+    # A smooth field needs no finer grid than its nodes can afford.
+    spacing_mm = max(FINEST_MM, float(np.cbrt(np.prod(high_mm - low_mm + 2 * FINEST_MM) / GRID_NODES)))
+    grid = sample_grid(found.result.displacement, low_mm, high_mm, spacing_mm, max_nodes=2 * GRID_NODES)
+    write_displacement_grid(workspace / "displacement.nrrd", grid, "lps")
+    write_displacement_transform(workspace / "displacement.h5", grid, "lps")
+
+
+def deformed_record(found: Deformed | None, keys: tuple[str, ...]) -> dict[str, Any] | None:
+    """Make the block ``deformable`` of registration.json.
+
+    Parameters
+    ----------
+    found : Deformed or None
+        Result of the deformable stage; None without one.
+    keys : tuple of str
+        Names of the residuals to give.
+
+    Returns
+    -------
+    dict or None
+        Content, ready for JSON; a number that is not finite is None.
+    """
+    if found is None:
+        return None
+    result = found.result
+    low_mm, high_mm = found.predicted_tre_mm
+    numbers = {
+        "size_mm": result.size_mm,
+        "gain": result.gain,
+        **{key: getattr(found.residuals, key) for key in keys},
+        **asdict(result.plausibility),
+        "runtime_s": result.runtime_s,
+    }
+    return {
+        "method": found.name,
+        "model_side": found.model_side,
+        "verdict": result.verdict,
+        "reason": result.reason,
+        **{key: float(value) if math.isfinite(value) else None for key, value in numbers.items()},
+        "iterations": result.iterations,
+        "converged": result.converged,
+        "predicted_tre_mm": {
+            "low": low_mm if math.isfinite(low_mm) else None,
+            "high": high_mm if math.isfinite(high_mm) else None,
+            "level": 0.9,
+        },
+        "files": {
+            "displacement": ["displacement.npz", "displacement.nrrd", "displacement.h5"],
+            "maps": "model points in the fixed frame after fixed_T_moving to where they were swept, mm, LPS",
+        },
+    }
+
+
+def deformed_sentences(found: Deformed, rigid_rmse_mm: float) -> list[str]:
+    """Say what the deformable stage found.
+
+    Parameters
+    ----------
+    found : Deformed
+        Result of the deformable stage.
+    rigid_rmse_mm : float
+        Residual of the rigid stage in mm.
+
+    Returns
+    -------
+    list of str
+        Sentences.
+    """
+    result = found.result
+    sentences = [
+        f"Deformable registration ({found.name}) of the {found.model_side} side: {result.verdict}, {result.reason}; "
+        f"RMSE {rigid_rmse_mm:.3f} to {found.residuals.rmse_mm:.3f} mm, which is no accuracy; 95th-percentile strain "
+        f"{100 * result.plausibility.strain_p95:.1f} %, smallest volume factor {result.plausibility.jacobian_min:.2f}."
+    ]
+    low_mm, high_mm = found.predicted_tre_mm
+    if math.isfinite(high_mm):
+        sentences.append(
+            f"Predicted error of the displaced model {length_mm(low_mm)} to {length_mm(high_mm)} (90 %), over all "
+            "of it, also where nothing was swept."
+        )
+    return sentences
+
+
+def _model_side(pair: Pair) -> str:
+    if pair.moving.frame is not None:
+        return "fixed"
+    sizes_mm = [diagonal_mm(_points(side.surface)) for side in (pair.fixed, pair.moving)]
+    return SIDES[int(sizes_mm[1] > sizes_mm[0])]
+
+
+def _cloud(surface: Surface, count: int, rng: np.random.Generator) -> np.ndarray:
+    return surface.sample(count, rng) if isinstance(surface, Mesh) else surface
+
+
+def _points(surface: Surface) -> np.ndarray:
+    return surface.vertices_mm if isinstance(surface, Mesh) else surface
+
+
+def _with_points(surface: Surface, points_mm: np.ndarray) -> Surface:
+    return Mesh(points_mm, surface.triangles) if isinstance(surface, Mesh) else points_mm

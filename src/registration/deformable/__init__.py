@@ -1,0 +1,1 @@
+"""Deformable registration after a rigid one: the displacement of tissue as a function of place, and its error."""

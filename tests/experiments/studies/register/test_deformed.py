@@ -1,0 +1,163 @@
+"""The deformable stage of ``study=register``: both directions, its files, its record and what is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import SimpleITK
+from scipy.spatial.transform import Rotation
+from vessels import bent_tube
+
+from experiments import registry
+from experiments.cli import compose_sweep
+from experiments.errors import InputError
+from experiments.outcome import Outcome, Silent
+from experiments.studies.register import study as register
+from experiments.studies.register.deformed import deformable_method, require_side
+from registration import transforms
+from registration.cpd import CoherentPointDrift
+from registration.geometry.shapes import Mesh
+from registration.io.surfaces import read_surface, write_surface
+from registration.io.transforms import write_transform
+from registration.metrics.surface_distance import SurfaceDistance, rms
+from registration.rigid.comparators import SingleStartICP
+
+TUBE = bent_tube()
+MIDDLE_MM = TUBE.vertices_mm.mean(axis=0)
+AXIS = np.linalg.svd(TUBE.vertices_mm - MIDDLE_MM, full_matrices=False)[2]
+POSE = transforms.from_rotation(Rotation.from_rotvec([0.1, -0.05, 0.08]), np.array([3.0, -2.0, 1.0]))
+FILES = {
+    "displacement.h5",
+    "displacement.npz",
+    "displacement.nrrd",
+    "fixed_T_moving.h5",
+    "model_deformed.ply",
+    "moved.ply",
+    "moved_deformed.ply",
+    "registration.json",
+    "scene.html",
+}
+
+
+def bend(points_mm: np.ndarray) -> np.ndarray:
+    along = (points_mm - MIDDLE_MM) @ AXIS[0] / 35.0
+    return 2.0 * np.outer(np.cos(np.pi * along), AXIS[1])
+
+
+BENT = Mesh(TUBE.vertices_mm + bend(TUBE.vertices_mm), TUBE.triangles)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    swept = Mesh(transforms.apply(transforms.invert_rigid(POSE), BENT.vertices_mm), BENT.triangles)
+    model = Mesh(transforms.apply(transforms.invert_rigid(POSE), TUBE.vertices_mm), TUBE.triangles)
+    for name, mesh in (("swept", swept), ("model_moving", model), ("model", TUBE), ("bent", BENT)):
+        write_surface(tmp_path / f"{name}.ply", mesh)
+    # Where the sweep shows the material, whichever file moves.
+    for name in ("swept", "model_moving"):
+        write_surface(tmp_path / f"{name}_there.ply", BENT)
+    write_transform(tmp_path / "near.h5", POSE)
+    (tmp_path / "out").mkdir()
+    return tmp_path
+
+
+def run(folder: Path, moving: str, fixed: str, **change: Any) -> tuple[Outcome, dict[str, Any]]:
+    nothing = ("search_cone_deg", "search_radius_mm", "truth", "moving_landmarks", "fixed_landmarks")
+    nothing += (
+        "moving_centerline",
+        "fixed_centerline",
+        "moving_unit",
+        "fixed_unit",
+        "moving_space",
+        "fixed_space",
+    )
+    given = {
+        "moving": str(folder / f"{moving}.ply"),
+        "fixed": str(folder / f"{fixed}.ply"),
+        "rigid": {"single_icp": SingleStartICP()},
+        "deformable": {"cpd": CoherentPointDrift()},
+        "model_side": "fixed",
+        "initial": str(folder / "near.h5"),
+        **dict.fromkeys(nothing),
+        "moving_points": 2500,
+        "fixed_points": 4000,
+        "inlier_mm": 1.0,
+        "keep": 0.9,
+        "seed": 0,
+        "workspace": folder / "out",
+        "progress": Silent(),
+    } | change
+    outcome = register.run(**given)
+    return outcome, json.loads((folder / "out" / "registration.json").read_text())
+
+
+@pytest.mark.parametrize("side", ["fixed", "moving"])
+def test_either_side_is_the_model(folder: Path, side: str) -> None:
+    moving, fixed = ("swept", "model") if side == "fixed" else ("model_moving", "bent")
+    outcome, told = run(folder, moving, fixed, model_side=side)
+    block = told["deformable"]
+    assert {path.name for path in (folder / "out").iterdir()} == FILES
+    assert (block["method"], block["model_side"], block["verdict"]) == ("cpd", side, "deformed")
+    assert block["rmse_mm"] < 0.5 * told["rmse_mm"]
+    assert block["jacobian_min"] > 0 and 0 < block["strain_p95"] < 0.3
+    assert 0 < block["predicted_tre_mm"]["low"] < block["predicted_tre_mm"]["high"] < 2.0
+    assert outcome.metrics["deformed_rmse_mm"] == block["rmse_mm"]
+    assert any("Deformable registration (cpd)" in sentence for sentence in outcome.findings)
+    moved = read_surface(folder / "out" / "moved_deformed.ply")
+    rigid = read_surface(folder / "out" / "moved.ply")
+    to_fixed = SurfaceDistance(read_surface(folder / f"{fixed}.ply"))
+    assert rms(to_fixed(moved.vertices_mm)) < 0.5 * rms(to_fixed(rigid.vertices_mm))
+    model = read_surface(folder / "out" / "model_deformed.ply")
+    # The ends of a tube may slide: nothing along the wall holds them.
+    assert np.median(SurfaceDistance(read_surface(folder / f"{moving}_there.ply"))(model.vertices_mm)) < 0.15
+
+
+def test_the_files_of_the_displacement_agree(folder: Path) -> None:
+    run(folder, "swept", "model")
+    stored = np.load(folder / "out" / "displacement.npz")
+    image = SimpleITK.ReadImage(str(folder / "out" / "displacement.nrrd"), SimpleITK.sitkVectorFloat64)
+    field = SimpleITK.DisplacementFieldTransform(image)
+    read = SimpleITK.ReadTransform(str(folder / "out" / "displacement.h5"))
+    for point_mm, shift_mm in zip(stored["points_mm"][::200], stored["displacement_mm"][::200], strict=True):
+        for transform in (field, read):
+            np.testing.assert_allclose(transform.TransformPoint(point_mm), point_mm + shift_mm, atol=0.05)
+    model = read_surface(folder / "out" / "model_deformed.ply")
+    np.testing.assert_allclose(model.vertices_mm, stored["points_mm"] + stored["displacement_mm"], atol=1e-4)
+
+
+def test_where_nothing_deforms_both_stages_are_one(folder: Path) -> None:
+    outcome, told = run(folder, "model_moving", "model")
+    assert told["deformable"]["verdict"] == "rigid stands"
+    moved, deformed = (read_surface(folder / "out" / f"{name}.ply") for name in ("moved", "moved_deformed"))
+    np.testing.assert_allclose(deformed.vertices_mm, moved.vertices_mm, atol=1e-4)
+    assert any("the clouds show no deformation" in sentence for sentence in outcome.findings)
+
+
+def test_without_it_there_is_no_block_and_no_file(folder: Path) -> None:
+    outcome, told = run(folder, "swept", "model", deformable={"none": None})
+    assert told["deformable"] is None
+    assert not (folder / "out" / "moved_deformed.ply").exists()
+    assert not any(name.startswith("deformed") for name in outcome.metrics)
+
+
+def test_what_is_refused() -> None:
+    with pytest.raises(InputError, match="model_side: expected fixed, moving or null, received 'left'"):
+        require_side("left")
+    with pytest.raises(InputError, match="deformable: expected exactly one method"):
+        deformable_method({"cpd": CoherentPointDrift(), "none": None})
+
+
+@pytest.mark.parametrize("option", ["none", "cpd", "cpd_point"])
+def test_the_options_build(option: str) -> None:
+    ((job, _),) = compose_sweep(["study=register", "moving=a.ply", "fixed=b.ply", f"deformable={option}"])
+    name, method = deformable_method(registry.build(job["deformable"], "deformable"))
+    assert name == option
+    assert (method is None) == (option == "none")
+    if option == "cpd":
+        assert method == CoherentPointDrift()
+    if option == "cpd_point":
+        assert method == CoherentPointDrift("point")

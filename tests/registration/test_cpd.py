@@ -1,0 +1,173 @@
+"""Deformable registration against displacements that are known: error of material points, not residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import rustcpd
+from vessels import bent_tube
+
+from registration.cpd import CoherentPointDrift
+from registration.deformable.point_drift import PointResiduals
+from registration.deformable.result import DEFORMED, RIGID_STANDS
+from registration.deformable.wall_displacement import WallResiduals
+from registration.errors import InputError
+from registration.metrics.surface_distance import rms
+
+TUBE = bent_tube()
+MIDDLE_MM = TUBE.vertices_mm.mean(axis=0)
+AXIS = np.linalg.svd(TUBE.vertices_mm - MIDDLE_MM, full_matrices=False)[2]
+POINT = CoherentPointDrift("point")
+
+
+def bend(points_mm: np.ndarray, size_mm: float = 2.0) -> np.ndarray:
+    """A bend across the vessel: one wave over its length, by which the ends and the middle part."""
+    along = (points_mm - MIDDLE_MM) @ AXIS[0] / 35.0
+    return size_mm * np.outer(np.cos(np.pi * along), AXIS[1])
+
+
+def clouds(
+    motion: Callable[[np.ndarray], np.ndarray], noise_mm: float = 0.15, share: float = 1.0, seed: int = 0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points of the model, swept points of a share of its length, and which of the model's points were swept."""
+    rng = np.random.default_rng(seed)
+    model_mm, wall_mm = TUBE.sample(4000, rng), TUBE.sample(int(2500 * share), rng)
+    if share < 1:
+        more_mm = TUBE.sample(6000, rng)
+        along = (more_mm - MIDDLE_MM) @ AXIS[0]
+        wall_mm = more_mm[along <= np.quantile(along, share)][: int(2500 * share)]
+    swept_mm = wall_mm + motion(wall_mm) + noise_mm * rng.standard_normal(wall_mm.shape)
+    seen = (model_mm - MIDDLE_MM) @ AXIS[0] <= ((wall_mm - MIDDLE_MM) @ AXIS[0]).max()
+    return model_mm, swept_mm, seen
+
+
+def error_mm(
+    displaced_mm: np.ndarray, motion: Callable[[np.ndarray], np.ndarray], at_mm: np.ndarray
+) -> float:
+    return rms(np.linalg.norm(displaced_mm - motion(at_mm), axis=1))
+
+
+def test_a_bend_is_undone_and_its_error_predicted() -> None:
+    model_mm, swept_mm, _ = clouds(bend)
+    found = CoherentPointDrift()(model_mm, swept_mm)
+    before_mm = error_mm(np.zeros_like(model_mm), bend, model_mm)
+    after_mm = error_mm(found.displacement(model_mm), bend, model_mm)
+    assert found.verdict == DEFORMED and found.converged and not found.plausibility.folds
+    assert after_mm < 0.4 * before_mm
+    low_mm, high_mm = found.tre_interval_mm(model_mm)
+    assert low_mm <= after_mm <= high_mm < before_mm
+    np.testing.assert_array_equal(found.moved_mm, model_mm + found.displacement(model_mm))
+
+
+def test_the_wall_is_matched_without_sliding_along_it() -> None:
+    model_mm, swept_mm, _ = clouds(bend, noise_mm=0.3)
+    plane = CoherentPointDrift()(model_mm, swept_mm)
+    point = POINT(model_mm[:1000], swept_mm[:1000])
+    assert error_mm(plane.displacement(model_mm), bend, model_mm) < error_mm(
+        point.displacement(model_mm), bend, model_mm
+    )
+
+
+def test_the_rigid_result_stands_where_nothing_deforms() -> None:
+    model_mm, swept_mm, _ = clouds(np.zeros_like)
+    found = CoherentPointDrift()(model_mm, swept_mm)
+    assert found.verdict == RIGID_STANDS and "no deformation" in found.reason
+    assert not found.displacement(model_mm).any()
+    np.testing.assert_array_equal(found.moved_mm, model_mm)
+    assert found.tre_interval_mm(model_mm)[1] < 1.0
+
+
+def test_what_was_not_swept_is_not_pulled_and_less_sure() -> None:
+    model_mm, swept_mm, seen = clouds(bend, share=0.6)
+    found = CoherentPointDrift()(model_mm, swept_mm)
+    far_mm = model_mm[~seen]
+    assert error_mm(found.displacement(model_mm[seen]), bend, model_mm[seen]) < 0.5
+    # A method that lets fixed points pull the rest would drag the end back over the swept part, by tens of mm.
+    assert np.abs(found.displacement(far_mm)).max() < 6.0
+    assert found.tre_interval_mm(far_mm)[1] > 2.0 * found.tre_interval_mm(model_mm[seen])[1]
+
+
+def test_the_displacement_has_an_inverse() -> None:
+    model_mm, swept_mm, _ = clouds(bend)
+    found = CoherentPointDrift()(model_mm, swept_mm)
+    there_mm = model_mm[:200] + found.displacement(model_mm[:200])
+    np.testing.assert_allclose(there_mm + found.inverse(there_mm), model_mm[:200], atol=1e-4)
+
+
+def test_the_same_clouds_give_the_same_result_in_any_place() -> None:
+    model_mm, swept_mm, _ = clouds(bend)
+    first, again = (CoherentPointDrift()(model_mm, swept_mm) for _ in range(2))
+    np.testing.assert_array_equal(first.moved_mm, again.moved_mm)
+    assert first.tre_interval_mm(model_mm) == again.tre_interval_mm(model_mm)
+    away_mm = np.array([300.0, -200.0, 100.0])
+    shifted = CoherentPointDrift()(model_mm + away_mm, swept_mm + away_mm)
+    # Rounding pairs a point in a hundred otherwise, and may end an iteration earlier.
+    np.testing.assert_allclose(shifted.moved_mm - away_mm, first.moved_mm, atol=0.1)
+
+
+def test_the_textbook_method_is_rustcpds() -> None:
+    model_mm, swept_mm, _ = clouds(bend)
+    few_mm, centre_mm = model_mm[:600], swept_mm.mean(axis=0)
+    settings = PointResiduals(sigma0_mm=3.0, max_iterations=20, neighbours=None)
+    found = CoherentPointDrift("point", point=settings)(few_mm, swept_mm)
+    fit = rustcpd.register_deformable(
+        swept_mm - centre_mm, few_mm - centre_mm, alpha=2.0, beta=20.0, sigma2=9.0, max_iterations=20,
+        tolerance=1e-5, outlier_weight=0.1, low_rank=300, low_rank_method="pivoted_cholesky",
+    )  # fmt: skip
+    np.testing.assert_allclose(found.moved_mm, fit.points + centre_mm, atol=1e-9)
+    assert np.isnan(found.tre_interval_mm(few_mm)).all()
+    assert not found.converged and found.iterations == 20
+
+
+def test_a_wrong_residual_is_refused() -> None:
+    with pytest.raises(InputError, match="residual: expected plane or point, received 'wall'"):
+        CoherentPointDrift("wall")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"lengths_mm": ()}, "lengths_mm: expected at least one length"),
+        ({"lengths_mm": (0.0,)}, "lengths_mm: expected"),
+        ({"patches": 4}, "patches: expected"),
+        ({"max_iterations": 0}, "max_iterations: expected"),
+        ({"min_gain": -1.0}, "min_gain: expected"),
+        ({"inflation": 0.0}, "inflation: expected"),
+        ({"size_doubt": -0.1}, "size_doubt: expected"),
+    ],
+)
+def test_a_wrong_setting_of_the_wall_is_refused(change: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        WallResiduals(**change)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"beta_mm": 0.0}, "beta_mm: expected"),
+        ({"roughness_per_mm2": -2.0}, "roughness_per_mm2: expected"),
+        ({"outlier_weight": 1.0}, r"outlier_weight: expected a share below 1, received 1\.0"),
+        ({"sigma0_mm": 0.0}, "sigma0_mm: expected"),
+        ({"rank": 0}, "rank: expected"),
+        ({"neighbours": 0}, "neighbours: expected"),
+        ({"tolerance": 0.0}, "tolerance: expected"),
+    ],
+)
+def test_a_wrong_setting_of_the_points_is_refused(change: dict[str, object], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        PointResiduals(**change)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("method", [CoherentPointDrift(), POINT], ids=["plane", "point"])
+def test_clouds_that_cannot_be_registered_are_refused(method: CoherentPointDrift) -> None:
+    model_mm, swept_mm, _ = clouds(bend)
+    with pytest.raises(InputError, match="register rigidly first"):
+        method(model_mm, swept_mm + np.array([40.0, 0.0, 0.0]))
+    with pytest.raises(InputError, match=r"fixed_mm: expected .*50"):
+        method(model_mm, swept_mm[:20])
+    with pytest.raises(InputError, match="moving_mm: expected"):
+        method(np.full_like(model_mm, np.nan), swept_mm)
+    with pytest.raises(InputError, match="fixed_frame: expected 2500 frames, received 3"):
+        method(model_mm, swept_mm, fixed_frame=np.zeros(3, dtype=np.int64))
