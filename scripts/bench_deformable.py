@@ -23,6 +23,7 @@ from experiments.analysis.registration.benchmark.cases import block_specs, make_
 from experiments.running.terminal import TerminalProgress
 from registration import transforms
 from registration.benchmark.case_files import read_case, truth_file
+from registration.benchmark.cases import UNDEFORMED
 from registration.benchmark.scoring import material_error_mm
 from registration.benchmark.truth_files import read_truth
 from registration.cpd import CoherentPointDrift
@@ -101,10 +102,12 @@ def main() -> None:
     )
     parser.add_argument("--subset", default="test", help="development or test")
     parser.add_argument("--methods", default="plane,point", help="of plane, point")
+    parser.add_argument("--blocks", default="deforming,undeformed", help="of deforming, undeformed")
     parser.add_argument("--cases", type=int, help="only so many of each block")
     parser.add_argument("--workers", type=int, default=2, help="processes that make cases")
     given = parsed(parser, {"cases": 1, "subset": "development", "methods": "plane"})
-    for block, folder in (("deforming", f"{given.subset}_deforming"), ("undeformed", given.subset)):
+    for block in given.blocks.split(","):
+        folder = given.subset if block == UNDEFORMED else f"{given.subset}_{block}"
         wanted = block_specs(given.subset, block)[: given.cases]
         make_cases(CACHE / folder, wanted, given.workers, TerminalProgress(), folder)
         names = [spec.name for spec in wanted]
