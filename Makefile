@@ -3,7 +3,7 @@ PY := .venv/bin/python
 # Two cores are the smallest machine the tests are meant for; more are used where there are more.
 WORKERS ?= $(shell nproc)
 
-.PHONY: setup demo test lint bench rigid-benchmark clean
+.PHONY: setup demo test lint bench bench-cpd rigid-benchmark clean
 
 setup:
 	@./scripts/setup.sh
@@ -22,13 +22,17 @@ lint: setup
 # Every benchmark on a small budget, one after the other, to see that they run. For figures to quote start one of them
 # without --quick; of speeds next to the peers', taken in the same minute, quote the ratios, not the seconds.
 BENCHMARKS := bench_metrics bench_networks bench_training bench_phantom bench_centerline bench_reconstruction \
-	bench_sweep_faults bench_rigid bench_residual_model bench_deformable bench_inference
+	bench_sweep_faults bench_rigid bench_residual_model bench_deformable bench_cpd bench_inference bench_lung
 bench: setup
 	@failed=; for name in $(BENCHMARKS); do \
 		printf '\n== %s\n' $$name; \
 		$(PY) scripts/$$name.py --quick || failed="$$failed $$name"; \
 	done; \
 	if [ -n "$$failed" ]; then echo "failed:$$failed"; exit 1; fi
+
+# Deformable registration by size: seconds, memory, residual and true error, beside rustcpd and, if installed, pycpd.
+bench-cpd: setup
+	$(PY) scripts/bench_cpd.py
 
 # The frozen benchmark of rigid registration, and the page in results/ that it makes.
 METHODS := multistart,single_icp,single_icp_plane,gicp,fpfh_ransac,fpfh_fgr

@@ -298,6 +298,8 @@ def deformed_sentences(found: Deformed, rigid_rmse_mm: float) -> list[str]:
         f"RMSE {rigid_rmse_mm:.3f} to {found.residuals.rmse_mm:.3f} mm, which is no accuracy; 95th-percentile strain "
         f"{100 * result.plausibility.strain_p95:.1f} %, smallest volume factor {result.plausibility.jacobian_min:.2f}."
     ]
+    if not result.converged:
+        sentences.append(f"The pairs of points had not come to rest after {result.iterations} iterations.")
     low_mm, high_mm = found.predicted_tre_mm
     if math.isfinite(high_mm):
         sentences.append(
