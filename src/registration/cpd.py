@@ -45,7 +45,8 @@ class CoherentPointDrift:
     ``residual="plane"`` takes distances along the moving wall's normals, and a Gaussian process for the displacement
     whose parameters the restricted likelihood weighs. ``residual="point"`` is Coherent Point Drift by Myronenko and
     Song: every moving point is the centre of an isotropic Gaussian. Parts of the moving cloud that no fixed point
-    belongs to go with the rest, and beyond what was seen the displacement fades to the rigid pose.
+    belongs to go with the rest: beyond what was seen the displacement of ``plane`` fades into the small rigid motion
+    that the seen part asks for, and that of ``point`` into none.
 
     Parameters
     ----------

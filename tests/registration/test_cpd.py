@@ -89,6 +89,13 @@ def test_what_was_not_swept_is_not_pulled_and_less_sure() -> None:
     assert found.tre_interval_mm(far_mm)[1] > 2.0 * found.tre_interval_mm(model_mm[seen])[1]
 
 
+def test_an_error_beyond_the_cloud_is_none_that_is_predicted() -> None:
+    model_mm, swept_mm, _ = clouds(bend)
+    found = CoherentPointDrift()(model_mm, swept_mm)
+    assert np.isfinite(found.tre_interval_mm(model_mm)).all()
+    assert np.isnan(found.tre_interval_mm(model_mm[:20] + np.array([1e5, 0.0, 0.0]))).all()
+
+
 def test_the_displacement_has_an_inverse() -> None:
     model_mm, swept_mm, _ = clouds(bend)
     found = CoherentPointDrift()(model_mm, swept_mm)

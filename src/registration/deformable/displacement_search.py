@@ -1,7 +1,7 @@
 """Large displacements between clouds in which many points recur: a dense search from coarse to fine, then a drift.
 
 The search needs points that recur, such as branchings of vessels. In five lungs it left 1.7 mm where 70 % of either
-cloud's points recurred, and 13.9 mm where none did: it is no method for walls that are sampled at random.
+cloud's points recurred, and 13 mm (case 104) where none did: it is no method for walls that are sampled at random.
 """
 
 from __future__ import annotations

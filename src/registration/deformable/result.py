@@ -166,7 +166,8 @@ class DeformableResult:
         Returns
         -------
         low_mm : float
-            Lower end in mm; NaN where no error is predicted.
+            Lower end in mm; NaN where no error is predicted, or one beyond the size of the moving cloud: the clouds
+            leave it open.
         high_mm : float
             Upper end in mm; NaN likewise.
 
@@ -182,4 +183,6 @@ class DeformableResult:
         errors_mm = self.predicted.draw_mm(even_choice(targets))
         tre_mm = np.sqrt((errors_mm**2).sum(axis=2).mean(axis=1))
         low_mm, high_mm = np.quantile(tre_mm, [(1 - level) / 2, (1 + level) / 2])
+        if not high_mm < np.linalg.norm(np.ptp(self.moved_mm, axis=0)):
+            return float("nan"), float("nan")
         return float(low_mm), float(high_mm)

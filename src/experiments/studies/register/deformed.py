@@ -13,6 +13,7 @@ import numpy as np
 from experiments.errors import InputError
 from experiments.studies.register.pair import Pair
 from registration import transforms
+from registration.errors import InputError as RegistrationInputError
 from registration.geometry.shapes import Mesh, Surface, diagonal_mm
 from registration.metrics.surface_distance import SurfaceResiduals, surface_residuals
 from registration.metrics.targets import target_points
@@ -113,8 +114,10 @@ def deform(
     inlier_mm: float,
     keep: float,
     seed: int,
-) -> Deformed | None:
+) -> tuple[Deformed | None, str]:
     """Displace the model's side onto the other after the rigid pose.
+
+    What the deformable stage refuses is no reason to lose the rigid result.
 
     Parameters
     ----------
@@ -139,11 +142,13 @@ def deform(
 
     Returns
     -------
-    Deformed or None
-        The result; None after a rigid stage that failed.
+    found : Deformed or None
+        The result; None after a rigid stage that failed, or where the clouds are refused.
+    refusal : str
+        Why there is none; empty otherwise.
     """
     if rigid.verdict == FAILED:
-        return None
+        return None, "the rigid registration failed"
     side = model_side or _model_side(pair)
     pose = rigid.fixed_T_moving
     surfaces = {"fixed": pair.fixed.surface, "moving": transformed(pair.moving.surface, pose)}
@@ -151,16 +156,20 @@ def deform(
     other = SIDES[1 - SIDES.index(side)]
     clouds = {each: _cloud(surfaces[each], points[each], draws[each]) for each in SIDES}
     frame = pair.moving.frame if other == "moving" else None
-    result = method(clouds[side], clouds[other], fixed_frame=frame, seed=seed)
     moving = surfaces["moving"]
-    shift = result.displacement if side == "moving" else result.inverse
-    moved = _with_points(moving, _points(moving) + shift(_points(moving)))
+    try:
+        result = method(clouds[side], clouds[other], fixed_frame=frame, seed=seed)
+        shift = result.displacement if side == "moving" else result.inverse
+        moved = _with_points(moving, _points(moving) + shift(_points(moving)))
+    except RegistrationInputError as refused:
+        # The method names the clouds by their part in it, which is not that of the files.
+        return None, str(refused).replace("moving_mm", side).replace("fixed_mm", other)
     residuals = surface_residuals(
         moved, pair.fixed.surface, np.eye(4), inlier_mm=inlier_mm, keep=keep, seed=seed
     )
     model = surfaces[side]
     predicted = result.tre_interval_mm(target_points(model))
-    return Deformed(name, side, result, model, moved, residuals, predicted)
+    return Deformed(name, side, result, model, moved, residuals, predicted), ""
 
 
 def transformed(surface: Surface, fixed_T_moving: np.ndarray) -> Surface:

@@ -42,6 +42,8 @@ class Registered:
         The right pose, where it is known.
     deformed : Deformed or None, optional
         Result of the deformable stage; None without one.
+    refusal : str, optional
+        Why there is none where one was asked for; empty otherwise.
     """
 
     name: str
@@ -50,6 +52,7 @@ class Registered:
     residuals: SurfaceResiduals
     truth: KnownTruth | None = None
     deformed: Deformed | None = None
+    refusal: str = ""
 
     @property
     def landmark_errors_mm(self) -> np.ndarray | None:

@@ -163,6 +163,8 @@ def _findings(found: Registered) -> tuple[str, ...]:
     errors_mm = found.landmark_errors_mm
     if errors_mm is not None:
         sentences.append(_of_landmarks(found, errors_mm))
+    if found.refusal:
+        sentences.append(f"No deformable registration followed: {found.refusal}.")
     if found.deformed is not None:
         sentences += deformed_sentences(found.deformed, residuals.rmse_mm)
     return tuple(sentences)

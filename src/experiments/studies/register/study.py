@@ -218,16 +218,16 @@ def run(
         keep=keep,
         seed=seed,
     )
-    deformed = None
+    deformed, refusal = None, ""
     second, deformable_stage = deformable_method(deformable)
     if deformable_stage is not None:
         progress.note(f"deforming by {second}")
         points = {"moving": moving_points, "fixed": fixed_points}
-        deformed = deform(
+        deformed, refusal = deform(
             second, deformable_stage, pair, result, model_side,
             points=points, inlier_mm=inlier_mm, keep=keep, seed=seed,
         )  # fmt: skip
-    found = Registered(name, pair, result, residuals, read_known_truth(truth), deformed)
+    found = Registered(name, pair, result, residuals, read_known_truth(truth), deformed, refusal)
     write(found, workspace)
     return outcome(found)
 

@@ -25,6 +25,7 @@ from registration.io.surfaces import read_surface, write_surface
 from registration.io.transforms import write_transform
 from registration.metrics.surface_distance import SurfaceDistance, rms
 from registration.rigid.comparators import SingleStartICP
+from registration.rigid.multi_start import MultiStartICP
 
 TUBE = bent_tube()
 MIDDLE_MM = TUBE.vertices_mm.mean(axis=0)
@@ -145,6 +146,26 @@ def test_without_it_there_is_no_block_and_no_file(folder: Path) -> None:
     assert told["deformable"] is None
     assert not (folder / "out" / "moved_deformed.ply").exists()
     assert not any(name.startswith("deformed") for name in outcome.metrics)
+
+
+def test_what_the_stage_refuses_leaves_the_rigid_result(folder: Path) -> None:
+    few = TUBE.vertices_mm[:: len(TUBE.vertices_mm) // 30]
+    write_surface(folder / "few.ply", transforms.apply(transforms.invert_rigid(POSE), few))
+    outcome, told = run(folder, "few", "model")
+    assert told["deformable"] is None and told["fixed_T_moving"] is not None
+    assert any(
+        sentence.startswith("No deformable registration followed: moving: expected at least 50 points")
+        for sentence in outcome.findings
+    )
+    assert not (folder / "out" / "moved_deformed.ply").exists()
+
+
+def test_no_stage_follows_a_rigid_one_that_failed(folder: Path) -> None:
+    rng = np.random.default_rng(0)
+    write_surface(folder / "blob.ply", rng.uniform(-40.0, 40.0, (1500, 3)))
+    outcome, told = run(folder, "blob", "model", rigid={"multistart": MultiStartICP()}, initial=None)
+    assert told["verdict"] == "failed" and told["deformable"] is None
+    assert "No deformable registration followed: the rigid registration failed." in outcome.findings
 
 
 def test_what_is_refused() -> None:
