@@ -56,6 +56,7 @@ MEANT = {
     ("dataset", "usgra"): {
         *("cache", "substitute.subjects", "substitute.recordings", "substitute.frames", "substitute.workers"),
     },
+    ("deformable", "cpd_point"): {"cpd_point.residual"},
     ("filters", "default"): {"statistical.deviations"},
     ("loss", "focal_tversky"): {"gamma"},
     ("model", "attention_unet"): {"width", "normalisation"},
