@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 from registration.errors import InputError
 
@@ -79,3 +80,33 @@ def require_positive(name: str, value: object, maximum: float = math.inf) -> Non
     ):
         limit = "" if math.isinf(maximum) else f" and at most {maximum:g}"
         raise InputError(f"{name}: expected a number above 0{limit}, received {value!r}")
+
+
+def require_positive_each(name: str, values: Iterable[float], each: str) -> tuple[float, ...]:
+    """Return several numbers above 0, or raise InputError unless there is one at least and all are.
+
+    Parameters
+    ----------
+    name : str
+        Name of the setting, for the message.
+    values : iterable of float
+        Its values; a configuration file hands over a list.
+    each : str
+        What one of them is, for the message.
+
+    Returns
+    -------
+    tuple of float
+        The values.
+
+    Raises
+    ------
+    InputError
+        If there is none, or one is no finite number above 0.
+    """
+    found = tuple(values)
+    if not found:
+        raise InputError(f"{name}: expected at least one {each}, received none")
+    for value in found:
+        require_positive(name, value)
+    return found

@@ -24,6 +24,7 @@ from registration.errors import InputError
 from registration.geometry.shapes import require_cloud, require_millimetres
 from registration.metrics.surface_distance import rms
 from registration.rigid.icp.correspondence import TreeTarget
+from registration.rigid.residual_model.model import MIN_SIZE_SPACINGS
 from registration.rigid.smoothed_target import SmoothedTarget, outward_targets
 
 PLANE, POINT = "plane", "point"
@@ -34,8 +35,6 @@ NEIGHBOURS = 12
 APART_SHARE = 0.25
 # Of the fixed points so many must lie near the wall to be what it is displaced to.
 MIN_SHARE = 0.3
-# A displacement below this share of the distance between points is the sampling's, not the tissue's.
-MIN_SIZE_SPACINGS = 0.1
 
 
 @dataclass(frozen=True)
@@ -113,10 +112,10 @@ class CoherentPointDrift:
         )
         if fixed_frame is not None and len(fixed_frame) != len(fixed):
             raise InputError(f"fixed_frame: expected {len(fixed)} frames, received {len(fixed_frame)}")
-        _, wall = outward_targets(moving, NEIGHBOURS, 2 * NEIGHBOURS)
-        _require_registered(wall, fixed)
+        _require_registered(moving, fixed)
         if self.residual == POINT:
             return _drifted(moving, fixed, drift_points(moving, fixed, self.point), begun)
+        _, wall = outward_targets(moving, NEIGHBOURS, 2 * NEIGHBOURS)
         # Its matrices are small: threads of the linear algebra cost several times what they save.
         with threadpool_limits(1, user_api="blas"):
             found = displace_wall(wall, fixed, self.plane, fixed_frame)
@@ -186,10 +185,10 @@ def _unless_folded(shown: Plausibility, verdict: str, reason: str) -> tuple[str,
     return verdict, reason
 
 
-def _require_registered(wall: SmoothedTarget, fixed: Float64[np.ndarray, "n 3"]) -> None:
+def _require_registered(moving: Float64[np.ndarray, "m 3"], fixed: Float64[np.ndarray, "n 3"]) -> None:
     """Refuse clouds that lie so far apart that closest points mean nothing."""
-    away_mm = float(np.median(wall.distances_mm(fixed)))
-    radius_mm = float(np.sqrt(wall.points_mm.var(axis=0).sum()))
+    away_mm = float(np.median(TreeTarget(moving).distances_mm(fixed)))
+    radius_mm = float(np.sqrt(moving.var(axis=0).sum()))
     if away_mm > APART_SHARE * radius_mm:
         raise InputError(
             f"fixed_mm: expected points near the moving ones, received half of them more than {away_mm:.3g} mm away "

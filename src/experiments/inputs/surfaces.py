@@ -12,7 +12,7 @@ import numpy as np
 from experiments.errors import InputError
 from registration import errors as registration_errors
 from registration.geometry.open3d_bridge import quiet_open3d
-from registration.geometry.shapes import LINE_SHARE, Mesh, Surface, diagonal_mm, principal_frame
+from registration.geometry.shapes import LINE_SHARE, Mesh, Surface, diagonal_mm, points_of, principal_frame
 from registration.io.patient_space import lps_from, stated_space
 from registration.io.surfaces import read_surface
 from registration.io.transforms import read_transform
@@ -217,13 +217,15 @@ def read_frames(path: Path, surface: Surface) -> np.ndarray | None:
     return cloud.point["frame"].numpy().ravel().astype(np.int64)
 
 
-def one_method(rigid: object) -> tuple[str, Any]:
+def one_method(methods: object, setting: str = "rigid") -> tuple[str, Any]:
     """Return the only method of a setting.
 
     Parameters
     ----------
-    rigid : object
-        Value of the setting ``rigid``: a mapping of name to method.
+    methods : object
+        Value of the setting: a mapping of name to method.
+    setting : str, optional
+        Name of the setting, for the message.
 
     Returns
     -------
@@ -235,26 +237,10 @@ def one_method(rigid: object) -> tuple[str, Any]:
     InputError
         If there are none or several.
     """
-    if not isinstance(rigid, dict) or len(rigid) != 1:
-        received = ", ".join(rigid) if isinstance(rigid, dict) else repr(rigid)
-        raise InputError(f"rigid: expected exactly one method, received {received or 'none'}")
-    return next(iter(rigid.items()))
-
-
-def points_of(surface: Surface) -> np.ndarray:
-    """Return the vertices of a mesh, or the points of a cloud.
-
-    Parameters
-    ----------
-    surface : Mesh or ndarray, shape (n, 3)
-        The surface.
-
-    Returns
-    -------
-    ndarray, shape (n, 3)
-        Points in mm.
-    """
-    return surface.vertices_mm if isinstance(surface, Mesh) else surface
+    if not isinstance(methods, dict) or len(methods) != 1:
+        received = ", ".join(methods) if isinstance(methods, dict) else repr(methods)
+        raise InputError(f"{setting}: expected exactly one method, received {received or 'none'}")
+    return next(iter(methods.items()))
 
 
 @contextmanager

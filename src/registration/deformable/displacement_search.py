@@ -15,7 +15,7 @@ from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from registration.checks import require_at_least, require_count, require_positive
+from registration.checks import require_at_least, require_count, require_positive, require_positive_each
 from registration.deformable.displacement_field import DisplacementField
 from registration.errors import InputError
 from registration.geometry.shapes import principal_frame, require_cloud
@@ -76,12 +76,8 @@ class SearchStage:
         require_positive("blur_mm", self.blur_mm, 12.0)
         require_positive("patch_mm", self.patch_mm)
         require_positive("smoothing_mm", self.smoothing_mm)
-        # A configuration file hands over a list.
-        object.__setattr__(self, "couplings", tuple(self.couplings))
-        if not self.couplings:
-            raise InputError("couplings: expected at least one weight, received none")
-        for coupling in self.couplings:
-            require_positive("couplings", coupling)
+        couplings = require_positive_each("couplings", self.couplings, "weight")
+        object.__setattr__(self, "couplings", couplings)
 
     @property
     def voxel_mm(self) -> float:

@@ -12,23 +12,19 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from registration.checks import require_at_least, require_count, require_positive
-from registration.errors import InputError
+from registration.checks import require_at_least, require_count, require_positive, require_positive_each
 from registration.rigid.icp.correspondence import principal_axes, search_tree
 from registration.rigid.residual_model.compact_blocks import blocks_of
-from registration.rigid.residual_model.covariance import CovarianceParts, Ratios
+from registration.rigid.residual_model.covariance import CovarianceParts, tried_ratios
 from registration.rigid.residual_model.grouped_residuals import GroupedResiduals, averaged, near_surface
 from registration.rigid.residual_model.likelihood import Fits, fit_residuals
+from registration.rigid.residual_model.model import GROUP_POINTS, GROUPS_PER_UNKNOWN, LIKELY
 from registration.rigid.residual_model.posterior import Posterior
 from registration.rigid.smoothed_target import SmoothedTarget
 
 # Variances that are tried, over that of a group's noise: those of the displacement, of the borders and of a frame.
 # Chosen on deforming anatomies with seeds below 1000.
 DISPLACEMENT, BORDER, JITTER = (0.0, 25.0, 125.0), (2.0, 12.0), (2.0,)
-# Covariances less probable than this share of the best one say nothing more.
-LIKELY = 0.1
-# A group has about this many points at least.
-GROUP_POINTS = 4
 # Normals of the displaced wall are taken from so many neighbours.
 NEIGHBOURS = 12
 # The displacement has settled when no point of the model moves by more than this any more, in mm.
@@ -100,12 +96,8 @@ class WallResiduals:
     size_doubt: float = 0.45
 
     def __post_init__(self) -> None:
-        # A configuration file hands over a list.
-        object.__setattr__(self, "lengths_mm", tuple(self.lengths_mm))
-        if not self.lengths_mm:
-            raise InputError("lengths_mm: expected at least one length, received none")
-        for length_mm in self.lengths_mm:
-            require_positive("lengths_mm", length_mm)
+        lengths_mm = require_positive_each("lengths_mm", self.lengths_mm, "length")
+        object.__setattr__(self, "lengths_mm", lengths_mm)
         require_count("patches", self.patches, 16)
         require_count("max_iterations", self.max_iterations, 1)
         require_positive("min_gain", self.min_gain)
@@ -142,7 +134,8 @@ def displace_wall(
     WallDisplacement or None
         The displacement; None where too few points lie near the wall.
     """
-    tried = _tried(tuple(settings.lengths_mm), frame is not None)
+    jitter = (0.0,) if frame is None else JITTER
+    tried = tried_ratios(settings.lengths_mm, DISPLACEMENT, BORDER, jitter)
     neighbours = wall.neighbours_of(NEIGHBOURS)
     moved_mm, normals = wall.points_mm, np.asarray(wall.normals)
     block: np.ndarray | None = None
@@ -154,7 +147,7 @@ def displace_wall(
         residuals = _asked(
             wall, swept_mm, moved_mm, normals, index, block=block, offset=settings.wall_offset, frame=frame
         )
-        if residuals is None or len(residuals.gap_mm) < 3 * residuals.jacobian.shape[1]:
+        if residuals is None or len(residuals.gap_mm) < GROUPS_PER_UNKNOWN * residuals.jacobian.shape[1]:
             return None
         fits = fit_residuals(residuals, CovarianceParts(residuals), tried)
         posterior = Posterior(residuals, fits.chosen(LIKELY))
@@ -187,15 +180,4 @@ def _asked(
     done_mm = np.einsum("nk,nk->n", moved_mm[index] - wall.points_mm[index], normal)
     return averaged(
         wall.points_mm[index], normal, gap_mm + done_mm, near=near, block=block, offset=offset, frame=frame
-    )
-
-
-def _tried(lengths_mm: tuple[float, ...], with_frames: bool) -> tuple[Ratios, ...]:
-    return tuple(
-        Ratios(length_mm, displacement, border, jitter)
-        for number, length_mm in enumerate(lengths_mm)
-        for displacement in DISPLACEMENT
-        for border in BORDER
-        for jitter in (JITTER if with_frames else (0.0,))
-        if displacement > 0 or number == 0
     )

@@ -107,9 +107,61 @@ def transformed(surface: Surface, A_T_B: Float64[np.ndarray, "4 4"]) -> Surface:
     Surface
         The same mesh or points in frame A.
     """
-    if isinstance(surface, Mesh):
-        return Mesh(transforms.apply(A_T_B, surface.vertices_mm), surface.triangles)
-    return transforms.apply(A_T_B, surface)
+    return with_points(surface, transforms.apply(A_T_B, points_of(surface)))
+
+
+def points_of(surface: Surface) -> Float64[np.ndarray, "n 3"]:
+    """Return the vertices of a mesh, or the points of a cloud.
+
+    Parameters
+    ----------
+    surface : Surface
+        The surface.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        Points in mm.
+    """
+    return surface.vertices_mm if isinstance(surface, Mesh) else surface
+
+
+def with_points(surface: Surface, points_mm: Float64[np.ndarray, "n 3"]) -> Surface:
+    """Put other points in place of a surface's own.
+
+    Parameters
+    ----------
+    surface : Surface
+        Mesh or points.
+    points_mm : ndarray, shape (n, 3)
+        A point in mm for each of its points.
+
+    Returns
+    -------
+    Surface
+        Mesh with the same triangles, or the points.
+    """
+    return Mesh(points_mm, surface.triangles) if isinstance(surface, Mesh) else points_mm
+
+
+def sampled(surface: Surface, count: int, rng: np.random.Generator) -> Float64[np.ndarray, "n 3"]:
+    """Draw points on a mesh uniformly by area; the points of a cloud are taken as they are.
+
+    Parameters
+    ----------
+    surface : Surface
+        Mesh or points in mm.
+    count : int
+        Number of points on a mesh.
+    rng : numpy.random.Generator
+        Source of random numbers.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        Points in mm.
+    """
+    return surface.sample(count, rng) if isinstance(surface, Mesh) else surface
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from registration import transforms
 from registration.checks import require_count, require_positive
 from registration.errors import InputError
 from registration.geometry.open3d_bridge import TriangleScene
-from registration.geometry.shapes import Mesh, Surface, require_cloud
+from registration.geometry.shapes import Mesh, Surface, require_cloud, sampled, transformed
 
 # A mesh, or the points of a cloud; the axis has no name, because two surfaces differ in size.
 
@@ -151,10 +151,10 @@ def surface_residuals(
     require_positive("keep", keep, 1.0)
     require_count("samples", samples, 1)
     transforms.require_rigid(fixed_T_moving, "fixed_T_moving")
-    moved = _moved(moving, fixed_T_moving)
+    moved = transformed(moving, fixed_T_moving)
     draws = np.random.default_rng(seed).spawn(2)
-    there_mm = SurfaceDistance(fixed)(_points(moved, samples, draws[0]))
-    back_mm = SurfaceDistance(moved)(_points(fixed, samples, draws[1]))
+    there_mm = SurfaceDistance(fixed)(sampled(moved, samples, draws[0]))
+    back_mm = SurfaceDistance(moved)(sampled(fixed, samples, draws[1]))
     return SurfaceResiduals(
         rmse_mm=rms(there_mm),
         rmse_trimmed_mm=trimmed_rms(there_mm, keep),
@@ -283,13 +283,3 @@ def trimmed_rms(distances_mm: Float64[np.ndarray, " n"], keep: float) -> float:
     require_positive("keep", keep, 1.0)
     count = max(int(np.ceil(keep * len(distances_mm) - 1e-9)), 1)
     return rms(np.sort(distances_mm)[:count])
-
-
-def _moved(surface: Surface, fixed_T_moving: np.ndarray) -> Surface:
-    if isinstance(surface, Mesh):
-        return Mesh(transforms.apply(fixed_T_moving, surface.vertices_mm), surface.triangles)
-    return transforms.apply(fixed_T_moving, surface)
-
-
-def _points(surface: Surface, samples: int, rng: np.random.Generator) -> np.ndarray:
-    return surface.sample(samples, rng) if isinstance(surface, Mesh) else surface

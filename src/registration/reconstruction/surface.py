@@ -8,7 +8,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from registration.checks import require_at_least, require_positive
+from registration.checks import require_at_least, require_positive, require_positive_each
 from registration.errors import InputError
 from registration.geometry.mesh_topology import keep_triangles, largest_piece
 from registration.geometry.open3d_bridge import import_open3d, point_body
@@ -146,11 +146,7 @@ class BallPivotingSurface:
     largest: bool = True
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "radii_mm", tuple(self.radii_mm))
-        if not self.radii_mm:
-            raise InputError("radii_mm: expected at least one radius, received none")
-        for radius_mm in self.radii_mm:
-            require_positive("radii_mm", radius_mm)
+        object.__setattr__(self, "radii_mm", require_positive_each("radii_mm", self.radii_mm, "radius"))
 
     def __call__(self, cloud: OrientedCloud) -> Mesh:
         """Reconstruct the surface that the points lie on.

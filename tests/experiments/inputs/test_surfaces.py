@@ -11,7 +11,6 @@ from vessels import bent_tube
 from experiments.errors import InputError
 from experiments.inputs.surfaces import (
     one_method,
-    points_of,
     read_frames,
     read_mm,
     read_pose,
@@ -21,7 +20,7 @@ from experiments.inputs.surfaces import (
 )
 from registration import transforms
 from registration.geometry.point_cloud import OrientedCloud
-from registration.geometry.shapes import Mesh
+from registration.geometry.shapes import Mesh, points_of
 from registration.io.patient_space import write_model
 from registration.io.point_clouds import write_cloud
 from registration.io.surfaces import write_surface

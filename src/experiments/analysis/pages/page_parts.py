@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -71,15 +71,13 @@ def finished_jobs(archive: Path, study: str) -> Iterator[RunRecord]:
             yield run
 
 
-def archived_result(run: RunRecord, choices: Mapping[str, str] | None = None) -> JobResult:
+def archived_result(run: RunRecord) -> JobResult:
     """Take an exported run for the result of a job, as the summary of its study does.
 
     Parameters
     ----------
     run : RunRecord
         Run of a job.
-    choices : Mapping[str, str] or None, optional
-        What tells its rows from those of other jobs, by setting; None for all settings that differ.
 
     Returns
     -------
@@ -90,8 +88,7 @@ def archived_result(run: RunRecord, choices: Mapping[str, str] | None = None) ->
 
     last = run.history.sort_values("step").groupby("metric")["value"].last()
     metrics = {str(name): float(value) for name, value in last.items()}
-    config = yaml.safe_load(run.config)
-    return JobResult(config, metrics, run.cases, Path(run.name), run.run_id, dict(choices or {}))
+    return JobResult(yaml.safe_load(run.config), metrics, run.cases, Path(run.name), run.run_id)
 
 
 def listed(findings: Iterable[str]) -> str:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from experiments import files
 from experiments.analysis.pages.page_parts import archived_result, finished_jobs, listed
@@ -14,6 +14,9 @@ from experiments.outcome import JobResult, Outcome
 from experiments.running.terminal import markdown
 from experiments.tracking.names import flatten
 from experiments.tracking.run_record import RunRecord
+
+# A run of an archive, and what the summary of its study takes it for.
+Job: TypeAlias = tuple[RunRecord, JobResult]
 
 WRITTEN = "Written by `python scripts/segmentation_results.py {name}` from the runs in `results/runs`.\n"
 HEADS = {
@@ -129,8 +132,8 @@ def write_page(
     name : str
         Name of the data set, a key of ``SECTIONS``.
     summarise : Mapping[str, callable]
-        What makes tables and findings of a study's jobs, by the study's name. Sections of other studies are left
-        out.
+        What makes tables and findings of a study's jobs, by the study's name in the order of the sections. Sections
+        of other studies are left out.
 
     Raises
     ------
@@ -140,24 +143,22 @@ def write_page(
     if name not in SECTIONS:
         raise InputError(f"dataset: expected one of {', '.join(sorted(SECTIONS))}, received {name}")
     parts = [HEADS[name] + WRITTEN.format(name=name)]
-    for section in SECTIONS[name]:
-        if section.study not in summarise:
-            continue
-        runs = [run for run in finished_jobs(archive, section.study) if _is_of(run, section, name)]
-        if not runs:
-            raise InputError(
-                f"{archive}: expected finished runs of {section.study} on {name} by "
-                f"trainer.accelerator={section.accelerator}, found none"
-            )
-        runs.sort(key=lambda run: run.start_ms)
-        whole = _of_whole_seeds(runs) if section.study == "segmentation" else runs
-        results = [archived_result(run, _recipe(archived_result(run).config)) for run in whole]
-        parts.append(_section(section, summarise[section.study](results), whole, len(runs) - len(whole)))
+    for study, summary in summarise.items():
+        sections = [section for section in SECTIONS[name] if section.study == study]
+        # A configuration is text, and the slowest part of a run to read.
+        jobs = [(run, archived_result(run)) for run in finished_jobs(archive, study)] if sections else []
+        for section in sections:
+            chosen = [(run, result) for run, result in jobs if _is_of(result.config, section, name)]
+            if not chosen:
+                raise InputError(
+                    f"{archive}: expected finished runs of {study} on {name} by "
+                    f"trainer.accelerator={section.accelerator}, found none"
+                )
+            parts.append(_section(section, summary, sorted(chosen, key=lambda job: job[0].start_ms)))
     files.write_text(out, "\n".join(parts).strip() + "\n")
 
 
-def _is_of(run: RunRecord, section: Section, name: str) -> bool:
-    config = archived_result(run).config
+def _is_of(config: Mapping[str, Any], section: Section, name: str) -> bool:
     datasets = [str(part.get("_target_", "")) for key in ("dataset", "second") if (part := config.get(key))]
     return (
         any(f".{name}." in target for target in datasets)
@@ -165,15 +166,15 @@ def _is_of(run: RunRecord, section: Section, name: str) -> bool:
     )
 
 
-def _of_whole_seeds(runs: list[RunRecord]) -> list[RunRecord]:
-    """The runs of those seeds of a network and recipe that have all their folds."""
-    of_seed: dict[tuple[Any, ...], list[RunRecord]] = {}
-    for run in runs:
-        config = archived_result(run).config
-        kind = (run.tags.get("model"), *_recipe(config).items(), config["seed"], config["split"]["folds"])
-        of_seed.setdefault(kind, []).append(run)
-    kept = {run.run_id for kind, own in of_seed.items() if len(own) >= kind[-1] for run in own}
-    return [run for run in runs if run.run_id in kept]
+def _of_whole_seeds(jobs: list[Job]) -> list[Job]:
+    """The jobs of those seeds of a network and recipe that have all their folds."""
+    of_seed: dict[tuple[Any, ...], list[Job]] = {}
+    for run, result in jobs:
+        config = result.config
+        kind = (run.tags.get("model"), *result.choices.items(), config["seed"], config["split"]["folds"])
+        of_seed.setdefault(kind, []).append((run, result))
+    kept = {run.run_id for kind, own in of_seed.items() if len(own) >= kind[-1] for run, _ in own}
+    return [(run, result) for run, result in jobs if run.run_id in kept]
 
 
 def _recipe(config: Mapping[str, Any]) -> dict[str, str]:
@@ -185,12 +186,15 @@ def _recipe(config: Mapping[str, Any]) -> dict[str, str]:
     return changed or {"recipe": "default"}
 
 
-def _section(section: Section, outcome: Outcome, runs: list[RunRecord], left_out: int) -> str:
-    commits = sorted({run.tags.get("mlflow.source.git.commit", "unknown")[:12] for run in runs})
-    machines = sorted({run.tags.get("ctus.machine", "unknown") for run in runs})
-    commands = "\n".join(section.commands)
+def _section(section: Section, summary: Callable[[list[JobResult]], Outcome], jobs: list[Job]) -> str:
+    told_apart = [(run, replace(result, choices=_recipe(result.config))) for run, result in jobs]
+    whole = _of_whole_seeds(told_apart) if section.study == "segmentation" else told_apart
+    outcome = summary([result for _, result in whole])
+    commits = sorted({run.tags.get("mlflow.source.git.commit", "unknown")[:12] for run, _ in whole})
+    machines = sorted({run.tags.get("ctus.machine", "unknown") for run, _ in whole})
+    commands, left_out = "\n".join(section.commands), len(jobs) - len(whole)
     rest = f" Runs of seeds that lack folds, left out: {left_out}." if left_out else ""
     return (
-        f"## {section.title}\n\n```\n{commands}\n```\n\nCommit {', '.join(commits)}; {len(runs)} runs; "
+        f"## {section.title}\n\n```\n{commands}\n```\n\nCommit {', '.join(commits)}; {len(whole)} runs; "
         f"{', '.join(machines)}.{rest}\n\n{markdown(dict(outcome.tables))}\n{listed(outcome.findings)}\n"
     )

@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from experiments.errors import InputError
-from experiments.inputs.surfaces import MM_PER_UNIT, naming, points_of
+from experiments.inputs.surfaces import MM_PER_UNIT, naming
 from registration.geometry.shapes import (
     LINE_SHARE,
     Centerline,
     Polyline,
     Surface,
     diagonal_mm,
+    points_of,
     principal_frame,
 )
 from registration.io.centerlines import read_centerline_table

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.analysis.registration.pose_scores import plain, plain_metrics
 from experiments.errors import InputError
 from experiments.studies.register.pair import Pair
-from registration import transforms
 from registration.errors import InputError as RegistrationInputError
-from registration.geometry.shapes import Mesh, Surface, diagonal_mm
+from registration.geometry.shapes import Surface, diagonal_mm, points_of, sampled, transformed, with_points
 from registration.metrics.surface_distance import SurfaceResiduals, surface_residuals
 from registration.metrics.targets import target_points
 from registration.rigid.result import FAILED, length_mm
@@ -43,6 +43,8 @@ class Deformed:
         Displacement from the model, in the fixed frame after the rigid pose, to where the sweep has seen it.
     model : Surface
         Model in the fixed frame, before the displacement.
+    model_deformed : Surface
+        Model where the sweep has seen it.
     moved : Surface
         What moves, after both stages, in the fixed frame.
     residuals : SurfaceResiduals
@@ -55,35 +57,10 @@ class Deformed:
     model_side: str
     result: DeformableResult
     model: Surface
+    model_deformed: Surface
     moved: Surface
     residuals: SurfaceResiduals
     predicted_tre_mm: tuple[float, float]
-
-
-def deformable_method(deformable: Mapping[str, Any]) -> tuple[str, CoherentPointDrift | None]:
-    """Take the one deformable method.
-
-    Parameters
-    ----------
-    deformable : Mapping[str, Any]
-        Method by its name; ``none`` for no method.
-
-    Returns
-    -------
-    name : str
-        Name of the method.
-    method : CoherentPointDrift or None
-        The method.
-
-    Raises
-    ------
-    InputError
-        If there is not exactly one.
-    """
-    if len(deformable) != 1:
-        names = ", ".join(deformable) or "none"
-        raise InputError(f"deformable: expected exactly one method, such as deformable=cpd, received {names}")
-    return next(iter(deformable.items()))
 
 
 def require_side(model_side: str | None) -> None:
@@ -154,13 +131,13 @@ def deform(
     surfaces = {"fixed": pair.fixed.surface, "moving": transformed(pair.moving.surface, pose)}
     draws = dict(zip(SIDES, np.random.default_rng([seed, 2]).spawn(2), strict=True))
     other = SIDES[1 - SIDES.index(side)]
-    clouds = {each: _cloud(surfaces[each], points[each], draws[each]) for each in SIDES}
+    clouds = {each: sampled(surfaces[each], points[each], draws[each]) for each in SIDES}
     frame = pair.moving.frame if other == "moving" else None
     moving = surfaces["moving"]
     try:
         result = method(clouds[side], clouds[other], fixed_frame=frame, seed=seed)
         shift = result.displacement if side == "moving" else result.inverse
-        moved = _with_points(moving, _points(moving) + shift(_points(moving)))
+        moved = with_points(moving, points_of(moving) + shift(points_of(moving)))
     except RegistrationInputError as refused:
         # The method names the clouds by their part in it, which is not that of the files.
         return None, str(refused).replace("moving_mm", side).replace("fixed_mm", other)
@@ -168,43 +145,9 @@ def deform(
         moved, pair.fixed.surface, np.eye(4), inlier_mm=inlier_mm, keep=keep, seed=seed
     )
     model = surfaces[side]
+    there = with_points(model, points_of(model) + result.displacement(points_of(model)))
     predicted = result.tre_interval_mm(target_points(model))
-    return Deformed(name, side, result, model, moved, residuals, predicted), ""
-
-
-def transformed(surface: Surface, fixed_T_moving: np.ndarray) -> Surface:
-    """Transform a surface by a pose.
-
-    Parameters
-    ----------
-    surface : Surface
-        Surface or points in the moving frame in mm.
-    fixed_T_moving : ndarray, shape (4, 4)
-        Rigid transform from the moving to the fixed frame.
-
-    Returns
-    -------
-    Surface
-        Surface or points in the fixed frame in mm.
-    """
-    return _with_points(surface, transforms.apply(fixed_T_moving, _points(surface)))
-
-
-def model_deformed(found: Deformed) -> Surface:
-    """Displace the model to where the sweep has seen it.
-
-    Parameters
-    ----------
-    found : Deformed
-        Result of the deformable stage.
-
-    Returns
-    -------
-    Surface
-        Model in the fixed frame in mm.
-    """
-    before_mm = _points(found.model)
-    return _with_points(found.model, before_mm + found.result.displacement(before_mm))
+    return Deformed(name, side, result, model, there, moved, residuals, predicted), ""
 
 
 def write_deformed(found: Deformed, workspace: Path) -> None:
@@ -225,12 +168,12 @@ def write_deformed(found: Deformed, workspace: Path) -> None:
     from registration.io.surfaces import write_surface
 
     write_surface(workspace / "moved_deformed.ply", found.moved)
-    write_surface(workspace / "model_deformed.ply", model_deformed(found))
-    points_mm = _points(found.model)
+    write_surface(workspace / "model_deformed.ply", found.model_deformed)
+    points_mm = points_of(found.model)
     np.savez_compressed(
         workspace / "displacement.npz",
         points_mm=points_mm,
-        displacement_mm=found.result.displacement(points_mm),
+        displacement_mm=points_of(found.model_deformed) - points_mm,
     )
     low_mm, high_mm = points_mm.min(axis=0) - MARGIN_MM, points_mm.max(axis=0) + MARGIN_MM
     # A smooth field needs no finer grid than its nodes can afford.
@@ -271,12 +214,12 @@ def deformed_record(found: Deformed | None, keys: tuple[str, ...]) -> dict[str, 
         "model_side": found.model_side,
         "verdict": result.verdict,
         "reason": result.reason,
-        **{key: float(value) if math.isfinite(value) else None for key, value in numbers.items()},
+        **plain_metrics(numbers),
         "iterations": result.iterations,
         "converged": result.converged,
         "predicted_tre_mm": {
-            "low": low_mm if math.isfinite(low_mm) else None,
-            "high": high_mm if math.isfinite(high_mm) else None,
+            "low": plain(low_mm),
+            "high": plain(high_mm),
             "level": 0.9,
         },
         "files": {
@@ -321,17 +264,5 @@ def deformed_sentences(found: Deformed, rigid_rmse_mm: float) -> list[str]:
 def _model_side(pair: Pair) -> str:
     if pair.moving.frame is not None:
         return "fixed"
-    sizes_mm = [diagonal_mm(_points(side.surface)) for side in (pair.fixed, pair.moving)]
+    sizes_mm = [diagonal_mm(points_of(side.surface)) for side in (pair.fixed, pair.moving)]
     return SIDES[int(sizes_mm[1] > sizes_mm[0])]
-
-
-def _cloud(surface: Surface, count: int, rng: np.random.Generator) -> np.ndarray:
-    return surface.sample(count, rng) if isinstance(surface, Mesh) else surface
-
-
-def _points(surface: Surface) -> np.ndarray:
-    return surface.vertices_mm if isinstance(surface, Mesh) else surface
-
-
-def _with_points(surface: Surface, points_mm: np.ndarray) -> Surface:
-    return Mesh(points_mm, surface.triangles) if isinstance(surface, Mesh) else points_mm

@@ -14,7 +14,6 @@ from experiments.errors import InputError
 from experiments.inputs.known_pose import InitialPose, initial_pose
 from experiments.inputs.surfaces import (
     naming,
-    points_of,
     read_frames,
     read_mm,
     read_space,
@@ -25,7 +24,7 @@ from experiments.inputs.surfaces import (
 from experiments.outcome import InputData
 from experiments.studies.register.centerlines import CenterlineSource, centerline_of
 from registration import errors as registration_errors
-from registration.geometry.shapes import Centerline, Surface, diagonal_mm
+from registration.geometry.shapes import Centerline, Surface, diagonal_mm, points_of
 from registration.io.landmarks import LandmarkPairs, paired, read_landmarks
 from registration.io.patient_space import lps_from, stated_space
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.analysis.registration.pose_scores import plain
 from experiments.studies.register.deformed import Deformed, deformed_record
 from experiments.studies.register.pair import Pair
 from experiments.studies.register.truth import KnownTruth
@@ -111,15 +112,15 @@ def record(found: Registered) -> dict[str, Any]:
         "verdict": result.verdict,
         "reason": result.reason,
         # JSON has no infinity: no other pose was found at all, which is not the same as that nobody looked.
-        "ambiguity_gap": "inf" if result.ambiguity_gap == math.inf else _finite(result.ambiguity_gap),
+        "ambiguity_gap": "inf" if result.ambiguity_gap == math.inf else plain(result.ambiguity_gap),
         "weak_directions": list(result.weak_directions),
         "rival_fixed_T_moving": _plain(result.rival_fixed_T_moving),
-        "overlap_share": _finite(result.overlap_share),
-        "wall_offset_mm": _finite(result.wall_offset_mm),
+        "overlap_share": plain(result.overlap_share),
+        "wall_offset_mm": plain(result.wall_offset_mm),
         "predicted_tre_mm": _predicted_tre(found),
-        "measured_tre_mm": _finite(found.measured_tre_mm),
+        "measured_tre_mm": plain(found.measured_tre_mm),
         "deformation": _deformation(result.deformation),
-        "probability_right_vessel": _finite(result.probability_right_vessel),
+        "probability_right_vessel": plain(result.probability_right_vessel),
         "initial": _initial(pair, result.search_cone),
         "centerlines": {
             side: None if path is None else str(path)
@@ -139,8 +140,8 @@ def _predicted_tre(found: Registered) -> dict[str, Any]:
     low_mm, high_mm = found.predicted_tre_mm
     deformation = found.result.deformation
     return {
-        "low": _finite(low_mm),
-        "high": _finite(high_mm),
+        "low": plain(low_mm),
+        "high": plain(high_mm),
         "level": 0.9,
         "includes_deformation": deformation is not None and deformation.is_predicted,
     }
@@ -152,9 +153,9 @@ def _deformation(found: Deformation | None) -> dict[str, Any] | None:
         return None
     return {
         "detected": bool(found.detected),
-        "size_mm": _finite(found.size_mm),
-        "gain": _finite(found.gain),
-        "expected_mm": _finite(found.expected_mm),
+        "size_mm": plain(found.size_mm),
+        "gain": plain(found.gain),
+        "expected_mm": plain(found.expected_mm),
     }
 
 
@@ -189,8 +190,4 @@ def _candidate(candidate: Candidate) -> dict[str, Any]:
 def _plain(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         return value.tolist()
-    return _finite(value) if isinstance(value, float) else value
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
+    return plain(value) if isinstance(value, float) else value

@@ -11,9 +11,10 @@ import numpy as np
 
 from experiments import files
 from experiments.outcome import Outcome
-from experiments.studies.register.deformed import deformed_sentences, transformed, write_deformed
+from experiments.studies.register.deformed import deformed_sentences, write_deformed
 from experiments.studies.register.record import LENGTHS, SHARES, Registered, record
 from experiments.studies.register.scene import register_scene
+from registration.geometry.shapes import transformed
 from registration.io.surfaces import write_surface
 from registration.io.transforms import write_transform
 from registration.metrics.surface_distance import rms

@@ -9,10 +9,10 @@ import numpy as np
 
 from experiments.reporting.scene import CloudLayer, LineLayer, Scene, SurfaceLayer
 from experiments.reporting.scene_layers import BLUE, GREEN, GREY, ORANGE, RED
-from experiments.studies.register.deformed import Deformed, model_deformed
+from experiments.studies.register.deformed import Deformed
 from experiments.studies.register.pair import Pair
 from registration import transforms
-from registration.geometry.shapes import Mesh, Surface, diagonal_mm
+from registration.geometry.shapes import Mesh, Surface, diagonal_mm, points_of, with_points
 from registration.metrics.surface_distance import SurfaceDistance
 
 # What lies farther away before registration than this many times the fixed surface's size would shrink all else to a
@@ -58,21 +58,21 @@ def register_scene(
         The scene.
     """
     fixed, moving = pair.fixed.surface, pair.moving.surface
-    after_mm = transforms.apply(fixed_T_moving, _points(moving))
+    after_mm = transforms.apply(fixed_T_moving, points_of(moving))
     distance_mm = SurfaceDistance(fixed)(after_mm)
     layers: list[Any] = [_layer("fixed", fixed, GREY, 0.35)]
     notes = list(findings)
-    away_mm = float(np.linalg.norm(_points(moving).mean(axis=0) - _points(fixed).mean(axis=0)))
-    if away_mm <= FAR_SIZES * diagonal_mm(_points(fixed)):
+    away_mm = float(np.linalg.norm(points_of(moving).mean(axis=0) - points_of(fixed).mean(axis=0)))
+    if away_mm <= FAR_SIZES * diagonal_mm(points_of(fixed)):
         layers.append(_layer("moving, before", moving, ORANGE, 0.35, shown=False))
     else:
         notes.append(
             f"Before registration the moving file lies {away_mm:.0f} mm away; it is not shown there."
         )
-    layers.append(_layer("moving, after", _with_points(moving, after_mm), BLUE, 0.9, values_mm=distance_mm))
+    layers.append(_layer("moving, after", with_points(moving, after_mm), BLUE, 0.9, values_mm=distance_mm))
     if rival_fixed_T_moving is not None:
-        rival_mm = transforms.apply(rival_fixed_T_moving, _points(moving))
-        layers.append(_layer("moving, rival pose", _with_points(moving, rival_mm), ORANGE, 0.35))
+        rival_mm = transforms.apply(rival_fixed_T_moving, points_of(moving))
+        layers.append(_layer("moving, rival pose", with_points(moving, rival_mm), ORANGE, 0.35))
     if deformed is not None:
         layers += _deformed_layers(deformed)
     layers += _lines(pair, fixed_T_moving)
@@ -93,13 +93,11 @@ def register_scene(
 
 def _deformed_layers(found: Deformed) -> list[Any]:
     """What moves after both stages, the model where it was swept, and by how much the model's points are displaced."""
-    before_mm = _points(found.model)
-    starts_mm = before_mm[:: max(1, len(before_mm) // ARROWS)]
-    ends_mm = starts_mm + found.result.displacement(starts_mm)
-    arrows = [np.stack(ends) for ends in zip(starts_mm, ends_mm, strict=True)]
+    ends_mm = np.stack([points_of(found.model), points_of(found.model_deformed)], axis=1)
+    arrows = list(ends_mm[:: max(1, len(ends_mm) // ARROWS)])
     return [
         _layer("moving, deformed", found.moved, GREEN, 0.9, shown=False),
-        _layer("model, deformed", model_deformed(found), RED, 0.35, shown=False),
+        _layer("model, deformed", found.model_deformed, RED, 0.35, shown=False),
         LineLayer("displacement of the model", arrows, RED, shown=False),
     ]
 
@@ -127,11 +125,3 @@ def _layer(
     if isinstance(surface, Mesh):
         return SurfaceLayer(name, surface, color, opacity, values_mm, shown)
     return CloudLayer(name, surface, color, values_mm=values_mm, shown=shown)
-
-
-def _points(surface: Surface) -> np.ndarray:
-    return surface.vertices_mm if isinstance(surface, Mesh) else surface
-
-
-def _with_points(surface: Surface, points_mm: np.ndarray) -> Surface:
-    return Mesh(points_mm, surface.triangles) if isinstance(surface, Mesh) else points_mm

@@ -12,12 +12,12 @@ from experiments.inputs.surfaces import one_method
 from experiments.outcome import Outcome, Progress
 from experiments.paths import PathSetting
 from experiments.studies.register.centerlines import bends, centerline_candidates
-from experiments.studies.register.deformed import deform, deformable_method, require_side
+from experiments.studies.register.deformed import deform, require_side
 from experiments.studies.register.pair import Pair, SideFiles, read_pair
 from experiments.studies.register.record import Registered
 from experiments.studies.register.report import outcome, write
 from experiments.studies.register.truth import read_known_truth
-from registration.geometry.shapes import Mesh, Surface
+from registration.geometry.shapes import sampled
 from registration.metrics.surface_distance import surface_residuals
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ def check(
         If the files and settings cannot be registered.
     """
     one_method(rigid)
-    deformable_method(deformable)
+    one_method(deformable, "deformable")
     require_side(model_side)
     read_known_truth(truth)
     read_pair(
@@ -219,7 +219,7 @@ def run(
         seed=seed,
     )
     deformed, refusal = None, ""
-    second, deformable_stage = deformable_method(deformable)
+    second, deformable_stage = one_method(deformable, "deformable")
     if deformable_stage is not None:
         progress.note(f"deforming by {second}")
         points = {"moving": moving_points, "fixed": fixed_points}
@@ -240,8 +240,8 @@ def _registered(method: Any, pair: Pair, moving_points: int, fixed_points: int, 
     if any(line_mm is not None and not bends(line_mm) for line_mm in lines_mm):
         lines_mm = [None, None]
     result: RigidResult = method(
-        _cloud(pair.moving.surface, moving_points, draws[0]),
-        _cloud(pair.fixed.surface, fixed_points, draws[1]),
+        sampled(pair.moving.surface, moving_points, draws[0]),
+        sampled(pair.fixed.surface, fixed_points, draws[1]),
         None if pair.initial is None else pair.initial.fixed_T_moving,
         search_cone=None if pair.initial is None else pair.initial.search_cone,
         moving_centerline_mm=lines_mm[0],
@@ -249,7 +249,3 @@ def _registered(method: Any, pair: Pair, moving_points: int, fixed_points: int, 
         moving_frame=pair.moving.frame,
     )
     return result
-
-
-def _cloud(surface: Surface, count: int, rng: np.random.Generator) -> np.ndarray:
-    return surface.sample(count, rng) if isinstance(surface, Mesh) else surface

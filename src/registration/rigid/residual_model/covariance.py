@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +36,34 @@ class Ratios:
     displacement: float
     border: float
     jitter: float
+
+
+def tried_ratios(
+    lengths_mm: Sequence[float],
+    displacement: Sequence[float],
+    border: Sequence[float],
+    jitter: Sequence[float],
+) -> tuple[Ratios, ...]:
+    """List covariances of all combinations; without displacement its length makes no difference, and occurs once.
+
+    Parameters
+    ----------
+    lengths_mm : sequence of float
+        Lengths in mm over which tissue moves together.
+    displacement, border, jitter : sequence of float
+        Variances of each part over that of the noise of a group.
+
+    Returns
+    -------
+    tuple of Ratios
+        The covariances.
+    """
+    return tuple(
+        Ratios(length_mm, *parts)
+        for number, length_mm in enumerate(lengths_mm)
+        for parts in itertools.product(displacement, border, jitter)
+        if parts[0] > 0 or number == 0
+    )
 
 
 class CovarianceParts:

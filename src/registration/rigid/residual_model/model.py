@@ -9,10 +9,9 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from registration import transforms
-from registration.checks import require_at_least, require_count, require_positive
-from registration.errors import InputError
+from registration.checks import require_at_least, require_count, require_positive, require_positive_each
 from registration.rigid.icp.correspondence import TreeTarget
-from registration.rigid.residual_model.covariance import CovarianceParts, Ratios
+from registration.rigid.residual_model.covariance import CovarianceParts, Ratios, tried_ratios
 from registration.rigid.residual_model.deformation import Deformation
 from registration.rigid.residual_model.grouped_residuals import grouped_residuals, groups_on
 from registration.rigid.residual_model.likelihood import fit_residuals
@@ -95,12 +94,8 @@ class ResidualModel:
 
     def __post_init__(self) -> None:
         require_count("patches", self.patches, 16)
-        # A configuration file hands over a list.
-        object.__setattr__(self, "lengths_mm", tuple(self.lengths_mm))
-        if not self.lengths_mm:
-            raise InputError("lengths_mm: expected at least one length, received none")
-        for length_mm in self.lengths_mm:
-            require_positive("lengths_mm", length_mm)
+        lengths_mm = require_positive_each("lengths_mm", self.lengths_mm, "length")
+        object.__setattr__(self, "lengths_mm", lengths_mm)
         require_positive("min_gain", self.min_gain)
         require_positive("inflation", self.inflation)
         require_at_least("expected_deformation_mm", self.expected_deformation_mm, 0.0)
@@ -118,14 +113,7 @@ class ResidualModel:
         tuple of Ratios
             The covariances; without displacement its length makes no difference, and occurs once.
         """
-        return tuple(
-            Ratios(length_mm, displacement, border, jitter)
-            for number, length_mm in enumerate(self.lengths_mm)
-            for displacement in DISPLACEMENT
-            for border in BORDER
-            for jitter in (JITTER if with_frames else (0.0,))
-            if displacement > 0 or number == 0
-        )
+        return tried_ratios(self.lengths_mm, DISPLACEMENT, BORDER, JITTER if with_frames else (0.0,))
 
     def __call__(
         self,

@@ -15,9 +15,10 @@ from vessels import bent_tube
 from experiments import registry
 from experiments.cli import compose_sweep
 from experiments.errors import InputError
+from experiments.inputs.surfaces import one_method
 from experiments.outcome import Outcome, Silent
 from experiments.studies.register import study as register
-from experiments.studies.register.deformed import deformable_method, require_side
+from experiments.studies.register.deformed import require_side
 from registration import transforms
 from registration.cpd import CoherentPointDrift
 from registration.geometry.shapes import Mesh
@@ -172,13 +173,13 @@ def test_what_is_refused() -> None:
     with pytest.raises(InputError, match="model_side: expected fixed, moving or null, received 'left'"):
         require_side("left")
     with pytest.raises(InputError, match="deformable: expected exactly one method"):
-        deformable_method({"cpd": CoherentPointDrift(), "none": None})
+        one_method({"cpd": CoherentPointDrift(), "none": None}, "deformable")
 
 
 @pytest.mark.parametrize("option", ["none", "cpd", "cpd_point"])
 def test_the_options_build(option: str) -> None:
     ((job, _),) = compose_sweep(["study=register", "moving=a.ply", "fixed=b.ply", f"deformable={option}"])
-    name, method = deformable_method(registry.build(job["deformable"], "deformable"))
+    name, method = one_method(registry.build(job["deformable"], "deformable"), "deformable")
     assert name == option
     assert (method is None) == (option == "none")
     if option == "cpd":
