@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
 from registration.deformable.displacement_field import DisplacementField, Plausibility, plausibility
+from registration.deformable.landmark_constraints import LandmarkConstraints
 from registration.deformable.point_drift import Drifted, PointResiduals, drift_points
 from registration.deformable.result import (
     DEFORMED,
@@ -80,6 +81,7 @@ class CoherentPointDrift:
         fixed_mm: ArrayLike,
         *,
         fixed_frame: Int64[np.ndarray, " n"] | None = None,
+        landmarks: LandmarkConstraints | None = None,
         seed: int = 0,
     ) -> DeformableResult:
         """Displace the moving cloud onto the fixed one.
@@ -92,6 +94,8 @@ class CoherentPointDrift:
             Fixed points in mm.
         fixed_frame : ndarray of int, shape (n,), or None, optional
             Frame of the sweep that each fixed point was seen in: frames have errors of their own.
+        landmarks : LandmarkConstraints or None, optional
+            Pairs of points that are the same material, as constraints; None where none are known.
         seed : int, optional
             Seed of the draws that predict the error.
 
@@ -103,7 +107,8 @@ class CoherentPointDrift:
         Raises
         ------
         InputError
-            If a cloud is no cloud in mm, has fewer than 50 points, or they are not registered rigidly yet.
+            If a cloud is no cloud in mm, has fewer than 50 points, or they are not registered rigidly yet; or there are
+            landmarks for a rigid or similarity motion.
         """
         begun = time.perf_counter()
         moving, fixed = (
@@ -114,11 +119,11 @@ class CoherentPointDrift:
             raise InputError(f"fixed_frame: expected {len(fixed)} frames, received {len(fixed_frame)}")
         _require_registered(moving, fixed)
         if self.residual == POINT:
-            return _drifted(moving, fixed, drift_points(moving, fixed, self.point), begun)
+            return _drifted(moving, fixed, drift_points(moving, fixed, self.point, landmarks), begun)
         _, wall = outward_targets(moving, NEIGHBOURS, 2 * NEIGHBOURS)
         # Its matrices are small: threads of the linear algebra cost several times what they save.
         with threadpool_limits(1, user_api="blas"):
-            found = displace_wall(wall, fixed, self.plane, fixed_frame)
+            found = displace_wall(wall, fixed, self.plane, fixed_frame, landmarks)
             if found is None or found.residuals.share < MIN_SHARE:
                 raise InputError(
                     "fixed_mm: expected points next to the moving wall, received too few near it; "

@@ -108,6 +108,56 @@ class Reconstructed(Gathered):
         return self.smoothed.mesh
 
 
+def gather(
+    masks: np.ndarray,
+    world_A_pixel: np.ndarray,
+    contours: ContourExtractor,
+    filters: Mapping[str, CloudFilter],
+    mask_outliers: MaskOutliers,
+    note: Callable[[str], None] = _silent,
+) -> Gathered:
+    """Compute the filtered cloud of all contours: what a registration without a surface needs.
+
+    Parameters
+    ----------
+    masks : ndarray of bool or float, shape (k, height, width)
+        Masks or probability maps in the order of acquisition.
+    world_A_pixel : ndarray, shape (k, 4, 4)
+        Affine matrix of each mask from pixels to world mm.
+    contours : ContourExtractor
+        Extraction of contours.
+    filters : mapping of str to CloudFilter
+        Filters of the cloud by name, applied in their order.
+    mask_outliers : MaskOutliers
+        Rejection of masks that disagree with their neighbours.
+    note : callable, optional
+        Called with a line of text when a stage begins.
+
+    Returns
+    -------
+    Gathered
+        The masks without outliers, and the cloud.
+
+    Raises
+    ------
+    InputError
+        If no mask shows a vessel.
+    """
+    seconds: dict[str, float] = {}
+    note(f"contours of {len(masks)} masks")
+    with timed(seconds, "contours"):
+        checked = mask_outliers(masks, world_A_pixel, contours.level)
+        drawn = contours(checked.masks, world_A_pixel)
+    if not len(drawn):
+        raise InputError(f"masks: expected a vessel in some of them, received {len(masks)} without any")
+    cloud, removed = drawn, {}
+    with timed(seconds, "filters"):
+        for name, leave_out in filters.items():
+            left = leave_out(cloud)
+            cloud, removed[name] = left.cloud, len(left.removed)
+    return Gathered(checked, drawn, cloud, removed, seconds)
+
+
 @dataclass(frozen=True)
 class Reconstruction:
     """Chain from masks to contours, filtered cloud, smoothed surface and centerline.
@@ -197,19 +247,7 @@ class Reconstruction:
         InputError
             If no mask shows a vessel.
         """
-        seconds: dict[str, float] = {}
-        note(f"contours of {len(masks)} masks")
-        with timed(seconds, "contours"):
-            checked = self.mask_outliers(masks, world_A_pixel, self.contours.level)
-            contours = self.contours(checked.masks, world_A_pixel)
-        if not len(contours):
-            raise InputError(f"masks: expected a vessel in some of them, received {len(masks)} without any")
-        cloud, removed = contours, {}
-        with timed(seconds, "filters"):
-            for name, leave_out in self.filters.items():
-                left = leave_out(cloud)
-                cloud, removed[name] = left.cloud, len(left.removed)
-        return Gathered(checked, contours, cloud, removed, seconds)
+        return gather(masks, world_A_pixel, self.contours, self.filters, self.mask_outliers, note)
 
     def build(self, gathered: Gathered, note: Callable[[str], None] = _silent) -> Reconstructed:
         """Compute surface and centerline of a cloud, the second half of the chain.

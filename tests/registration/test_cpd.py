@@ -7,9 +7,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import rustcpd
+from scipy.spatial.transform import Rotation
 from vessels import bent_tube
 
 from registration.cpd import CoherentPointDrift
+from registration.deformable.landmark_constraints import LandmarkConstraints
 from registration.deformable.point_drift import PointResiduals
 from registration.deformable.result import DEFORMED, RIGID_STANDS
 from registration.deformable.wall_displacement import WallResiduals
@@ -178,3 +180,95 @@ def test_clouds_that_cannot_be_registered_are_refused(method: CoherentPointDrift
         method(np.full_like(model_mm, np.nan), swept_mm)
     with pytest.raises(InputError, match="fixed_frame: expected 2500 frames, received 3"):
         method(model_mm, swept_mm, fixed_frame=np.zeros(3, dtype=np.int64))
+
+
+def slide(points_mm: np.ndarray) -> np.ndarray:
+    """A stretch along the vessel, which distances along its normals do not show."""
+    along = (points_mm - MIDDLE_MM) @ AXIS[0] / 35.0
+    return 3.0 * np.outer(np.sin(0.5 * np.pi * along), AXIS[0])
+
+
+def landmarks_of(
+    motion: Callable[[np.ndarray], np.ndarray], deviation_mm: float = 0.2
+) -> LandmarkConstraints:
+    along_mm = np.linspace(-30, 30, 7)[:, None] * AXIS[0] + MIDDLE_MM
+    return LandmarkConstraints(along_mm, along_mm + motion(along_mm), deviation_mm)
+
+
+@pytest.mark.parametrize("method", [CoherentPointDrift(), POINT], ids=["plane", "point"])
+def test_landmarks_show_a_stretch_along_the_vessel(method: CoherentPointDrift) -> None:
+    model_mm, swept_mm, _ = clouds(slide)
+    few = slice(None, None, 4)
+    without, with_them = (
+        method(model_mm[few], swept_mm[few], landmarks=landmarks) for landmarks in (None, landmarks_of(slide))
+    )
+    errors_mm = [error_mm(found.displacement(model_mm), slide, model_mm) for found in (without, with_them)]
+    assert errors_mm[1] < 0.85 * errors_mm[0]
+    marked = landmarks_of(slide)
+    reached_mm = marked.moving_mm + with_them.displacement(marked.moving_mm)
+    assert np.linalg.norm(reached_mm - marked.fixed_mm, axis=1).max() < 0.6
+
+
+def test_a_landmark_pulls_less_the_less_surely_it_was_placed() -> None:
+    model_mm, swept_mm, _ = clouds(np.zeros_like)
+    wrong = LandmarkConstraints(MIDDLE_MM[None], MIDDLE_MM[None] + 2.0 * AXIS[0], 0.1)
+    pulled_mm = []
+    for deviation_mm in (0.1, 2.0, 20.0):
+        found = CoherentPointDrift()(
+            model_mm, swept_mm, landmarks=LandmarkConstraints(wrong.moving_mm, wrong.fixed_mm, deviation_mm)
+        )
+        posterior = found.predicted.posterior if found.predicted else None
+        assert posterior is not None
+        pulled_mm.append(float((posterior.mean_mm(wrong.moving_mm) @ AXIS[0])[0]))
+    assert pulled_mm[0] > pulled_mm[1] > pulled_mm[2] > -0.2
+    assert pulled_mm[2] < 0.5 * pulled_mm[0]
+
+
+def test_landmarks_narrow_the_predicted_error_where_they_lie() -> None:
+    model_mm, swept_mm, _ = clouds(slide)
+    marked = landmarks_of(slide)
+    # Off the wall, so that the wall says little of them.
+    widths_mm = [
+        found.tre_interval_mm(marked.moving_mm)[1]
+        for found in (
+            CoherentPointDrift()(model_mm, swept_mm, landmarks=landmarks) for landmarks in (None, marked)
+        )
+    ]
+    assert widths_mm[1] < widths_mm[0]
+
+
+@pytest.mark.parametrize(
+    ("moving", "fixed", "deviation_mm", "message"),
+    [
+        (np.zeros((2, 3)), np.zeros((3, 3)), 1.0, "expected pairs, received 2 moving and 3 fixed"),
+        (np.zeros((2, 3)), np.zeros((2, 3)), 0.0, "landmarks deviation_mm"),
+        (np.full((1, 3), np.nan), np.zeros((1, 3)), 1.0, "landmarks moving_mm"),
+        (np.zeros((1, 3)), np.zeros((0, 3)), 1.0, "landmarks fixed_mm"),
+    ],
+)
+def test_landmarks_that_are_no_pairs_are_refused(
+    moving: np.ndarray, fixed: np.ndarray, deviation_mm: float, message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        LandmarkConstraints(moving, fixed, deviation_mm)
+
+
+@pytest.mark.parametrize(("motion", "scale"), [("rigid", 1.0), ("similarity", 1.05)])
+def test_a_rigid_or_similarity_motion_is_found_as_such(motion: str, scale: float) -> None:
+    model_mm, _, _ = clouds(np.zeros_like)
+    turn = Rotation.from_rotvec(np.deg2rad(4.0) * AXIS[1]).as_matrix()
+
+    def moved(points_mm: np.ndarray) -> np.ndarray:
+        return np.asarray(scale * (points_mm - MIDDLE_MM) @ turn.T + MIDDLE_MM + 1.0 - points_mm)
+
+    swept_mm = model_mm[::2] + moved(model_mm[::2])
+    settings = PointResiduals(motion=motion, neighbours=None, tolerance=1e-9, outlier_weight=0.01)
+    found = CoherentPointDrift("point", point=settings)(model_mm[::2], swept_mm)
+    assert error_mm(found.displacement(model_mm), moved, model_mm) < 0.1
+    # All points move together: what is bent is nothing.
+    assert found.plausibility.bending_energy_per_mm2 < 1e-12
+    assert found.plausibility.jacobian_min == pytest.approx(scale**3, rel=0.01)
+    with pytest.raises(InputError, match=f"landmarks: expected none for a {motion} motion"):
+        CoherentPointDrift("point", point=settings)(model_mm, swept_mm, landmarks=landmarks_of(np.zeros_like))
+    with pytest.raises(InputError, match="motion: expected nonrigid, rigid, similarity"):
+        PointResiduals(motion="affine")

@@ -16,16 +16,14 @@ from registration.benchmark.scenarios import PLACES, Kind
 from registration.benchmark.sweep_simulation import RIGID, Swept, seen, simulated, sweep_settings
 from registration.benchmark.tissue_displacement import draw_field, draw_indentation
 from registration.errors import InputError
-from registration.geometry.rigid_fit import kabsch
 from registration.phantom.anatomy import anatomy_of
 from registration.phantom.conditions import Deformation
 from registration.phantom.displacement import Displacement
+from registration.phantom.material_error import true_rigid_part
 from registration.phantom.settings import RANDOM, SUBSETS
 
 # Every other anatomy is swept in part, as most vessels are.
 FRAMES, PART = 100, Kind("piece70", 0.7, PLACES)
-# The rigid part of a motion is told by so many points of the wall.
-WALL_POINTS = 2000
 
 
 def deformed_sweep(
@@ -92,11 +90,9 @@ def material_truth(found: Swept) -> tuple[Float64[np.ndarray, "4 4"], Float64[np
     displacement_mm : ndarray, shape (t, 3)
         Where the material of each target lies after that transform, less the target, in the ct frame in mm.
     """
-    vertices_mm = found.sweep.model.vertices_mm
-    wall_mm = vertices_mm[:: max(len(vertices_mm) // WALL_POINTS, 1)]
-    shown = found.sweep.deformation.as_swept
-    fixed_T_swept = kabsch(shown(wall_mm), wall_mm)
-    return fixed_T_swept, transforms.apply(fixed_T_swept, shown(found.targets_mm)) - found.targets_mm
+    fixed_T_swept = true_rigid_part(found.sweep)
+    shown_mm = found.sweep.deformation.as_swept(found.targets_mm)
+    return fixed_T_swept, transforms.apply(fixed_T_swept, shown_mm) - found.targets_mm
 
 
 def _displacement(

@@ -27,6 +27,7 @@ from registration.io.surfaces import write_surface
 from registration.metrics.targets import MAX_TARGETS
 from registration.phantom.conditions import Deformation, Motion
 from registration.phantom.displacement import Displacement
+from registration.phantom.material_error import passed
 from registration.phantom.scan import SimulatedSweep, simulate_sweep
 from registration.phantom.settings import MESH, RANDOM, PhantomSettings
 from registration.phantom.shapes import VesselLine, surround
@@ -40,8 +41,6 @@ from registration.synchronisation import synchronise
 
 FRAMES, SWEEP_MM, MAX_GAP_S = 200, 90.0, 0.1
 RIGID = Deformation(bend_mm=0.0, pressure_mm=0.0)
-# A target is covered if the plane of a frame passes it within this distance: two and a half times that of the frames.
-COVERED_MM = 1.0
 
 
 @dataclass(frozen=True)
@@ -111,11 +110,7 @@ class Swept:
         shown_mm = self.targets_mm
         if self.deformed:
             shown_mm = self.sweep.deformation.as_swept(shown_mm)
-        ct_A_pixel = self.sweep.ct_T_world @ self.sweep.world_A_pixel[self.used]
-        facing = np.cross(ct_A_pixel[:, :3, 0], ct_A_pixel[:, :3, 1])
-        facing /= np.linalg.norm(facing, axis=1, keepdims=True)
-        away_mm = np.einsum("tfk,fk->tf", shown_mm[:, None] - ct_A_pixel[None, :, :3, 3], facing)
-        return np.asarray(np.abs(away_mm).min(axis=1) <= COVERED_MM)
+        return passed(self.sweep, self.used, shown_mm)
 
     @cached_property
     def symmetry(self) -> Symmetry:

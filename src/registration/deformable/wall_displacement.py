@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from registration.checks import require_at_least, require_count, require_positive, require_positive_each
+from registration.deformable.landmark_constraints import LandmarkConstraints, with_landmarks
 from registration.rigid.icp.correspondence import principal_axes, search_tree
 from registration.rigid.residual_model.compact_blocks import blocks_of
 from registration.rigid.residual_model.covariance import CovarianceParts, tried_ratios
@@ -29,6 +30,8 @@ DISPLACEMENT, BORDER, JITTER = (0.0, 25.0, 125.0), (2.0, 12.0), (2.0,)
 NEIGHBOURS = 12
 # The displacement has settled when no point of the model moves by more than this any more, in mm.
 SETTLED_MM = 0.02
+# Groups of points without noise are taken to have this one in mm.
+LEAST_NOISE_MM = 0.01
 
 
 @dataclass(frozen=True)
@@ -110,6 +113,7 @@ def displace_wall(
     swept_mm: Float64[np.ndarray, "n 3"],
     settings: WallResiduals,
     frame: Int64[np.ndarray, " n"] | None = None,
+    landmarks: LandmarkConstraints | None = None,
 ) -> WallDisplacement | None:
     """Fit the displacement of a wall to swept points.
 
@@ -128,6 +132,8 @@ def displace_wall(
         Settings.
     frame : ndarray of int, shape (n,), or None, optional
         Frame that each swept point was seen in.
+    landmarks : LandmarkConstraints or None, optional
+        Pairs of points that are the same material; None where none are known.
 
     Returns
     -------
@@ -149,6 +155,8 @@ def displace_wall(
         )
         if residuals is None or len(residuals.gap_mm) < GROUPS_PER_UNKNOWN * residuals.jacobian.shape[1]:
             return None
+        if landmarks is not None:
+            residuals = with_landmarks(residuals, landmarks, _noise_mm2(residuals, found))
         fits = fit_residuals(residuals, CovarianceParts(residuals), tried)
         posterior = Posterior(residuals, fits.chosen(LIKELY))
         before_mm, moved_mm = moved_mm, wall.points_mm + posterior.mean_mm(wall.points_mm)
@@ -159,6 +167,13 @@ def displace_wall(
         axes = principal_axes(moved_mm[neighbours])[:, :, 0]
         normals = axes * np.where((axes * normals).sum(axis=1) < 0, -1.0, 1.0)[:, None]
     return found
+
+
+def _noise_mm2(residuals: GroupedResiduals, found: WallDisplacement | None) -> float:
+    """Variance of a group's noise: as the last fit has it, and before the first as its points scatter."""
+    if found is not None:
+        return float(found.fits.noise_mm2[found.fits.best])
+    return max(residuals.noise_mm**2 / residuals.group_points, LEAST_NOISE_MM**2)
 
 
 def _asked(

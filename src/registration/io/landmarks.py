@@ -15,6 +15,8 @@ from registration import transforms
 from registration.errors import InputError
 from registration.geometry.rigid_fit import kabsch
 from registration.geometry.shapes import LINE_SHARE, principal_frame
+from registration.io.atomic import write_atomic
+from registration.io.centerlines import MARKUPS_SCHEMA
 from registration.io.patient_space import lps_from
 from registration.io.truncation import require_file
 from registration.text_files import parse_number, read_text
@@ -190,6 +192,33 @@ def read_landmarks(path: Path) -> Landmarks:
         raise InputError(
             f"{path}: expected landmarks as 3D Slicer writes them, received {type(refusal).__name__} {refusal}"
         ) from refusal
+
+
+def write_landmarks(path: Path, landmarks: Landmarks) -> None:
+    """Write landmarks as 3D Slicer's .mrk.json, in LPS and mm.
+
+    Parameters
+    ----------
+    path : Path
+        File to write.
+    landmarks : Landmarks
+        Landmarks.
+    """
+    points = [
+        {"id": str(place), "label": name, "position": position, "positionStatus": "defined"}
+        for place, (name, position) in enumerate(
+            zip(landmarks.names, landmarks.points_mm.round(6).tolist(), strict=True), start=1
+        )
+    ]
+    markup = {
+        "type": "Fiducial",
+        "name": path.name.split(".")[0],
+        "coordinateSystem": "LPS",
+        "coordinateUnits": "mm",
+        "controlPoints": points,
+    }
+    text = json.dumps({"@schema": MARKUPS_SCHEMA, "markups": [markup]}, indent=2)
+    write_atomic(path, (text + "\n").encode())
 
 
 def _read_markups(path: Path) -> tuple[list[str], list[Any], str]:

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from registration import transforms
 from registration.errors import InputError
-from registration.io.landmarks import LandmarkPairs, Landmarks, paired, read_landmarks
+from registration.io.landmarks import LandmarkPairs, Landmarks, paired, read_landmarks, write_landmarks
 
 # Three points in LPS, and the same in RAS.
 LPS = np.array([[10.0, 20.0, 30.0], [-5.0, 4.0, 1.0], [0.0, -8.0, 2.5]])
@@ -230,3 +230,17 @@ def test_landmarks_on_one_line_are_refused() -> None:
 def test_a_name_for_each_point() -> None:
     with pytest.raises(InputError, match="names: expected one for each of 3 points, received 2"):
         Landmarks(NAMES[:2], LPS)
+
+
+def test_written_landmarks_are_read_back_by_name(tmp_path: Path) -> None:
+    points_mm = np.array([[1.5, -2.25, 300.125], [0.0, 0.0, 0.0], [-4.0, 5.0, 6.0]])
+    write_landmarks(tmp_path / "set.mrk.json", Landmarks(("bifurcation", "ä 1", "end"), points_mm))
+    found = read_landmarks(tmp_path / "set.mrk.json")
+    assert found.names == ("bifurcation", "ä 1", "end")
+    np.testing.assert_allclose(found.points_mm, points_mm, atol=1e-6)
+    (markup,) = json.loads((tmp_path / "set.mrk.json").read_text())["markups"]
+    assert (markup["type"], markup["coordinateSystem"], markup["coordinateUnits"]) == (
+        "Fiducial",
+        "LPS",
+        "mm",
+    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,9 +18,6 @@ from registration.metrics.surface_agreement import counterparts, surface_agreeme
 from registration.phantom.scan import SimulatedSweep
 from registration.pipeline import Reconstruction
 from registration.synchronisation import synchronise
-
-if TYPE_CHECKING:
-    from models.predictor import Predictor
 
 DISTANCES = ("msd_mm", "hd95_mm", "msd_covered_mm", "hd95_covered_mm")
 # In place of the number of a sweep, where a row has none.
@@ -55,7 +52,7 @@ class Repeat:
 def tried(
     truth: SimulatedSweep,
     chain: Reconstruction,
-    predictor: Predictor | None,
+    masks: np.ndarray,
     max_gap_s: float,
     drawn: tuple[int, int],
 ) -> Repeat:
@@ -67,8 +64,8 @@ def tried(
         Simulated sweep and its truth.
     chain : Reconstruction
         Reconstruction.
-    predictor : Predictor or None
-        Network that segments the frames; None to use the exact masks.
+    masks : ndarray, shape (n, height, width)
+        Masks or probabilities of its frames.
     max_gap_s : float
         A frame in a longer gap in s between two poses is dropped.
     drawn : tuple[int, int]
@@ -80,7 +77,7 @@ def tried(
         Reconstructed sweep; one that cannot be reconstructed has infinite distances and the reason.
     """
     try:
-        return _repeat(truth, chain, predictor, max_gap_s, drawn)
+        return _repeat(truth, chain, masks, max_gap_s, drawn)
     except (InputError, RegistrationInputError) as refusal:
         row = {"kind": TRUTH, "second": NONE, **dict.fromkeys(DISTANCES, np.inf), "error": str(refusal)}
         return Repeat(row, np.full(drawn[0], np.nan))
@@ -89,11 +86,10 @@ def tried(
 def _repeat(
     truth: SimulatedSweep,
     chain: Reconstruction,
-    predictor: Predictor | None,
+    masks: np.ndarray,
     max_gap_s: float,
     drawn: tuple[int, int],
 ) -> Repeat:
-    masks = truth.masks if predictor is None else predictor.probability(truth.sweep.images)
     posed = synchronise(truth.sweep, max_gap_s)
     found = chain(masks[posed.kept], posed.world_A_pixel)
     seen_mm = transforms.apply(truth.ct_T_world, found.surface.vertices_mm)

@@ -8,6 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from experiments.analysis.registration.phantom_jobs import (
+    masks_by,
+    phantom_jobs,
+    require_masks,
+    settings_of_job,
+)
 from experiments.analysis.variants import distinct_names
 from experiments.errors import InputError, require_count
 from experiments.outcome import JobResult, Outcome, Progress
@@ -15,7 +21,7 @@ from experiments.paths import PathSetting
 from experiments.studies.consistency.repeats import common, pair, tried
 from experiments.studies.consistency.report import PAIR, describe, figures, metrics, tables
 from registration.phantom.scan import simulate_sweep
-from registration.phantom.settings import MESH, PhantomSettings
+from registration.phantom.settings import PhantomSettings
 from registration.pipeline import CloudFilter, Reconstruction
 from registration.reconstruction.contours import ContourExtractor
 from registration.reconstruction.mask_outliers import MaskOutliers
@@ -25,10 +31,6 @@ from registration.reconstruction.vessel_pieces import VesselPieces
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from models.predictor import Predictor
-
-MASKS = ("exact", "model")
 
 
 def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -49,10 +51,7 @@ def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
     InputError
         If ``phantoms`` is not a list of phantoms.
     """
-    phantoms = config.get("phantoms")
-    if not isinstance(phantoms, Sequence) or isinstance(phantoms, str) or not phantoms:
-        raise InputError(f"phantoms: expected a list of phantoms, received {phantoms!r}")
-    return [{"phantoms": [name]} for name in phantoms]
+    return phantom_jobs(config)
 
 
 def check(
@@ -83,16 +82,9 @@ def check(
     InputError
         If a setting is out of range or does not fit the others.
     """
-    _settings(phantom, phantoms)
+    settings_of_job(phantom, phantoms)
     require_count("sweeps", sweeps, 2)
-    if masks not in MASKS:
-        raise InputError(f"masks: expected {' or '.join(MASKS)}, received {masks!r}")
-    if (masks == "model") != (model_path is not None):
-        raise InputError(f"model_path: expected a network with masks=model only, received {model_path!r}")
-    if model_path is not None and not Path(model_path).is_file():
-        raise InputError(
-            f"model_path: expected a network trained by study=segmentation (model.pt), received {model_path!r}"
-        )
+    require_masks(masks, model_path)
 
 
 def run(
@@ -169,13 +161,13 @@ def run(
 
     del workspace
     check(phantom=phantom, phantoms=phantoms, sweeps=sweeps, masks=masks, model_path=model_path)
-    settings = _settings(phantom, phantoms)
+    settings = settings_of_job(phantom, phantoms)
     chain = Reconstruction(contours, filters, surface, smoothing, None, mask_outliers, pieces)
-    predictor = _predictor(model_path)
+    drawn_masks = masks_by(model_path)
     repeats = []
     for number in progress.track(range(sweeps), f"{settings.subset}: sweeps", sweeps):
-        truth = simulate_sweep(settings, number, pictures=predictor is not None)
-        repeats.append(tried(truth, chain, predictor, max_gap_s, (samples, seed)))
+        truth = simulate_sweep(settings, number, pictures=model_path is not None)
+        repeats.append(tried(truth, chain, drawn_masks(truth), max_gap_s, (samples, seed)))
     known = [repeat for repeat in repeats if repeat.row["error"] == ""]
     if not known:
         raise InputError(
@@ -239,22 +231,3 @@ def shown(cases: pd.DataFrame) -> Outcome:
         figures=figures(cases),
         findings=describe(cases),
     )
-
-
-def _settings(phantom: PhantomSettings, phantoms: Sequence[str]) -> PhantomSettings:
-    if len(phantoms) != 1:
-        raise InputError(f"phantoms: expected one phantom a job, received {len(phantoms)}")
-    if bool(phantom.mesh) != (phantoms[0] == MESH):
-        raise InputError(
-            f"phantoms: expected [{MESH}] with phantom.mesh and only then, received {phantoms[0]!r} "
-            f"and phantom.mesh={phantom.mesh!r}"
-        )
-    return replace(phantom, subset=phantoms[0])
-
-
-def _predictor(model_path: PathSetting | None) -> Predictor | None:
-    if model_path is None:
-        return None
-    from models.predictor import Predictor
-
-    return Predictor.load(model_path)

@@ -12,15 +12,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from experiments.analysis.registration.registered_sweep import RegisteredSweep
     from registration.phantom.scan import SimulatedSweep
 
 FRAMES_SHOWN = 6
 POINTS_SHOWN = 4000
-FOUND, TRUE = "tab:orange", "tab:cyan"
+FOUND, TRUE, DEFORMED = "tab:orange", "tab:cyan", "tab:purple"
 
 
 def figures(
-    truth: SimulatedSweep, masks: np.ndarray, cloud_mm: np.ndarray, ct_T_world: np.ndarray
+    truth: SimulatedSweep, masks: np.ndarray, cloud_mm: np.ndarray, registered: RegisteredSweep
 ) -> dict[str, Figure]:
     """Draw the figures of the study.
 
@@ -32,15 +33,15 @@ def figures(
         Masks that the network found.
     cloud_mm : ndarray, shape (p, 3)
         Point cloud in the world frame in mm.
-    ct_T_world : ndarray, shape (4, 4)
-        Pose that the registration found.
+    registered : RegisteredSweep
+        What the registration found.
 
     Returns
     -------
     dict
         Figures by file stem.
     """
-    return {"frames": _frames(truth, masks), "registration": _registration(truth, cloud_mm, ct_T_world)}
+    return {"frames": _frames(truth, masks), "registration": _registration(truth, cloud_mm, registered)}
 
 
 def _frames(truth: SimulatedSweep, masks: np.ndarray) -> Figure:
@@ -59,11 +60,15 @@ def _frames(truth: SimulatedSweep, masks: np.ndarray) -> Figure:
     return figure
 
 
-def _registration(truth: SimulatedSweep, cloud_mm: np.ndarray, ct_T_world: np.ndarray) -> Figure:
+def _registration(truth: SimulatedSweep, cloud_mm: np.ndarray, registered: RegisteredSweep) -> Figure:
     from matplotlib.figure import Figure
 
     rng = np.random.default_rng(0)
     model_mm = truth.model.sample(POINTS_SHOWN, rng)
+    ct_T_world, layers = registered.result.fixed_T_moving, [(model_mm, "0.75", 1.5, "Model from CT")]
+    if registered.deformed is not None:
+        there_mm = model_mm + registered.deformed.result.displacement(model_mm)
+        layers.append((there_mm, DEFORMED, 1.5, "Model after deformation"))
     shown = cloud_mm[rng.permutation(len(cloud_mm))[:POINTS_SHOWN]]
     figure = Figure(figsize=(9, 6), layout="constrained")
     figure.suptitle("Cloud of a simulated sweep on the model from CT, in CT coordinates")
@@ -73,13 +78,13 @@ def _registration(truth: SimulatedSweep, cloud_mm: np.ndarray, ct_T_world: np.nd
     axes_of = figure.subplots(2, 1, sharex=True)
     for axes, other in zip(axes_of, across, strict=True):
         for points, colour, size, label in (
-            (model_mm, "0.75", 1.5, "Model from CT"),
+            *layers,
             (transforms.apply(truth.ct_T_world, shown), TRUE, 6.0, "True pose"),
             (transforms.apply(ct_T_world, shown), FOUND, 1.0, "Registered"),
         ):
             axes.scatter(points[:, along], points[:, other], s=size, c=colour, label=label, linewidths=0)
         _label(axes, "xyz"[along], "xyz"[other])
-    figure.legend(*axes_of[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, markerscale=4)
+    figure.legend(*axes_of[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, markerscale=4)
     return figure
 
 

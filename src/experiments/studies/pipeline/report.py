@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from experiments import files
+from experiments.analysis.registration.deformed_model import (
+    deformed_record,
+    deformed_sentences,
+    write_deformed,
+)
 from experiments.analysis.registration.pose_scores import plain
 from experiments.analysis.registration.reconstruction_faults import numbers, sentences
+from experiments.analysis.registration.registered_sweep import LEVEL, RegisteredSweep, StageError
 from experiments.analysis.registration.simulated_truth import truth_record
 from experiments.outcome import Outcome
 from registration import transforms
@@ -22,13 +29,10 @@ if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
 
-    from registration.metrics.surface_distance import PoseError, SurfaceResiduals
+    from registration.metrics.surface_distance import SurfaceResiduals
     from registration.phantom.scan import SimulatedSweep
     from registration.pipeline import Reconstructed
-    from registration.rigid.result import RigidResult
 
-# Of the predicted interval.
-LEVEL = 0.9
 RESIDUALS = ("rmse_mm", "rmse_trimmed_mm", "rmse_bidirectional_mm", "hd95_mm", "inlier_share", "coverage")
 
 
@@ -62,28 +66,19 @@ class Registered:
         Why there is no surface; empty otherwise.
     left_out : LeftOut
         What the reconstruction left out.
-    result : RigidResult
-        Result of the registration.
-    residuals : SurfaceResiduals
-        Residuals between the cloud and the model.
-    error : PoseError
-        Error of the pose against the truth.
-    predicted_tre_mm : tuple of float
-        Ends in mm of the interval that is predicted for the error, where it is measured; NaN where none is predicted.
+    registered : RegisteredSweep
+        Results of the registration's stages, with their errors.
     """
 
     cloud_mm: np.ndarray
     built: Reconstructed | None
     refusal: str
     left_out: LeftOut
-    result: RigidResult
-    residuals: SurfaceResiduals
-    error: PoseError
-    predicted_tre_mm: tuple[float, float]
+    registered: RegisteredSweep
 
 
-def write(workspace: Path, truth: SimulatedSweep, found: Registered, name: str) -> None:
-    """Write cloud, surface, centerline, registered cloud, model, truth and result as files.
+def write(workspace: Path, truth: SimulatedSweep, found: Registered) -> None:
+    """Write cloud, surface, centerline, registered cloud, model, deformed model, truth and result as files.
 
     Parameters
     ----------
@@ -93,29 +88,32 @@ def write(workspace: Path, truth: SimulatedSweep, found: Registered, name: str) 
         Simulated sweep and its truth.
     found : Registered
         What the geometric half of the chain found.
-    name : str
-        Name of the registration method.
     """
     write_surface(workspace / "cloud.ply", found.cloud_mm)
     if found.built is not None:
         write_surface(workspace / "surface.ply", found.built.surface)
         if found.built.centerline is not None:
             write_centerline(workspace / "centerline.vtp", found.built.centerline)
-    write_surface(workspace / "moved.ply", transforms.apply(found.result.fixed_T_moving, found.cloud_mm))
+    registered, result = found.registered, found.registered.result
+    write_surface(workspace / "moved.ply", transforms.apply(result.fixed_T_moving, found.cloud_mm))
     write_surface(workspace / "model.ply", truth.model)
+    if registered.deformed is not None:
+        write_deformed(registered.deformed, workspace)
     # The cloud lies in the world and the model in the ct frame, so the truth is ct_T_world.
     files.write_text(workspace / "truth.json", json.dumps(truth_record(truth)))
-    result = found.result
+    deformed = deformed_record(registered.deformed, RESIDUALS)
     record = {
-        "rigid": name,
+        "rigid": registered.rigid,
         "fixed_T_moving": result.fixed_T_moving.tolist(),
         "verdict": result.verdict,
         "reason": result.reason,
         "predicted_tre_mm": {
-            **dict(zip(("low", "high"), map(plain, found.predicted_tre_mm), strict=True)),
+            **dict(zip(("low", "high"), map(plain, registered.error.predicted_mm), strict=True)),
             "level": LEVEL,
         },
-        "measured_tre_mm": float(found.error.tre_mm),
+        "measured_tre_mm": plain(registered.error.tre_mm),
+        "deformable": deformed and deformed | {"measured_tre_mm": plain(_after(registered).tre_mm)},
+        "deformable_refused": registered.refusal,
         "reconstruction": {"mask_check": found.left_out.masks, "surface": found.left_out.surface},
     }
     files.write_text(workspace / "registration.json", json.dumps(record))
@@ -127,7 +125,6 @@ def outcome(
     seconds: dict[str, float],
     truth: SimulatedSweep,
     masks: np.ndarray,
-    name: str,
     dropped: int,
 ) -> Outcome:
     """Collect metrics, tables, figures and findings of one registered sweep.
@@ -144,8 +141,6 @@ def outcome(
         Simulated sweep and its truth.
     masks : ndarray of bool, shape (n, h, w)
         Masks that the network found.
-    name : str
-        Name of the registration method.
     dropped : int
         Number of frames without a pose.
 
@@ -160,18 +155,7 @@ def outcome(
     from models.metrics.scoring import summarise
 
     scores = summarise({key: cases[key] for key in ("dsc", "hd95_mm", "missed", "false_alarm")})
-    measured = _measured(found)
-    row = {
-        "rigid": name,
-        "dsc": scores["dsc_mean"],
-        "rmse_mm": measured["rmse_mm"],
-        "tre_mm": measured["tre_mm"],
-        "verdict": found.result.verdict,
-    }
-    finding = (
-        f"{name}: {row['rmse_mm']:.2f} mm RMSE to the model and {row['tre_mm']:.2f} mm TRE on a simulated "
-        f"sweep whose frames were segmented with a mean DSC of {row['dsc']:.3f}."
-    )
+    measured, registered = _measured(found.registered), found.registered
     return Outcome(
         metrics={
             **scores,
@@ -183,27 +167,102 @@ def outcome(
         },
         cases=cases.assign(simulated=True),
         tables={
-            "One unseen sweep, simulated": pd.DataFrame([row]),
+            "One unseen sweep, simulated": pd.DataFrame(_rows(registered, scores["dsc_mean"])),
             "Seconds by stage": pd.DataFrame([seconds]),
         },
-        figures=figures(truth, masks, found.cloud_mm, found.result.fixed_T_moving),
-        findings=(finding, verdict_sentence(found.result), *_predicted(found), *_gaps(found)),
-        tags={"rigid": name, "simulated": "true", "verdict": found.result.verdict},
+        figures=figures(truth, masks, found.cloud_mm, registered),
+        findings=(_finding(registered, scores["dsc_mean"]), *_sentences(registered), *_gaps(found)),
+        tags={
+            "rigid": registered.rigid,
+            "deformable": registered.deformed.name if registered.deformed else "none",
+            "simulated": "true",
+            "verdict": registered.result.verdict,
+        },
     )
 
 
-def _predicted(found: Registered) -> tuple[str, ...]:
-    """The predicted error in a sentence, and the measured one beside it."""
-    sentence = predicted_sentence(*found.predicted_tre_mm, found.result.deformation)
-    return (f"{sentence} Measured: {length_mm(float(found.error.tre_mm))}.",) if sentence else ()
+def _rows(registered: RegisteredSweep, dsc: float) -> list[dict[str, Any]]:
+    """A row a stage: residual, error, and the error that was predicted."""
+    stages = [(registered.rigid, registered.residuals, registered.error, registered.result.verdict)]
+    if registered.deformed is not None:
+        deformed = registered.deformed
+        stages.append((deformed.name, deformed.residuals, _after(registered), deformed.result.verdict))
+    return [
+        {
+            "stage": name,
+            "dsc": dsc,
+            "rmse_mm": residuals.rmse_mm,
+            "tre_mm": error.tre_mm,
+            "predicted_low_mm": error.predicted_mm[0],
+            "predicted_high_mm": error.predicted_mm[1],
+            "verdict": verdict,
+        }
+        for name, residuals, error, verdict in stages
+    ]
 
 
-def _measured(found: Registered) -> dict[str, float]:
-    """Residuals and pose errors by the names of their metrics."""
-    residuals = {key: float(getattr(found.residuals, key)) for key in RESIDUALS}
+def _after(registered: RegisteredSweep) -> StageError:
+    """The error after the last stage."""
+    return registered.deformed_error or registered.error
+
+
+def _finding(registered: RegisteredSweep, dsc: float) -> str:
+    """The chain in a sentence: how well the frames were segmented, and how far the model is off in the end."""
+    last = registered.deformed.name if registered.deformed else registered.rigid
+    after = ""
+    if registered.deformed_error is not None:
+        after = f", {length_mm(registered.deformed_error.tre_mm)} after {last}"
+    return (
+        f"{registered.rigid}: {registered.residuals.rmse_mm:.2f} mm RMSE to the model and "
+        f"{length_mm(registered.error.tre_mm)} TRE{after}, on a simulated sweep whose frames were segmented with a "
+        f"mean DSC of {dsc:.3f}. The TRE is to where tissue was swept; against the best rigid pose "
+        f"it is {length_mm(registered.pose.tre_mm)}."
+    )
+
+
+def _sentences(registered: RegisteredSweep) -> tuple[str, ...]:
+    """Verdicts, and the predicted errors with the measured ones."""
+    said = [verdict_sentence(registered.result)]
+    sentence = predicted_sentence(*registered.error.predicted_mm, registered.result.deformation)
+    if sentence:
+        said.append(f"{sentence} Measured: {length_mm(registered.error.tre_mm)}.")
+    if registered.refusal:
+        said.append(f"No deformable registration: {registered.refusal}.")
+    if registered.deformed is not None:
+        said += deformed_sentences(registered.deformed, registered.residuals.rmse_mm)
+    if registered.deformed_error is not None:
+        low_mm, high_mm = registered.deformed_error.predicted_mm
+        predicted = (
+            f"predicted {length_mm(low_mm)} to {length_mm(high_mm)}; " if math.isfinite(high_mm) else ""
+        )
+        said.append(
+            f"At the targets after it: {predicted}measured {length_mm(registered.deformed_error.tre_mm)}, "
+            f"{length_mm(registered.error.tre_mm)} before."
+        )
+    return tuple(said)
+
+
+def _measured(registered: RegisteredSweep) -> dict[str, float]:
+    """Residuals and errors by the names of their metrics."""
+    found = _stage_metrics(registered.residuals, registered.error)
+    # Against the best rigid pose: what no rigid pose undoes is left out.
+    found |= {key: float(value) for key, value in vars(registered.pose).items() if not key.startswith("tre")}
+    found["tre_rigid_mm"] = registered.pose.tre_mm
+    if registered.deformed is not None:
+        deformed = registered.deformed
+        after = _stage_metrics(deformed.residuals, _after(registered))
+        found |= {f"deformed_{key}": value for key, value in after.items()}
+        found |= {key: float(value) for key, value in vars(deformed.result.plausibility).items()}
+    return found
+
+
+def _stage_metrics(residuals: SurfaceResiduals, error: StageError) -> dict[str, float]:
+    found = {key: float(getattr(residuals, key)) for key in RESIDUALS}
     # hd95_mm of a case is that of masks; the surfaces' own goes by its place in the chain.
-    residuals["surface_hd95_mm"] = residuals.pop("hd95_mm")
-    return residuals | {key: float(value) for key, value in vars(found.error).items()}
+    found["surface_hd95_mm"] = found.pop("hd95_mm")
+    names = ("tre_mm", "tre_max_mm", "tre_covered_mm", "tre_uncovered_mm")
+    # What is not defined, such as the uncovered part of a vessel that was swept whole, is no failure.
+    return found | {key: value for key in names if math.isfinite(value := getattr(error, key))}
 
 
 def _gaps(found: Registered) -> tuple[str, ...]:

@@ -9,15 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.analysis.registration.reconstruction_faults import mask_record, surface_record
-from experiments.analysis.registration.simulated_truth import targets_of
+from experiments.analysis.registration.registered_sweep import RegistrationStages
 from experiments.errors import InputError
 from experiments.inputs.surfaces import one_method
 from experiments.outcome import Outcome, Progress
 from experiments.paths import PathSetting
-from experiments.studies.pipeline.report import LEVEL, LeftOut, Registered, outcome, write
+from experiments.studies.pipeline.report import LeftOut, Registered, outcome, write
 from registration.centerline.extractor import CenterlineExtractor
 from registration.errors import InputError as RegistrationInputError
-from registration.metrics.surface_distance import PoseError, pose_error, surface_residuals
 from registration.phantom.scan import simulate_sweep
 from registration.phantom.settings import PhantomSettings
 from registration.pipeline import STAGES, CloudFilter, Gathered, Reconstructed, Reconstruction, timed
@@ -32,22 +31,27 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from registration.phantom.scan import SimulatedSweep
-    from registration.rigid.result import RigidResult
 
 
-def check(*, model_path: PathSetting) -> None:
-    """Check that the network exists.
+def check(*, model_path: PathSetting, rigid: Mapping[str, Any], deformable: Mapping[str, Any]) -> None:
+    """Check that the network exists, and that there is one method a stage.
 
     Parameters
     ----------
     model_path : PathSetting
         File of a model; its thresholds and morphology make the masks.
+    rigid : Mapping[str, Any]
+        Settings of exactly one rigid registration method by its name.
+    deformable : Mapping[str, Any]
+        Settings of exactly one deformable registration method by its name; ``none`` for no such method.
 
     Raises
     ------
     InputError
-        If ``model_path`` is no file.
+        If ``model_path`` is no file, or a stage has no method or several.
     """
+    one_method(rigid)
+    one_method(deformable, "deformable")
     if not Path(model_path).is_file():
         raise InputError(
             f"model_path: expected a model file or a network trained by study=segmentation (model.pt), received "
@@ -66,6 +70,7 @@ def run(
     smoothing: TaubinSmoothing,
     centerline: CenterlineExtractor,
     rigid: Mapping[str, Any],
+    deformable: Mapping[str, Any],
     model_path: PathSetting,
     sweep_index: int,
     max_gap_s: float,
@@ -76,11 +81,12 @@ def run(
     workspace: Path,
     progress: Progress,
 ) -> Outcome:
-    """Simulate a sweep, segment it, reconstruct the vessel and register it to the phantom's model.
+    """Simulate a sweep, segment it, reconstruct the vessel, register it to the phantom's model and deform the model.
 
     Leaves ``cloud.ply``, ``surface.ply`` and ``centerline.vtp`` (world, mm), ``moved.ply`` and ``model.ply``
-    (ct, mm), ``truth.json`` and ``registration.json`` in ``workspace``. Points of which no surface can be
-    made are registered all the same.
+    (ct, mm), ``truth.json`` and ``registration.json`` in ``workspace``, and after a deformable stage
+    ``model_deformed.ply``, ``moved_deformed.ply`` and the displacement. Points of which no surface can be made are
+    registered all the same.
 
     Parameters
     ----------
@@ -102,6 +108,8 @@ def run(
         Extraction of the centerline.
     rigid : Mapping[str, Any]
         Settings of exactly one rigid registration method by its name.
+    deformable : Mapping[str, Any]
+        Settings of exactly one deformable registration method by its name; ``none`` for no such method.
     model_path : PathSetting
         File of a model; its thresholds and morphology make the masks.
     sweep_index : int
@@ -133,7 +141,6 @@ def run(
     """
     from models.predictor import Predictor
 
-    name, method = one_method(rigid)
     chain = Reconstruction(contours, filters, surface, smoothing, centerline, mask_outliers, pieces)
     seconds: dict[str, float] = {}
     progress.note("simulating the sweep")
@@ -147,37 +154,16 @@ def run(
     if not (values[posed.kept] >= contours.level).any():
         raise InputError(f"model_path: expected a network that finds the vessel, {model_path} found none")
     gathered, built, refusal = _reconstructed(chain, values[posed.kept], posed.world_A_pixel, seconds)
-    cloud, cloud_mm = gathered.cloud, gathered.cloud.points_mm
-    progress.note(f"registering {len(cloud_mm)} points by {name}")
-    fixed_mm = _drawn(truth, fixed_points, seed)
-    with timed(seconds, "registration_s"):
-        result: RigidResult = method(cloud_mm, fixed_mm, None, moving_frame=cloud.frame_index)
-    residuals = surface_residuals(
-        cloud_mm, truth.model, result.fixed_T_moving, inlier_mm=inlier_mm, keep=keep, seed=seed
-    )
     left_out = LeftOut(
         mask_record(gathered, posed.kept), None if built is None else surface_record(built, posed.kept)
     )
-    found = Registered(cloud_mm, built, refusal, left_out, result, residuals, *_target_error(truth, result))
-    write(workspace, truth, found, name)
+    progress.note(f"registering {len(gathered.cloud)} points by {', '.join([*rigid, *deformable])}")
+    stages = RegistrationStages(rigid, deformable, fixed_points, inlier_mm, keep, seed)
+    placed = stages(truth, gathered.cloud, posed.kept, seconds)
+    found = Registered(gathered.cloud.points_mm, built, refusal, left_out, placed)
+    write(workspace, truth, found)
     masks = values >= 0.5
-    return outcome(
-        _score_frames(masks, truth), found, seconds, truth, masks, name, sum(posed.dropped.values())
-    )
-
-
-def _target_error(truth: SimulatedSweep, result: RigidResult) -> tuple[PoseError, tuple[float, float]]:
-    """Error at the targets against the exact pose, and the interval that the result predicts for it."""
-    targets_mm = targets_of(truth)
-    return (
-        pose_error(result.fixed_T_moving, truth.ct_T_world, targets_mm),
-        result.tre_interval_mm(targets_mm, LEVEL),
-    )
-
-
-def _drawn(truth: SimulatedSweep, count: int, seed: int) -> np.ndarray:
-    """Points of the fixed model, uniformly by area, (count, 3), in mm in the ct frame."""
-    return truth.model.sample(count, np.random.default_rng([seed, 1]))
+    return outcome(_score_frames(masks, truth), found, seconds, truth, masks, sum(posed.dropped.values()))
 
 
 def _reconstructed(

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.analysis.registration.deformed_model import Deformed, deformed_record
 from experiments.analysis.registration.pose_scores import plain
-from experiments.studies.register.deformed import Deformed, deformed_record
+from experiments.studies.register.carried import Carried, carried_record
 from experiments.studies.register.pair import Pair
 from experiments.studies.register.truth import KnownTruth
 from registration.geometry.shapes import Mesh
@@ -45,6 +46,8 @@ class Registered:
         Result of the deformable stage; None without one.
     refusal : str, optional
         Why there is none where one was asked for; empty otherwise.
+    carried : Carried, optional
+        What the deformable stage carries along, and how it used the landmarks.
     """
 
     name: str
@@ -54,6 +57,7 @@ class Registered:
     truth: KnownTruth | None = None
     deformed: Deformed | None = None
     refusal: str = ""
+    carried: Carried = field(default_factory=Carried)
 
     @property
     def landmark_errors_mm(self) -> np.ndarray | None:
@@ -130,10 +134,17 @@ def record(found: Registered) -> dict[str, Any]:
             )
         },
         "landmarks": _landmarks(found),
-        "deformable": deformed_record(found.deformed, (*LENGTHS, *SHARES)),
+        "deformable": _deformable(found),
         "candidates": [_candidate(candidate) for candidate in result.candidates],
         "runtime_s": result.runtime_s,
     }
+
+
+def _deformable(found: Registered) -> dict[str, Any] | None:
+    deformed = deformed_record(found.deformed, (*LENGTHS, *SHARES))
+    if deformed is None or found.deformed is None:
+        return None
+    return deformed | carried_record(found.carried, found.deformed, found.pair, found.result.fixed_T_moving)
 
 
 def _predicted_tre(found: Registered) -> dict[str, Any]:
@@ -183,7 +194,7 @@ def _landmarks(found: Registered) -> dict[str, Any] | None:
 
 def _candidate(candidate: Candidate) -> dict[str, Any]:
     """Every field of a candidate under its own name, arrays as lists and what is not known as null."""
-    entries = {field.name: getattr(candidate, field.name) for field in fields(candidate)}
+    entries = {each.name: getattr(candidate, each.name) for each in fields(candidate)}
     return {key: _plain(value) for key, value in entries.items()}
 
 

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from experiments import files
+from experiments.analysis.registration.deformed_model import Deformed, deformed_sentences, write_deformed
 from experiments.outcome import Outcome
-from experiments.studies.register.deformed import deformed_sentences, write_deformed
+from experiments.studies.register.carried import landmark_errors_mm, write_carried
 from experiments.studies.register.record import LENGTHS, SHARES, Registered, record
 from experiments.studies.register.scene import register_scene
 from registration.geometry.shapes import transformed
@@ -52,6 +53,7 @@ def write(found: Registered, workspace: Path) -> None:
     write_transform(workspace / "fixed_T_moving.h5", pose)
     if found.deformed is not None:
         write_deformed(found.deformed, workspace)
+        write_carried(found.carried, found.deformed, found.pair, pose, workspace)
     residual, verdict, *more = _findings(found)
     rival = found.result.rival_fixed_T_moving if found.result.verdict == AMBIGUOUS else None
     scene = register_scene(found.pair, pose, found.name, (verdict, *more, residual), rival, found.deformed)
@@ -118,6 +120,9 @@ def _of_deformed(found: Registered) -> dict[str, float]:
     metrics = {f"deformed_{key}": float(getattr(found.deformed.residuals, key)) for key in LENGTHS}
     metrics |= {"deformation_mm": result.size_mm, "strain_p95": result.plausibility.strain_p95}
     metrics |= {"jacobian_min": result.plausibility.jacobian_min, "deformable_runtime_s": result.runtime_s}
+    errors_mm = landmark_errors_mm(found.deformed, found.pair, found.result.fixed_T_moving)
+    if errors_mm is not None:
+        metrics["deformed_landmark_error_mm"] = rms(errors_mm)
     metrics |= {"deformed_predicted_tre_low_mm": low_mm, "deformed_predicted_tre_high_mm": high_mm}
     return {key: value for key, value in metrics.items() if math.isfinite(value)}
 
@@ -127,7 +132,8 @@ def _files_of_deformed(found: Registered) -> list[str]:
         return []
     return [
         "moved_deformed.ply is the moved surface after both stages, model_deformed.ply the model where the sweep has "
-        "seen it, displacement.npz, .nrrd and .h5 the displacement of the model (ITK, 3D Slicer)."
+        "seen it, displacement.npz, .nrrd and .h5 the displacement of the model (ITK, 3D Slicer); "
+        "registration.json lists what was carried along."
     ]
 
 
@@ -168,7 +174,22 @@ def _findings(found: Registered) -> tuple[str, ...]:
         sentences.append(f"No deformable registration followed: {found.refusal}.")
     if found.deformed is not None:
         sentences += deformed_sentences(found.deformed, residuals.rmse_mm)
+        sentences += _of_landmarks_after(found, found.deformed)
     return tuple(sentences)
+
+
+def _of_landmarks_after(found: Registered, deformed: Deformed) -> list[str]:
+    errors_mm = landmark_errors_mm(deformed, found.pair, found.result.fixed_T_moving)
+    if errors_mm is None:
+        return []
+    sentence = (
+        f"After the deformable stage they lie {rms(errors_mm):.2f} mm apart, {errors_mm.max():.2f} mm at most"
+    )
+    if found.carried.landmark_deviation_mm is None:
+        return [f"{sentence}."]
+    return [
+        f"{sentence}; they pulled there (landmark_deviation_mm), so that this is a residual and no error."
+    ]
 
 
 def _of_overlap(result: RigidResult) -> list[str]:

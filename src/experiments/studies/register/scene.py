@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from experiments.analysis.registration.deformed_model import Deformed
 from experiments.reporting.scene import CloudLayer, LineLayer, Scene, SurfaceLayer
 from experiments.reporting.scene_layers import BLUE, GREEN, GREY, ORANGE, RED
-from experiments.studies.register.deformed import Deformed
 from experiments.studies.register.pair import Pair
 from registration import transforms
 from registration.geometry.shapes import Mesh, Surface, diagonal_mm, points_of, with_points

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -11,8 +11,9 @@ import numpy as np
 from experiments.inputs.surfaces import one_method
 from experiments.outcome import Outcome, Progress
 from experiments.paths import PathSetting
+from experiments.studies.register.carried import Carried, read_carried
 from experiments.studies.register.centerlines import bends, centerline_candidates
-from experiments.studies.register.deformed import deform, require_side
+from experiments.studies.register.deformed import deform, model_side_of, require_constraints, require_side
 from experiments.studies.register.pair import Pair, SideFiles, read_pair
 from experiments.studies.register.record import Registered
 from experiments.studies.register.report import outcome, write
@@ -52,6 +53,8 @@ def check(
     rigid: Mapping[str, Any],
     deformable: Mapping[str, Any],
     model_side: str | None,
+    landmark_deviation_mm: float | None,
+    carry: Sequence[PathSetting],
     initial: PathSetting | None,
     search_cone_deg: float | None,
     search_radius_mm: float | None,
@@ -80,6 +83,11 @@ def check(
     model_side : str or None
         Side of the whole model, whose material is displaced: fixed or moving; None for the side that is no sweep, or
         the longer one.
+    landmark_deviation_mm : float or None
+        Standard deviation in mm per coordinate of landmarks as constraints of the deformable stage; None where they
+        only measure the error.
+    carry : sequence of PathSetting
+        Further surfaces in the coordinate frame of the model's side, which the displacement is to carry along.
     initial : PathSetting or None
         File of a known pose; None for the pose of the landmarks, or none.
     search_cone_deg : float or None
@@ -106,13 +114,13 @@ def check(
     one_method(deformable, "deformable")
     require_side(model_side)
     read_known_truth(truth)
-    read_pair(
+    sides = (
         SideFiles("moving", moving, moving_unit, moving_space, moving_centerline, moving_landmarks),
         SideFiles("fixed", fixed, fixed_unit, fixed_space, fixed_centerline, fixed_landmarks),
-        initial,
-        search_cone_deg,
-        search_radius_mm,
     )
+    pair = read_pair(*sides, initial, search_cone_deg, search_radius_mm)
+    require_constraints(landmark_deviation_mm, pair)
+    read_carried(carry, sides[model_side_of(model_side, pair) == "fixed"])
 
 
 def run(
@@ -122,6 +130,8 @@ def run(
     rigid: Mapping[str, Any],
     deformable: Mapping[str, Any],
     model_side: str | None,
+    landmark_deviation_mm: float | None,
+    carry: Sequence[PathSetting],
     initial: PathSetting | None,
     search_cone_deg: float | None,
     search_radius_mm: float | None,
@@ -161,6 +171,11 @@ def run(
     model_side : str or None
         Side of the whole model, whose material is displaced: fixed or moving; None for the side that is no sweep, or
         the longer one.
+    landmark_deviation_mm : float or None
+        Standard deviation in mm per coordinate of landmarks as constraints of the deformable stage; None where they
+        only measure the error.
+    carry : sequence of PathSetting
+        Further surfaces in the coordinate frame of the model's side, which the displacement is to carry along.
     initial : PathSetting or None
         File of a known pose; None for the pose of the landmarks, or none.
     search_cone_deg : float or None
@@ -201,13 +216,13 @@ def run(
         If the files cannot be registered.
     """
     name, method = one_method(rigid)
-    pair = read_pair(
+    sides = (
         SideFiles("moving", moving, moving_unit, moving_space, moving_centerline, moving_landmarks),
         SideFiles("fixed", fixed, fixed_unit, fixed_space, fixed_centerline, fixed_landmarks),
-        initial,
-        search_cone_deg,
-        search_radius_mm,
     )
+    pair = read_pair(*sides, initial, search_cone_deg, search_radius_mm)
+    side = model_side_of(model_side, pair)
+    carried = Carried(read_carried(carry, sides[side == "fixed"]), landmark_deviation_mm)
     progress.note(f"registering {pair.moving.path.name} to {pair.fixed.path.name} by {name}")
     result = _registered(method, pair, moving_points, fixed_points, seed)
     residuals = surface_residuals(
@@ -224,10 +239,10 @@ def run(
         progress.note(f"deforming by {second}")
         points = {"moving": moving_points, "fixed": fixed_points}
         deformed, refusal = deform(
-            second, deformable_stage, pair, result, model_side,
+            second, deformable_stage, pair, result, side, landmark_deviation_mm,
             points=points, inlier_mm=inlier_mm, keep=keep, seed=seed,
         )  # fmt: skip
-    found = Registered(name, pair, result, residuals, read_known_truth(truth), deformed, refusal)
+    found = Registered(name, pair, result, residuals, read_known_truth(truth), deformed, refusal, carried)
     write(found, workspace)
     return outcome(found)
 

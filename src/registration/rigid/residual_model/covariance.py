@@ -89,6 +89,9 @@ class CovarianceParts:
         self._away_mm = np.sqrt(squared_mm2)
         each = [np.exp(-0.5 * squared_mm2 / length_mm**2) for length_mm in BORDER_LENGTHS_MM]
         self._border: np.ndarray = sum(each) / len(each)
+        if residuals.on_wall is not None:
+            self._border *= np.outer(residuals.on_wall, residuals.on_wall)
+        self._noise = np.ones(len(squared_mm2)) if residuals.own_noise is None else residuals.own_noise
         self._jitter: np.ndarray | None = None
         if residuals.shared_frames is not None:
             shared = residuals.shared_frames * self.facing
@@ -130,7 +133,7 @@ class CovarianceParts:
             covariance += ratios.displacement * self.displacement(ratios.length_mm)
         if ratios.jitter > 0 and self._jitter is not None:
             covariance += ratios.jitter * self._jitter
-        covariance[np.diag_indices(len(covariance))] += 1.0
+        covariance[np.diag_indices(len(covariance))] += self._noise
         return covariance
 
 

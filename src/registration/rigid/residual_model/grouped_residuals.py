@@ -52,6 +52,10 @@ class GroupedResiduals:
         Root mean square of the points' gaps around the mean of their group, in mm.
     group_points : float
         Mean number of points in a group.
+    own_noise : ndarray, shape (g,), or None, optional
+        Variance of the noise of each residual over that of a group of the wall; None for 1 everywhere.
+    on_wall : ndarray of bool, shape (g,), or None, optional
+        Which residuals are of the wall, whose border has an error of its own; None for all.
     """
 
     centre_mm: Float64[np.ndarray, "3"]
@@ -64,6 +68,8 @@ class GroupedResiduals:
     share: float
     noise_mm: float
     group_points: float
+    own_noise: Float64[np.ndarray, " g"] | None = None
+    on_wall: Bool[np.ndarray, " g"] | None = None
 
     def motions(self, motion_mm: Float64[np.ndarray, "k u"]) -> Float64[np.ndarray, "k 4 4"]:
         """Turn small motions into transforms.

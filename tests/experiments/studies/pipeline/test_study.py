@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,6 +17,7 @@ from experiments.studies.pipeline import study as pipeline
 from models.predictor import Predictor
 from registration import transforms
 from registration.centerline.extractor import CenterlineExtractor
+from registration.cpd import CoherentPointDrift
 from registration.errors import InputError as RegistrationInputError
 from registration.geometry.shapes import Mesh
 from registration.io.surfaces import read_centerline, read_surface
@@ -66,7 +68,7 @@ def run(workspace: Path, **changes: Any) -> Any:
         "phantom": RIGID_PHANTOM, "mask_outliers": MaskOutliers(), "pieces": VesselPieces(),
         "contours": ContourExtractor(), "filters": {"voxel": VoxelDownsampling(0.5)},
         "surface": PoissonSurface(cell_mm=0.9, bridge_mm=3.0), "smoothing": TaubinSmoothing(),
-        "centerline": CenterlineExtractor(), "rigid": {"multistart": MultiStartICP()},
+        "centerline": CenterlineExtractor(), "rigid": {"multistart": MultiStartICP()}, "deformable": {"none": None},
         "model_path": "model.pt", "sweep_index": 3, "max_gap_s": 0.1, "fixed_points": 5000,
         "inlier_mm": 1.0, "keep": 0.9, "seed": 0, "workspace": workspace, "progress": Silent(),
     }  # fmt: skip
@@ -149,3 +151,48 @@ def test_the_filters_thin_the_cloud(oracle: dict[str, Any], tmp_path: Path) -> N
     fine = run(tmp_path / "a", filters={"voxel": VoxelDownsampling(0.4)})
     coarse = run(tmp_path / "b", filters={"voxel": VoxelDownsampling(1.5)})
     assert coarse.metrics["points"] < 0.4 * fine.metrics["points"]
+
+
+def test_the_deformed_model_lies_nearer_to_where_tissue_was_swept(
+    oracle: dict[str, Any], tmp_path: Path
+) -> None:
+    bent = replace(RIGID_PHANTOM, deformation=Deformation(bend_mm=3.0, pressure_mm=0.0))
+    outcome = run(tmp_path, phantom=bent, deformable={"cpd": CoherentPointDrift()})
+
+    assert outcome.metrics["deformed_tre_covered_mm"] < 0.8 * outcome.metrics["tre_covered_mm"]
+    assert outcome.metrics["deformed_rmse_mm"] < outcome.metrics["rmse_mm"]
+    assert outcome.metrics["jacobian_min"] > 0.5
+    record = json.loads((tmp_path / "registration.json").read_text())
+    assert record["deformable"]["verdict"] == "deformed"
+    assert record["deformable"]["measured_tre_mm"] == pytest.approx(outcome.metrics["deformed_tre_mm"])
+    # The displaced model's file is what the error speaks of: its vertices, where tissue was swept by the found pose.
+    model, deformed = (read_surface(tmp_path / name) for name in ("model.ply", "model_deformed.ply"))
+    assert isinstance(model, Mesh)
+    assert isinstance(deformed, Mesh)
+    truth = oracle["truth"]
+    swept_mm = transforms.apply(
+        np.array(record["fixed_T_moving"]) @ transforms.invert_rigid(truth.ct_T_world),
+        truth.deformation.as_swept(model.vertices_mm),
+    )
+    before_mm, after_mm = (
+        np.linalg.norm(surface.vertices_mm - swept_mm, axis=1).mean() for surface in (model, deformed)
+    )
+    assert after_mm < 0.8 * before_mm
+    assert [row["stage"] for _, row in outcome.tables["One unseen sweep, simulated"].iterrows()] == [
+        "multistart",
+        "cpd",
+    ]
+
+
+def test_a_refused_deformable_stage_leaves_the_rigid_result(oracle: dict[str, Any], tmp_path: Path) -> None:
+    def refused(*_: object, **__: object) -> None:
+        raise RegistrationInputError("moving_mm: expected points near the fixed ones, received none")
+
+    outcome = run(tmp_path, deformable={"cpd": refused})
+    assert outcome.metrics["tre_mm"] < 0.5
+    assert "deformed_tre_mm" not in outcome.metrics
+    said = "No deformable registration: fixed: expected points near the fixed ones, received none."
+    assert said in outcome.findings
+    record = json.loads((tmp_path / "registration.json").read_text())
+    assert record["deformable"] is None
+    assert record["deformable_refused"].startswith("fixed: expected points")

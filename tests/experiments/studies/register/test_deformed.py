@@ -18,10 +18,15 @@ from experiments.errors import InputError
 from experiments.inputs.surfaces import one_method
 from experiments.outcome import Outcome, Silent
 from experiments.studies.register import study as register
-from experiments.studies.register.deformed import require_side
+from experiments.studies.register.carried import CENTERLINES, read_carried
+from experiments.studies.register.deformed import require_constraints, require_side
+from experiments.studies.register.pair import SideFiles, read_pair
 from registration import transforms
 from registration.cpd import CoherentPointDrift
-from registration.geometry.shapes import Mesh
+from registration.errors import InputError as RegistrationInputError
+from registration.geometry.shapes import Centerline, Mesh, Polyline
+from registration.io.centerlines import read_centerline_table, write_centerline
+from registration.io.landmarks import Landmarks, read_landmarks, write_landmarks
 from registration.io.surfaces import read_surface, write_surface
 from registration.io.transforms import write_transform
 from registration.metrics.surface_distance import SurfaceDistance, rms
@@ -65,7 +70,14 @@ def folder(tmp_path: Path) -> Path:
 
 
 def run(folder: Path, moving: str, fixed: str, **change: Any) -> tuple[Outcome, dict[str, Any]]:
-    nothing = ("search_cone_deg", "search_radius_mm", "truth", "moving_landmarks", "fixed_landmarks")
+    nothing = (
+        "landmark_deviation_mm",
+        "search_cone_deg",
+        "search_radius_mm",
+        "truth",
+        "moving_landmarks",
+        "fixed_landmarks",
+    )
     nothing += (
         "moving_centerline",
         "fixed_centerline",
@@ -80,6 +92,7 @@ def run(folder: Path, moving: str, fixed: str, **change: Any) -> tuple[Outcome, 
         "rigid": {"single_icp": SingleStartICP()},
         "deformable": {"cpd": CoherentPointDrift()},
         "model_side": "fixed",
+        "carry": [],
         "initial": str(folder / "near.h5"),
         **dict.fromkeys(nothing),
         "moving_points": 2500,
@@ -186,3 +199,83 @@ def test_the_options_build(option: str) -> None:
         assert method == CoherentPointDrift()
     if option == "cpd_point":
         assert method == CoherentPointDrift("point")
+
+
+def marked(folder: Path, moving_of_model: bool) -> dict[str, Any]:
+    """Landmarks on the axis of the tube, as both sides have them, and a centerline of the model next to it."""
+    own_mm = MIDDLE_MM + np.linspace(-25, 25, 5)[:, None] * AXIS[0] + np.array([[0, 0, 0], [0, 3, 0]] * 3)[:5]
+    there_mm = own_mm + bend(own_mm)
+    world_mm = transforms.apply(transforms.invert_rigid(POSE), own_mm if moving_of_model else there_mm)
+    names = tuple("abcde")
+    write_landmarks(folder / "moving.mrk.json", Landmarks(names, world_mm))
+    write_landmarks(folder / "fixed.mrk.json", Landmarks(names, there_mm if moving_of_model else own_mm))
+    line_mm = transforms.apply(transforms.invert_rigid(POSE), own_mm) if moving_of_model else own_mm
+    model = "model_moving" if moving_of_model else "model"
+    write_centerline(folder / f"{model}_line.csv", Centerline((Polyline(line_mm, np.ones(5)),)))
+    write_surface(folder / "plaque.ply", line_mm + 0.5)
+    side = "moving" if moving_of_model else "fixed"
+    return {
+        "moving_landmarks": str(folder / "moving.mrk.json"),
+        "fixed_landmarks": str(folder / "fixed.mrk.json"),
+        f"{side}_centerline": str(folder / f"{model}_line.csv"),
+        "carry": [str(folder / "plaque.ply")],
+    }
+
+
+@pytest.mark.parametrize("side", ["fixed", "moving"])
+def test_centerline_landmarks_and_other_surfaces_are_carried_along(folder: Path, side: str) -> None:
+    moving, fixed = ("swept", "model") if side == "fixed" else ("model_moving", "bent")
+    outcome, told = run(folder, moving, fixed, model_side=side, **marked(folder, side == "moving"))
+    block = told["deformable"]
+    carried = [*CENTERLINES, "landmarks_deformed.mrk.json", "plaque_carried.ply"]
+    assert block["carried"] == carried
+    assert FILES | set(carried) == {path.name for path in (folder / "out").iterdir()}
+    # Not used as constraints they measure the error, which the deformable stage lowers.
+    assert block["landmarks"]["constraints"] is False
+    assert block["landmarks"]["error_mm"] < 0.9 * told["landmarks"]["error_mm"]
+    assert outcome.metrics["deformed_landmark_error_mm"] == pytest.approx(block["landmarks"]["error_mm"])
+    # All three lie where the landmarks of the sweep do, by one field.
+    marks = read_landmarks(folder / "out" / "landmarks_deformed.mrk.json")
+    assert marks.names == tuple("abcde")
+    (line,) = read_centerline_table(folder / "out" / "centerline_deformed.csv").lines
+    np.testing.assert_allclose(line.points_mm, marks.points_mm, atol=1e-4)
+    plaque_mm = np.asarray(read_surface(folder / "out" / "plaque_carried.ply"))
+    np.testing.assert_allclose(
+        np.linalg.norm(plaque_mm - marks.points_mm, axis=1), 0.5 * np.sqrt(3), atol=0.1
+    )
+    pose = np.array(told["fixed_T_moving"])
+    sweep = read_landmarks(folder / ("moving.mrk.json" if side == "fixed" else "fixed.mrk.json")).points_mm
+    there_mm = transforms.apply(pose, sweep) if side == "fixed" else sweep
+    assert rms(np.linalg.norm(marks.points_mm - there_mm, axis=1)) == pytest.approx(
+        block["landmarks"]["error_mm"]
+    )
+
+
+def test_landmarks_that_pull_are_no_error_any_more(folder: Path) -> None:
+    given = marked(folder, False)
+    _, free = run(folder, "swept", "model", **given)
+    outcome, told = run(folder, "swept", "model", **given, landmark_deviation_mm=0.1)
+    block = told["deformable"]["landmarks"]
+    assert block["constraints"] is True and block["deviation_mm"] == 0.1
+    assert block["error_mm"] < free["deformable"]["landmarks"]["error_mm"]
+    assert any("this is a residual and no error" in finding for finding in outcome.findings)
+
+
+def test_constraints_and_carried_surfaces_that_are_none_are_refused(folder: Path) -> None:
+    pair = read_pair(
+        SideFiles("moving", str(folder / "swept.ply")), SideFiles("fixed", str(folder / "model.ply"))
+    )
+    with pytest.raises(
+        InputError, match="landmark_deviation_mm: expected moving_landmarks and fixed_landmarks"
+    ):
+        require_constraints(0.5, pair)
+    with pytest.raises(RegistrationInputError, match="landmark_deviation_mm"):
+        require_constraints(-1.0, pair)
+    model = SideFiles("fixed", str(folder / "model.ply"))
+    plaque = str(folder / "bent.ply")
+    with pytest.raises(InputError, match="carry: expected files of different names, received bent twice"):
+        read_carried([plaque, plaque], model)
+    with pytest.raises(InputError, match="carry: expected a list of files"):
+        read_carried(plaque, model)
+    with pytest.raises(InputError, match=r"nothing\.ply"):
+        read_carried([str(folder / "nothing.ply")], model)

@@ -76,6 +76,8 @@ GIVEN = (
     "rigid",
     "deformable",
     "model_side",
+    "landmark_deviation_mm",
+    "carry",
     "initial",
     "search_cone_deg",
     "search_radius_mm",
@@ -106,6 +108,7 @@ def settings(folder: Path, **change: Any) -> dict[str, Any]:
         "rigid": {"multistart": MultiStartICP()},
         "deformable": {"none": None},
         **dict.fromkeys(GIVEN[4:]),
+        "carry": [],
         "moving_points": 1200,
         "fixed_points": 2500,
         "inlier_mm": 1.0,
@@ -302,7 +305,10 @@ def test_landmarks_are_where_the_search_begins_and_are_always_reported(folder: P
     moving_mm = moving_mm + np.random.default_rng(0).normal(size=moving_mm.shape)
     write_landmarks(folder / "moving.mrk.json", moving_mm)
     write_landmarks(folder / "fixed.mrk.json", fixed_mm)
-    given = {name: str(folder / f"{name.partition('_')[0]}.mrk.json") for name in GIVEN[9:11]}
+    given = {
+        name: str(folder / f"{name.partition('_')[0]}.mrk.json")
+        for name in ("moving_landmarks", "fixed_landmarks")
+    }
     single = {"single_icp": SingleStartICP()}
     _, without = run(folder, rigid=single)
     assert without["landmarks"] is None
@@ -325,7 +331,10 @@ def test_axes_that_are_wrong_are_absorbed_by_the_search_and_shown_by_landmarks(f
     fixed_mm = TUBE.vertices_mm[[0, 700, 1500, 2500]]
     write_landmarks(folder / "moving.mrk.json", transforms.apply(transforms.invert_rigid(POSE), fixed_mm))
     write_landmarks(folder / "fixed.mrk.json", fixed_mm)
-    given = {name: str(folder / f"{name.partition('_')[0]}.mrk.json") for name in GIVEN[9:11]}
+    given = {
+        name: str(folder / f"{name.partition('_')[0]}.mrk.json")
+        for name in ("moving_landmarks", "fixed_landmarks")
+    }
     # A pose is given, so that the landmarks do not lead the search to the pose that they speak for.
     turned = transforms.compose(POSE, np.diag([-1.0, -1.0, 1.0, 1.0]))
     write_transform(folder / "turned.tfm", turned)
@@ -482,7 +491,7 @@ def test_a_file_cut_short_is_refused(folder: Path) -> None:
         check(folder, fixed=str(folder / "cut.ply"))
 
 
-@pytest.mark.parametrize("name", ["gicp", "fpfh_ransac", "fpfh_fgr", "single_icp_plane"])
+@pytest.mark.parametrize("name", ["gicp", "fpfh_ransac", "fpfh_fgr", "single_icp_plane", "cpd_rigid"])
 def test_every_comparator_registers_two_files_as_configured(folder: Path, name: str) -> None:
     near = transforms.compose(
         POSE, transforms.rotate_about(Rotation.from_rotvec([0.1, 0.2, 0]), MOVED.vertices_mm.mean(axis=0))
