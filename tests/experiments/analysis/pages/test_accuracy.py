@@ -31,14 +31,14 @@ def test_page_and_figures(tmp_path: Path) -> None:
     out = tmp_path / "results"
     assert accuracy.write_page(tmp_path, None, out, shown, varied) == 4
     page = (out / "accuracy.md").read_text(encoding="utf-8")
-    assert "and `python scripts/accuracy.py FOLDER`: 3 sweeps\nof each phantom" in page
+    assert "and\n`python scripts/accuracy.py FOLDER`: 3 sweeps\nof each phantom" in page
     assert page.endswith("| vein | cpd |\n\n- It is better.\n")
     assert {path.name for path in out.iterdir()} == {"accuracy.md", "accuracy.png"}
 
     assert accuracy.write_page(tmp_path, tmp_path, out, shown, varied) == 4
     page = (out / "accuracy.md").read_text(encoding="utf-8")
     assert (
-        "`ctus -m +preset=accuracy_settings out=SETTINGS` and `python scripts/accuracy.py FOLDER SETTINGS`"
+        "`ctus -m +preset=accuracy_settings out=SETTINGS` and\n`python scripts/accuracy.py FOLDER SETTINGS`"
         in page
     )
     assert page.endswith("- They differ.\n")
