@@ -31,10 +31,11 @@ is displaced. All settings are the defaults, which were chosen on other anatomie
 
 Errors are of interior material points: on the centerline at even arc length, and half way from there to the wall. A
 case's error is the root mean square over its targets that were swept (covered) or not; tables have means over the
-anatomies' means, and ratios of these with 95 % intervals by the bootstrap over anatomies. `hold` counts the predicted
-90 % intervals that hold a case's error (Wilson 95 %), `targets_hold` is the mean share of single targets within their
-own. Targets of a case go together, so that these have no interval of their own. Seconds are medians on a machine that
-was not idle.
+anatomies' means, and ratios of these with 95 % intervals by the bootstrap over anatomies. `no_start` counts cases whose
+rigid pose is off the true one by 5 mm more than the wall is displaced at most; they are in no other column. `hold`
+counts the predicted 90 % intervals that hold a case's error (Wilson 95 %), `targets_hold` is the mean share of single
+targets within their own; targets of a case go together, so that these have no interval of their own. Seconds are
+medians on a machine that was not idle.
 
 """
 

@@ -17,6 +17,8 @@ def test_the_page_names_command_commit_and_vessels(tmp_path: Path) -> None:
             "anatomy": ["a", "b"],
             "deformation": "bending",
             "coverage": 0.8,
+            "largest_mm": 1.5,
+            "rigid_verdict": "accepted",
             "same_vessel": True,
             "tre_rigid_mm": 0.1,
             "tre_mm": 1.0,

@@ -29,8 +29,8 @@ class PairedErrors:
 
     Parameters
     ----------
-    cases, better : int
-        Number of cases, and of those whose error the displacement lowers.
+    cases, better, worse : int
+        Number of cases, and of those whose error the displacement lowers and raises.
     before_mm, after_mm : float
         Means over anatomies of each one's mean error in mm.
     change_mm : Interval
@@ -45,6 +45,7 @@ class PairedErrors:
 
     cases: int
     better: int
+    worse: int
     before_mm: float
     after_mm: float
     change_mm: Interval
@@ -78,6 +79,7 @@ def paired_errors(cases: pd.DataFrame, before: str, after: str, unit: str = "ana
     return PairedErrors(
         len(both),
         int((both[after] < both[before]).sum()),
+        int((both[after] > both[before]).sum()),
         float(first.mean()),
         float(second.mean()),
         Bootstrap()(change),
@@ -210,7 +212,7 @@ def describe_deformed(cases: pd.DataFrame) -> tuple[str, ...]:
             )
         said.append(
             f"Material points, {part}: {pair.before_mm:.2f} mm after the rigid pose, {pair.after_mm:.2f} mm after "
-            f"the displacement{bounds}; better in {pair.better} of {pair.cases} cases."
+            f"the displacement{bounds}; better in {pair.better} of {pair.cases} cases, worse in {pair.worse}."
         )
     if left_out := len(cases) - len(compared):
         said.append(
@@ -233,6 +235,7 @@ def _row(pair: PairedErrors) -> dict[str, Any]:
         "ratio_low": pair.ratio.low,
         "ratio_high": pair.ratio.high,
         "cases_better": pair.better,
+        "cases_worse": pair.worse,
         "anatomies": pair.change_mm.units,
         "anatomies_better": pair.anatomies_better,
         "change_mm": pair.change_mm.estimate,

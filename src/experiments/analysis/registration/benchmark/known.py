@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.analysis.registration.benchmark.deformed import NO_START_MM, PARTS, paired_errors, started
+from experiments.analysis.registration.benchmark.deformed import NO_START_MM, PARTS, paired_errors
 from experiments.statistics import Interval, wilson_interval
 from registration import transforms
 from registration.benchmark.known_cases import KnownCase, KnownSpec, build_known
@@ -19,8 +19,10 @@ from registration.benchmark.scoring import material_error_mm, score_pose
 from registration.cpd import CoherentPointDrift
 from registration.deformable.displacement_field import gradient
 from registration.deformable.result import RIGID_STANDS
+from registration.errors import InputError as RegistrationInputError
 from registration.metrics.surface_distance import rms
 from registration.rigid import MultiStartICP
+from registration.rigid.result import ACCEPTED
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
     from registration.deformable.result import DeformableResult
 
 LEVEL = 0.9
+REFUSED = "refused"
 # What is asked for: the error where it was swept at least halved, and so many of the 90 % intervals that hold.
 HALVED, HOLD_LOW, HOLD_HIGH = 0.5, 0.85, 0.95
 SEEN = ("covered", "uncovered")
@@ -70,13 +73,13 @@ def known_row(spec: KnownSpec, case: KnownCase) -> dict[str, Any]:
     Returns
     -------
     dict
-        Values by column name; without a start the deformable ones are absent, and its errors infinite.
+        Values by column name; where clouds are refused as not registered, the errors after it are infinite.
     """
     truth = case.truth
     begun = time.perf_counter()
-    pose = MultiStartICP()(case.moving_mm, case.fixed_mm).fixed_T_moving
+    rigid = MultiStartICP()(case.moving_mm, case.fixed_mm)
     rigid_s = time.perf_counter() - begun
-    score = score_pose(pose, truth)
+    pose, score = rigid.fixed_T_moving, score_pose(rigid.fixed_T_moving, truth)
     row: dict[str, Any] = {
         "case": truth.name,
         "anatomy": spec.vessel,
@@ -88,12 +91,15 @@ def known_row(spec: KnownSpec, case: KnownCase) -> dict[str, Any]:
         "tre_rigid_mm": score.tre_rigid_mm,
         **{PARTS[part][0]: getattr(score, PARTS[part][0]) for part in PARTS},
         **{PARTS[part][1]: np.inf for part in PARTS},
+        "rigid_verdict": rigid.verdict,
+        "verdict": REFUSED,
         "rigid_s": rigid_s,
     }
-    if score.tre_rigid_mm > NO_START_MM:
-        return row
     begun = time.perf_counter()
-    found = CoherentPointDrift()(case.fixed_mm, transforms.apply(pose, case.moving_mm))
+    try:
+        found = CoherentPointDrift()(case.fixed_mm, transforms.apply(pose, case.moving_mm))
+    except RegistrationInputError:
+        return row
     row["deformable_s"] = time.perf_counter() - begun
     errors_mm = material_error_mm(pose, truth, found.displacement(truth.targets_mm))
     moved = np.eye(3) + gradient(found.displacement, truth.targets_mm)
@@ -115,12 +121,32 @@ def _part(
         return {PARTS[part][1]: np.nan}
     error_mm = rms(errors_mm)
     low_mm, high_mm = found.tre_interval_mm(targets_mm, LEVEL)
-    row = {PARTS[part][1]: error_mm, f"holds_{part}": float(low_mm <= error_mm <= high_mm)}
-    if found.predicted is not None:
+    row = {PARTS[part][1]: error_mm}
+    if found.predicted is not None and np.isfinite(high_mm):
+        row[f"holds_{part}"] = float(low_mm <= error_mm <= high_mm)
         drawn_mm = np.linalg.norm(found.predicted.draw_mm(targets_mm), axis=2)
         lows_mm, highs_mm = np.quantile(drawn_mm, [(1 - LEVEL) / 2, (1 + LEVEL) / 2], axis=0)
         row[f"targets_hold_{part}"] = float(((lows_mm <= errors_mm) & (errors_mm <= highs_mm)).mean())
     return row
+
+
+def has_start(cases: pd.DataFrame) -> pd.Series:
+    """Mark the cases whose rigid pose is a start for a displacement.
+
+    A rigid pose follows the stretch that was swept, and differs from the rigid part of the whole by about as much as
+    the wall is displaced; what is off by ``NO_START_MM`` more is another place.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows that ``known_rows`` gives.
+
+    Returns
+    -------
+    pandas.Series
+        Truth values by row.
+    """
+    return cases["tre_rigid_mm"] <= NO_START_MM + cases["largest_mm"]
 
 
 def known_tables(cases: pd.DataFrame) -> dict[str, pd.DataFrame]:
@@ -161,18 +187,20 @@ def describe_known(cases: pd.DataFrame) -> tuple[str, ...]:
         Sentences.
     """
     deforming = cases[cases["deformation"] != NONE]
-    own, still = started(deforming), started(cases[cases["deformation"] == NONE])
-    left_out = len(deforming) - len(own)
+    own, still = deforming[has_start(deforming)], cases[(cases["deformation"] == NONE) & has_start(cases)]
+    left_out = deforming[~has_start(deforming)]
     said = [
-        f"{len(deforming)} cases that deform, of {deforming['anatomy'].nunique()} anatomies; {left_out} without a "
-        f"rigid pose within {NO_START_MM:g} mm of the true one, left out below."
+        f"{len(deforming)} cases that deform, of {deforming['anatomy'].nunique()} anatomies; {len(left_out)} without a "
+        f"start, left out below: their rigid pose is off by {NO_START_MM:g} mm more than the wall is displaced (it was "
+        f"accepted in {int((left_out['rigid_verdict'] == ACCEPTED).sum())} of them)."
     ]
     for part, most in zip(SEEN, (HALVED, 1.0), strict=True):
         pair = paired_errors(own, *PARTS[part])
         if pair is not None:
             said.append(
                 f"{part.capitalize()}: rigid {pair.before_mm:.2f} mm, deformed {pair.after_mm:.2f} mm, ratio "
-                f"{_ratio(pair.ratio)}, better in {pair.better} of {pair.cases} cases. Asked for: at most {most:g}; "
+                f"{_ratio(pair.ratio)}, better in {pair.better} of {pair.cases} cases, worse in {pair.worse}. Asked "
+                f"for: at most {most:g}; "
                 f"{_met(pair.ratio, most)}."
             )
     if len(own):
@@ -185,12 +213,14 @@ def describe_known(cases: pd.DataFrame) -> tuple[str, ...]:
         if len(held):
             said.append(_of_intervals(part, held, float(own[f"targets_hold_{part}"].mean())))
     if len(still):
+        held = still["holds_covered"].dropna()
         stands = int((still["verdict"] == RIGID_STANDS).sum())
         pair = paired_errors(still, *PARTS["all"])
         assert pair is not None
         said.append(
             f"Where nothing deforms, the rigid pose stands in {stands} of {len(still)} cases; mean error "
-            f"{pair.before_mm:.3f} mm before, {pair.after_mm:.3f} mm after."
+            f"{pair.before_mm:.3f} mm before, {pair.after_mm:.3f} mm after; {int(held.sum())} of {len(held)} intervals "
+            "of what was swept hold it."
         )
     return tuple(said)
 
@@ -220,7 +250,7 @@ def _groups(cases: pd.DataFrame) -> Iterator[tuple[dict[str, Any], pd.DataFrame]
 
 
 def _errors(cases: pd.DataFrame) -> dict[str, Any]:
-    own = started(cases)
+    own = cases[has_start(cases)]
     row: dict[str, Any] = {"cases": len(cases), "no_start": len(cases) - len(own)}
     for part in SEEN:
         pair = paired_errors(own, *PARTS[part])
@@ -229,12 +259,13 @@ def _errors(cases: pd.DataFrame) -> dict[str, Any]:
             f"{part}_deformed_mm": np.nan if pair is None else pair.after_mm,
             f"{part}_ratio": "" if pair is None else _ratio(pair.ratio),
             f"{part}_better": "" if pair is None else f"{pair.better}/{pair.cases}",
+            f"{part}_worse": "" if pair is None else f"{pair.worse}/{pair.cases}",
         }
     return row
 
 
 def _predictions(cases: pd.DataFrame) -> dict[str, Any]:
-    own = started(cases)
+    own = cases[has_start(cases)]
     row: dict[str, Any] = {
         "cases": len(own),
         "rigid_stands": int((own["verdict"] == RIGID_STANDS).sum()),
