@@ -22,7 +22,8 @@ lint: setup
 # Every benchmark on a small budget, one after the other, to see that they run. For figures to quote start one of them
 # without --quick; of speeds next to the peers', taken in the same minute, quote the ratios, not the seconds.
 BENCHMARKS := bench_metrics bench_networks bench_training bench_phantom bench_centerline bench_reconstruction \
-	bench_sweep_faults bench_rigid bench_residual_model bench_deformable bench_cpd bench_inference bench_lung
+	bench_sweep_faults bench_rigid bench_residual_model bench_deformable bench_known_deformations bench_cpd \
+	bench_inference bench_lung
 bench: setup
 	@failed=; for name in $(BENCHMARKS); do \
 		printf '\n== %s\n' $$name; \

@@ -4,6 +4,11 @@ The rigid pose is the multi-start's. Each method then displaces the model onto t
 distance from where its material was swept. Cases whose rigid pose is no start (more than 5 mm off the true rigid one)
 are left out and counted. Intervals: how many of the predicted 90 % intervals hold the RMS error of the targets.
 Development seeds chose the parameters; quote the test seeds.
+
+    python scripts/bench_deformable.py --blocks deforming --methods plane --entries mine
+    ctus study=evaluate prediction=mine/test_deforming reference=.cache/rigid_benchmark/test_deforming out=scored
+
+writes what a method enters in the benchmark, a pose and a displacement a case, and has it scored from these files.
 """
 
 from __future__ import annotations
@@ -24,6 +29,7 @@ from experiments.running.terminal import TerminalProgress
 from registration import transforms
 from registration.benchmark.case_files import read_case, truth_file
 from registration.benchmark.cases import UNDEFORMED
+from registration.benchmark.deformable_entries import write_entry
 from registration.benchmark.scoring import material_error_mm
 from registration.benchmark.truth_files import read_truth
 from registration.cpd import CoherentPointDrift
@@ -36,13 +42,17 @@ METHODS = {"plane": CoherentPointDrift(), "point": CoherentPointDrift("point")}
 LOSS_MM = 0.05
 
 
-def scored(folder: Path, names: list[str], methods: list[str]) -> Iterator[dict[str, Any]]:
-    """A row for each case and method, the rigid result first."""
+def scored(
+    folder: Path, names: list[str], methods: list[str], entries: Path | None = None
+) -> Iterator[dict[str, Any]]:
+    """A row for each case and method, the rigid result first; entries are those of the first method."""
     for name in names:
         case, truth = read_case(folder / name), read_truth(truth_file(folder, name))
         rigid = MultiStartICP()(case.moving_mm, case.fixed_mm, moving_frame=case.moving_frame)
         pose = rigid.fixed_T_moving
         if pose_error(pose, truth.fixed_T_moving, truth.targets_mm).tre_mm > NO_START_MM:
+            if entries:
+                write_entry(entries, name, pose, np.zeros_like, case.fixed_mm)
             yield {"case": name, "method": "rigid"}
             continue
         errors_mm = material_error_mm(pose, truth)
@@ -52,6 +62,8 @@ def scored(folder: Path, names: list[str], methods: list[str]) -> Iterator[dict[
             begun = time.perf_counter()
             found = METHODS[method](case.fixed_mm, swept_mm, fixed_frame=case.moving_frame)
             seconds = time.perf_counter() - begun
+            if entries and method == methods[0]:
+                write_entry(entries, name, pose, found.displacement, case.fixed_mm)
             errors_mm = material_error_mm(pose, truth, found.displacement(truth.targets_mm))
             row = {"case": name, "method": method, **_errors(errors_mm, truth.covered), "seconds": seconds}
             for part, chosen in (("covered", truth.covered), ("uncovered", ~truth.covered)):
@@ -104,6 +116,7 @@ def main() -> None:
     parser.add_argument("--methods", default="plane,point", help="of plane, point")
     parser.add_argument("--blocks", default="deforming,undeformed", help="of deforming, undeformed")
     parser.add_argument("--cases", type=int, help="only so many of each block")
+    parser.add_argument("--entries", type=Path, help="folder to write entries to, a folder of each block")
     parser.add_argument("--workers", type=int, default=2, help="processes that make cases")
     given = parsed(parser, {"cases": 1, "subset": "development", "methods": "plane"})
     for block in given.blocks.split(","):
@@ -111,7 +124,8 @@ def main() -> None:
         wanted = block_specs(given.subset, block)[: given.cases]
         make_cases(CACHE / folder, wanted, given.workers, TerminalProgress(), folder)
         names = [spec.name for spec in wanted]
-        rows = pd.DataFrame(list(scored(CACHE / folder, names, given.methods.split(","))))
+        entries = given.entries and given.entries / folder
+        rows = pd.DataFrame(list(scored(CACHE / folder, names, given.methods.split(","), entries)))
         out = rows[(rows["method"] == "rigid") & rows["covered"].isna()]
         print(f"\n{block}, {given.subset}: {len(names)} cases, {len(out)} left out without a start")
         print(summary(rows).to_string(index=False, float_format="%.3f"))

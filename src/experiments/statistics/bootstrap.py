@@ -117,6 +117,49 @@ class Bootstrap:
         low, high = (resampled[place] for place in self._places(len(sums)))
         return Interval(estimate, float(low), float(high), self.level, len(sums))
 
+    def ratio(self, above: ArrayLike, below: ArrayLike, units: Sequence[Hashable] | None = None) -> Interval:
+        """Compute the interval of a ratio of two means over the same units, which are drawn together.
+
+        Parameters
+        ----------
+        above, below : array_like, shape (n,)
+            One value a case of each, finite. Means are over units of each unit's mean, whatever the statistic.
+        units : sequence of hashable or None, optional
+            Unit of each case; None makes each case a unit of its own.
+
+        Returns
+        -------
+        Interval
+            The interval; all NaN where the mean below is 0, its bounds NaN for a single unit.
+
+        Raises
+        ------
+        InputError
+            If the values are no pairs, there is none, one is not finite, or there is not one unit for each pair.
+        """
+        pairs = [np.asarray(values, dtype=np.float64) for values in (above, below)]
+        if pairs[0].ndim != 1 or pairs[0].shape != pairs[1].shape or not len(pairs[0]):
+            raise InputError(
+                f"above, below: expected one number a case of each, received shapes {pairs[0].shape} and "
+                f"{pairs[1].shape}"
+            )
+        if not all(np.isfinite(values).all() for values in pairs):
+            raise InputError("above, below: expected finite numbers, received others")
+        parts = [_sums_of_units(values, units) for values in pairs]
+        first, second = (sums / counts for sums, counts in parts)
+        count = len(first)
+        if not second.mean():
+            return Interval(math.nan, math.nan, math.nan, self.level, count)
+        estimate = float(first.mean() / second.mean())
+        if count == 1:
+            return Interval(estimate, math.nan, math.nan, self.level, count)
+        drawn = np.random.default_rng(self.seed).integers(0, count, (self.resamples, count))
+        # Draws of units that all have 0 below have no ratio and rank last.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = np.nan_to_num(first[drawn].mean(axis=1) / second[drawn].mean(axis=1), nan=math.inf)
+        low, high = (np.sort(found)[place] for place in self._places(count))
+        return Interval(estimate, float(low), float(high), self.level, count)
+
     def _resample(self, sums: np.ndarray, counts: np.ndarray) -> np.ndarray:
         random, units = np.random.default_rng(self.seed), len(sums)
         at_once = max(1, _INDICES_AT_ONCE // units)

@@ -223,7 +223,7 @@ def read_displacement_grid(path: Path, space: str) -> DisplacementGrid:
 
     path = _require_suffix(path, WRITABLE_IMAGES, "read")
     image = read_volume(path)
-    _require_vectors(path, image)
+    require_vectors(path, image)
     axes, signs = _aligned_axes(path, image)
     order = np.argsort(axes)
     # SimpleITK hands arrays over with the last axis first, and the vector's components last.
@@ -265,7 +265,22 @@ def _lps_image(grid: DisplacementGrid, space: str) -> Any:
     return image
 
 
-def _require_vectors(path: Path, image: Any) -> None:
+def require_vectors(path: Path, image: Any) -> None:
+    """Check that a file's image is a displacement field in LPS and mm.
+
+    Parameters
+    ----------
+    path : Path
+        File, for its header and for messages.
+    image : SimpleITK.Image
+        Image as ``read_volume`` gives it.
+
+    Raises
+    ------
+    InputError
+        If it is no image of three axes with vectors of three floating-point numbers, or these are not known to be in
+        LPS and mm.
+    """
     import SimpleITK
 
     kinds = (SimpleITK.sitkVectorFloat32, SimpleITK.sitkVectorFloat64)

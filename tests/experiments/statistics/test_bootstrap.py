@@ -133,3 +133,25 @@ def test_refuses_values() -> None:
         Bootstrap()([1.0, math.nan])
     with pytest.raises(InputError, match="units: expected one for each of 2 values, received 1"):
         Bootstrap()([1.0, 2.0], ["a"])
+
+
+def test_a_ratio_of_means_draws_its_units_together() -> None:
+    below = np.array([1.0, 2.0, 4.0, 8.0])
+    found = Bootstrap().ratio(0.5 * below, below)
+    assert (found.estimate, found.low, found.high, found.units) == pytest.approx((0.5, 0.5, 0.5, 4))
+    uneven = Bootstrap().ratio([0.5, 1.0, 4.0, 8.0], below)
+    assert uneven.estimate == pytest.approx(13.5 / 15) and uneven.low < 13.5 / 15 < uneven.high
+
+
+def test_a_ratio_weighs_units_by_their_own_means() -> None:
+    found = Bootstrap().ratio([1.0, 1.0, 4.0], [2.0, 2.0, 2.0], ["a", "a", "b"])
+    assert found.estimate == pytest.approx(2.5 / 2.0) and found.units == 2
+
+
+def test_a_ratio_over_nothing_is_none() -> None:
+    assert np.isnan(Bootstrap().ratio([1.0, 2.0], [0.0, 0.0]).estimate)
+    single = Bootstrap().ratio([1.0], [2.0])
+    assert single.estimate == 0.5 and np.isnan(single.low)
+    for above, below in (([1.0], [1.0, 2.0]), ([], []), ([np.inf], [1.0])):
+        with pytest.raises(InputError, match="above, below"):
+            Bootstrap().ratio(above, below)

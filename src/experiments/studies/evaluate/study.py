@@ -9,6 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 from experiments import files
 from experiments.analysis.registration.benchmark.cases import differences
+from experiments.analysis.registration.benchmark.deformed import (
+    deformed_metrics,
+    deformed_table,
+    describe_deformed,
+)
 from experiments.analysis.registration.benchmark.figures import benchmark_figures
 from experiments.analysis.registration.benchmark.findings import describe_benchmark
 from experiments.analysis.registration.benchmark.metrics import benchmark_metrics
@@ -18,6 +23,7 @@ from experiments.errors import InputError
 from experiments.inputs.paths import input_data, require_exists
 from experiments.outcome import Outcome, Progress
 from experiments.paths import PathSetting
+from experiments.studies.evaluate.displacements import displacement_beside
 from experiments.studies.evaluate.mask_pairs import MaskLabels, MaskPairs, pair_masks
 from experiments.studies.evaluate.masks import describe_masks, mask_metrics, mask_rows, mask_table
 from experiments.studies.evaluate.transforms import (
@@ -38,7 +44,7 @@ PER_CASE = "evaluation.csv"
 
 
 def implicit_paths(config: Mapping[str, Any]) -> Iterator[Path]:
-    """List what is read though no setting names it: the cases around the folder of their truth.
+    """List what is read though no setting names it: cases around their truth, a displacement next to its pose.
 
     Parameters
     ----------
@@ -53,6 +59,9 @@ def implicit_paths(config: Mapping[str, Any]) -> Iterator[Path]:
     reference = Path(str(config["reference"])).expanduser()
     if reference.name == TRUTH:
         yield reference.parent
+    beside = displacement_beside(Path(str(config["prediction"])).expanduser())
+    if beside is not None:
+        yield beside
 
 
 def check(
@@ -203,7 +212,7 @@ def _transforms(
     pairs = pair_transforms(given, truth, targets)
     name = given.stem if given.is_file() else given.name
     cases = pd.DataFrame(list(transform_rows(pairs, progress))).assign(method=name)
-    metrics = benchmark_metrics(cases)
+    metrics = benchmark_metrics(cases) | deformed_metrics(cases)
     missing = [case for case in pairs.references if case not in pairs.predictions]
     about = {"targets": targets, "missing": missing, "not_scored": list(pairs.unused)}
     _write(workspace, TRANSFORMS, (given, truth), about, metrics, cases)
@@ -219,9 +228,9 @@ def _transforms(
     return Outcome(
         metrics=metrics,
         cases=cases,
-        tables=benchmark_tables(cases),
+        tables=benchmark_tables(cases) | deformed_table(cases),
         figures=benchmark_figures(cases) if len(cases) > 1 else {},
-        findings=(*describe_benchmark(cases), *notes, _where()),
+        findings=(*describe_benchmark(cases), *describe_deformed(cases), *notes, _where()),
         tags={"evaluated": TRANSFORMS, "simulated": str(bool(cases["simulated"].all())).lower()},
         inputs=(input_data(given), input_data(truth)),
     )

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,13 @@ from experiments.datasets.images.image_files import IMAGE_SUFFIXES
 from experiments.errors import InputError
 from experiments.inputs.surfaces import naming, read_pose
 from experiments.outcome import Progress
+from experiments.studies.evaluate.displacements import (
+    NOT_SCORED,
+    displacement_beside,
+    displacement_row,
+    is_displacement,
+    pair_displacements,
+)
 from experiments.unicode_names import same_name
 from registration import transforms
 from registration.benchmark.case_files import CASE_FILE, TRUTH, read_case
@@ -53,6 +60,8 @@ class TransformPairs:
         Folder of the cases themselves; None where only their truth is available.
     targets_mm : ndarray, shape (t, 3), or None
         Targets in the fixed frame in mm for references that have none of their own.
+    displacements : Mapping[str, Path], optional
+        Files of a deformable method's displacement by case; empty for a rigid method.
     """
 
     references: dict[str, Path]
@@ -60,6 +69,7 @@ class TransformPairs:
     unused: tuple[str, ...]
     cases: Path | None
     targets_mm: np.ndarray | None
+    displacements: Mapping[str, Path] = field(default_factory=dict)
 
 
 def are_transforms(reference: Path) -> bool:
@@ -117,8 +127,9 @@ def pair_transforms(prediction: Path, reference: Path, targets: str | None) -> T
             f"{kinds[prediction.is_file()]} {prediction}"
         )
     if reference.is_file():
-        name = reference.stem
-        return TransformPairs({name: reference}, {name: prediction}, (), None, targets_mm)
+        name, beside = reference.stem, displacement_beside(prediction)
+        displacements = {} if beside is None else {name: beside}
+        return TransformPairs({name: reference}, {name: prediction}, (), None, targets_mm, displacements)
     truths = reference / TRUTH if (reference / TRUTH).is_dir() else reference
     references = _named(truths, "reference")
     cases = truths.parent if truths.name == TRUTH else None
@@ -133,8 +144,9 @@ def pair_transforms(prediction: Path, reference: Path, targets: str | None) -> T
             f"prediction: expected files named after the cases ({next(iter(references))}.json, ...) in {prediction}, "
             f"received {len(found)} of other names"
         )
-    unused = tuple(name for name in found if name not in references)
-    return TransformPairs(references, predictions, unused, cases, targets_mm)
+    displacements, useless = pair_displacements(prediction, predictions)
+    unused = (*(name for name in found if name not in references), *useless)
+    return TransformPairs(references, predictions, unused, cases, targets_mm, displacements)
 
 
 def read_reference(path: Path, targets_mm: np.ndarray | None) -> CaseTruth:
@@ -231,7 +243,10 @@ def transform_rows(pairs: TransformPairs, progress: Progress) -> Iterator[dict[s
                 case = read_case(pairs.cases / path.stem)
         given = pairs.predictions.get(name)
         result = PoseResult(None, FAILED, error=MISSING) if given is None else read_result(given)
-        yield score_result(result, truth, case)
+        row = score_result(result, truth, case)
+        if pairs.displacements and truth.block:
+            row |= displacement_row(pairs.displacements.get(name), result, truth)
+        yield row
 
 
 def target_notes(pairs: TransformPairs, targets: str | None) -> list[str]:
@@ -262,6 +277,8 @@ def target_notes(pairs: TransformPairs, targets: str | None) -> list[str]:
     own = read_targets(path)
     frame = f"{own[1]}: " if own is not None else ""
     notes = [f"Errors are measured {where} in the frame of the fixed side ({frame}mm in LPS)."]
+    if pairs.displacements and not truth.block:
+        notes.append(NOT_SCORED)
     given = pairs.predictions.get(name)
     pose = None if given is None or len(pairs.references) > 1 else read_result(given).fixed_T_moving
     if pose is not None and truth.same_vessel:
@@ -313,4 +330,5 @@ def _transform_files(folder: Path) -> list[Path]:
         and path.suffix.lower() in SUFFIXES
         and not path.name.startswith(".")
         and path.stem not in OTHER_FILES
+        and not is_displacement(path)
     )

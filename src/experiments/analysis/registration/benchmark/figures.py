@@ -73,7 +73,8 @@ def _risk(axes: Axes, cases: pd.DataFrame) -> None:
     axes.set_ylim(bottom=-0.005)
     axes.grid(alpha=0.3)
     # Below the axes: the curves fill them.
-    axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2)
+    if axes.get_legend_handles_labels()[0]:  # none where no result is judged
+        axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=2)
 
 
 def _predicted(axes: Axes, cases: pd.DataFrame) -> None:
