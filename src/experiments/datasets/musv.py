@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -13,7 +13,8 @@ from experiments.datasets.images import image_files
 from experiments.datasets.musv_subjects import ALL, DISTRICTS, Volunteer, read_volunteers
 from experiments.datasets.pairing import REFUSE, Pairing, pair, require_choice
 from experiments.datasets.pixel_cache import read_pairs
-from experiments.datasets.simulated import SimulatedSubstitute
+from experiments.datasets.simulated import SimulatedSubstitute, variation_note
+from experiments.datasets.sweep_cache import SweepRecipe
 from experiments.errors import InputError
 from experiments.paths import PathSetting
 from experiments.unicode_names import same_name
@@ -125,7 +126,8 @@ class MusV:
             Sentences on the groups and on what was left out.
         """
         if self.simulate:
-            return (self.substitute.note(self.name),)
+            recipes = _recipes(self.substitute, _chosen(self)).values()
+            return (self.substitute.note("Mus-V"), variation_note(tuple(recipes)))
         notes = (
             "Subject leakage possible: groups are sequences, and no table says whose they are."
             if self.subjects is None
@@ -134,6 +136,28 @@ class MusV:
         if not Path(self.root).expanduser().is_dir():
             return notes
         return (*notes, *_paired(self)[0].notes(_folder(self)))
+
+    def districts(self, cases: Sequence[str]) -> tuple[str, ...]:
+        """Look up the part of the body that each case shows.
+
+        Parameters
+        ----------
+        cases : sequence of str
+            Names of cases.
+
+        Returns
+        -------
+        tuple of str
+            ``carotid`` or ``femoral`` for each case; empty where no table says it.
+        """
+        sequences = [case.rpartition("_")[0] for case in cases]
+        if self.simulate:
+            places = _places(self.substitute)
+            return tuple(places[sequence][1] for sequence in sequences)
+        if self.subjects is None:
+            return ("",) * len(cases)
+        known = read_volunteers(Path(self.subjects), sequences)
+        return tuple(known[sequence].district for sequence in sequences)
 
     def left_out(self) -> int:
         """Count the images and masks that were left out because they had no partner.
@@ -254,19 +278,31 @@ def _frames(sequence: str, folder: Path) -> dict[str, Path]:
     return dict(sorted(files.items(), key=lambda item: int(item[0].rpartition("_")[2])))
 
 
-@lru_cache(maxsize=1)
-def _simulated(dataset: MusV) -> LabelledFrames:
-    """Each subject recorded as often as the settings say in each district; sequences are numbered through."""
-    maker = dataset.substitute
+def _places(maker: SimulatedSubstitute) -> dict[str, tuple[int, str]]:
+    """Subject and district of each simulated sequence; sequences are numbered through."""
     places = [
-        (subject, district, number)
+        (subject, district)
         for subject in range(maker.subjects)
         for district in DISTRICTS
-        for number in range(maker.recordings)
+        for _ in range(maker.recordings)
     ]
-    sequences = {f"{1 + index:03d}": place for index, place in enumerate(places)}
-    chosen = {seq: place for seq, place in sequences.items() if dataset.district in (ALL, place[1])}
-    made = maker([maker.recipe(place[0], int(seq), district=place[1]) for seq, place in chosen.items()])
+    return {f"{1 + index:03d}": place for index, place in enumerate(places)}
+
+
+def _chosen(dataset: MusV) -> dict[str, tuple[int, str]]:
+    places = _places(dataset.substitute)
+    return {seq: place for seq, place in places.items() if dataset.district in (ALL, place[1])}
+
+
+def _recipes(maker: SimulatedSubstitute, chosen: Mapping[str, tuple[int, str]]) -> dict[str, SweepRecipe]:
+    return {seq: maker.recipe(place[0], int(seq), district=place[1]) for seq, place in chosen.items()}
+
+
+@lru_cache(maxsize=1)
+def _simulated(dataset: MusV) -> LabelledFrames:
+    """Each subject recorded as often as the settings say in each district."""
+    chosen = _chosen(dataset)
+    made = dataset.substitute(tuple(_recipes(dataset.substitute, chosen).values()))
     label = LABELS[dataset.target]
     rows = [
         (image, labels == label, f"{seq}_{frame:03d}", f"volunteer_{place[0] + 1:02d}", recorded.spacing_mm)

@@ -18,10 +18,11 @@ from experiments.datasets.san_raffaele_sessions import (
     left_over,
     read_sessions,
     session_files,
+    simulated_recipes,
     simulated_sessions,
 )
 from experiments.datasets.san_raffaele_subsets import Chosen, Frame
-from experiments.datasets.simulated import SimulatedSubstitute
+from experiments.datasets.simulated import SimulatedSubstitute, variation_note
 from experiments.errors import InputError
 from experiments.paths import PathSetting
 from experiments.unicode_names import text_names
@@ -194,7 +195,10 @@ class SanRaffaele:
             Sentences on test subjects, configuration and what was left out.
         """
         tested = self.test_groups()
-        notes = [self.substitute.note("San Raffaele")] if self.simulate else []
+        notes = []
+        if self.simulate:
+            varied = variation_note(simulated_recipes(self.substitute))
+            notes = [self.substitute.note("San Raffaele"), varied]
         notes.append(f"Subjects that all configurations are tested on: {', '.join(tested)}.")
         if self.subset == SINGLE:
             notes.append(

@@ -14,6 +14,7 @@ from experiments.datasets.images import image_files
 from experiments.datasets.pairing import REFUSE, Pairing, pair
 from experiments.datasets.pixel_cache import read_pairs
 from experiments.datasets.simulated import SimulatedSubstitute
+from experiments.datasets.sweep_cache import SweepRecipe
 from experiments.errors import InputError
 from experiments.unicode_names import same_name
 from registration.natural_order import natural_key
@@ -190,15 +191,8 @@ def simulated_sessions(maker: SimulatedSubstitute) -> tuple[Session, ...]:
     tuple of Session
         Sessions, one in four of them poor and excluded.
     """
-    places = [(subject, number) for number in range(maker.recordings) for subject in range(maker.subjects)]
-    # Shifted by one from round to round, so that no subject has poor sessions alone.
-    poor = [(subject + number) % POOR_EVERY == POOR_EVERY - 1 for subject, number in places]
-    made = maker(
-        [
-            maker.recipe(subject, index, times=LONG if index == 0 else 1, poor=poor[index])
-            for index, (subject, _) in enumerate(places)
-        ]
-    )
+    places, poor = _places(maker), _poor(maker)
+    made = maker(simulated_recipes(maker))
     sessions = []
     for index, ((subject, number), recorded) in enumerate(zip(places, made, strict=True)):
         name, count = f"session_{index + 1:02d}", len(recorded.images)
@@ -216,6 +210,35 @@ def simulated_sessions(maker: SimulatedSubstitute) -> tuple[Session, ...]:
             )
         )
     return tuple(sessions)
+
+
+def simulated_recipes(maker: SimulatedSubstitute) -> tuple[SweepRecipe, ...]:
+    """List the recordings of the simulated sessions.
+
+    Parameters
+    ----------
+    maker : SimulatedSubstitute
+        Settings of the simulated substitute.
+
+    Returns
+    -------
+    tuple of SweepRecipe
+        One for each session.
+    """
+    return tuple(
+        maker.recipe(subject, index, times=LONG if index == 0 else 1, poor=poor)
+        for index, ((subject, _), poor) in enumerate(zip(_places(maker), _poor(maker), strict=True))
+    )
+
+
+def _places(maker: SimulatedSubstitute) -> list[tuple[int, int]]:
+    """Subject and round of each session."""
+    return [(subject, number) for number in range(maker.recordings) for subject in range(maker.subjects)]
+
+
+def _poor(maker: SimulatedSubstitute) -> list[bool]:
+    # Shifted by one from round to round, so that no subject has poor sessions alone.
+    return [(subject + number) % POOR_EVERY == POOR_EVERY - 1 for subject, number in _places(maker)]
 
 
 def _session_rows(root: Path) -> dict[str, dict[str, str]]:

@@ -20,6 +20,25 @@ POOR_STRENGTH = 1.5
 POOR_CONTACT_LOSS_MM = 14.0
 POOR_SHADOWS = 16
 POOR_NOISE_DB = 10.0
+# What differs between recordings: part of the settings, setting, its name for a reader, its unit.
+VARIED = (
+    ("scanner", "frequency_mhz", "frequency", "MHz"),
+    ("scanner", "depth_mm", "imaging depth", "mm"),
+    ("scanner", "gain_db", "gain", "dB"),
+    ("tissue", "compensation_db_cm_mhz", "depth gain", "dB/(cm MHz)"),
+    ("scanner", "dynamic_range_db", "dynamic range", "dB"),
+    ("scanner", "gamma", "exponent of the grey curve", ""),
+    ("scanner", "noise_db", "noise", "dB"),
+    ("scanner", "looks", "compounded looks (speckle contrast)", ""),
+    ("scanner", "pulse_cycles", "pulse length (axial speckle size)", "cycles"),
+    ("scanner", "f_number", "f-number (lateral speckle size)", ""),
+    ("tissue", "lumen_db", "echo of the lumen", "dB"),
+    ("tissue", "wall_echo_db", "echo of the wall", "dB"),
+    ("tissue", "mottle_db", "mottle of the tissue", "dB"),
+    ("artefacts", "clutter_db", "haze", "dB"),
+    ("artefacts", "contact_loss_mm", "width without contact", "mm"),
+    ("artefacts", "shadows", "hard spots that cast shadows", ""),
+)
 
 
 @dataclass(frozen=True)
@@ -180,3 +199,31 @@ class SimulatedSubstitute:
             f"(subjects: {self.subjects}, recordings: {self.recordings}, frames: {self.frames}, "
             f"strength of variation: {self.strength:g})."
         )
+
+
+def variation_note(recipes: Sequence[SweepRecipe]) -> str:
+    """State what differs between simulated recordings, with its range, as read from their settings.
+
+    Parameters
+    ----------
+    recipes : sequence of SweepRecipe
+        The recordings.
+
+    Returns
+    -------
+    str
+        One sentence: physical settings alone, since which recordings are put together changes no image.
+    """
+    settings = [recipe.settings for recipe in recipes]
+    ranges = []
+    for part, name, words, unit in VARIED:
+        values = [float(getattr(getattr(one, part), name)) for one in settings]
+        if min(values) < max(values):
+            ranges.append(f"{words} {min(values):.3g} to {max(values):.3g} {unit}".strip())
+    vessels = len(
+        {(one.anatomy_seed, recipe.district) for one, recipe in zip(settings, recipes, strict=True)}
+    )
+    return (
+        f"Varied between the {len(recipes)} simulated recordings: vessel shape ({vessels} anatomies), tissue, "
+        f"probe path, {', '.join(ranges)}."
+    )

@@ -7,46 +7,29 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments import registry
-from experiments.analysis.segmentation.case_table import OUT_OF_FOLD, in_part, pool, smoke_note
+from experiments.analysis.segmentation.case_table import pool, smoke_note
 from experiments.analysis.segmentation.comparison import compare_models
 from experiments.analysis.segmentation.comparison_findings import comparison_metrics, describe_comparison
-from experiments.analysis.segmentation.figures import overlays, spread, training_curves
+from experiments.analysis.segmentation.figures import spread
 from experiments.analysis.segmentation.findings import describe
+from experiments.analysis.segmentation.fold_outcome import fold_outcome
 from experiments.analysis.segmentation.fold_run import (
     FoldRun,
     fold_jobs,
     require_fitting_size,
     require_start,
-    start_tags,
-    training_metrics,
 )
-from experiments.analysis.segmentation.outside import OUTSIDE, outside_metrics, outside_table
-from experiments.analysis.segmentation.stored_predictions import FILE, StoredMasks, StoredPredictions, writing
+from experiments.analysis.segmentation.outside import outside_table
 from experiments.analysis.segmentation.summary import pooled_metrics
-from experiments.analysis.segmentation.tables import table, tables
-from experiments.datasets.protocol import (
-    DataSet,
-    input_data,
-    name_of,
-    notes_of,
-    outside_groups,
-    read_notes,
-    require_root,
-    write_notes,
-    write_report,
-)
+from experiments.analysis.segmentation.tables import tables
+from experiments.datasets.protocol import DataSet, read_notes, require_root
 from experiments.outcome import JobResult, Outcome, Progress
 from experiments.splits.group_splits import GroupSplits
-from experiments.splits.split import Split
 
 if TYPE_CHECKING:
-    import pandas as pd
-
-    from models.labelled_frames import LabelledFrames
     from models.networks.registry import NetworkRecipe
     from models.preprocessing.preprocessing import Preprocessing
     from models.training.augmentation import Augmentation
-    from models.training.fold import TrainedFold
     from models.training.initialisation import Initialisation
     from models.training.losses import Loss
     from models.training.settings import TrainerSettings
@@ -163,67 +146,8 @@ def run(
     InputError
         If the data set cannot be read or divided, or the network does not take the image size.
     """
-    name = name_of(dataset)
-    progress.note(f"reading {name}")
-    frames = dataset()
-    splits = split(frames, **outside_groups(dataset))
-    splits.write(workspace / "splits.json")
-    own = splits.fold(fold, outer_fold)
-    own.write(workspace / "split.json")
-    write_report(dataset, workspace)
-    write_notes(workspace, dataset)
     one = FoldRun(model, preprocessing, trainer, augmentation, loss, init, seed, fold, outer_fold)
-    trained = one.train(dataset, frames, own, workspace, progress)
-    every = _scored(one, trained, dataset, frames, own, workspace, progress)
-    cases, masks = in_part(every), StoredMasks(StoredPredictions.open(workspace / FILE))
-    found, notes = describe(cases), notes_of(dataset)
-    return Outcome(
-        metrics={**pooled_metrics(cases), **training_metrics(trained), **outside_metrics(every)},
-        cases=every,
-        history=trained.history,
-        tables={"segmentation": table(cases)},
-        figures={
-            "training_curves": training_curves(trained.history, trained.best_epoch, found[0]),
-            **overlays(own.of(frames, "test"), masks, cases),
-        },
-        findings=(*found, *smoke_note(cases), *notes),
-        tags={
-            "model": one.model_name,
-            "dataset": name,
-            "simulated": str(frames.simulated).lower(),
-            **start_tags(trained),
-            **({"notes": " ".join(notes)} if notes else {}),
-        },
-        inputs=(input_data(dataset, frames),),
-    )
-
-
-def _scored(
-    one: FoldRun,
-    trained: TrainedFold,
-    dataset: DataSet,
-    frames: LabelledFrames,
-    own: Split,
-    workspace: Path,
-    progress: Progress,
-) -> pd.DataFrame:
-    """Rows of the cases that the fold leaves out and of those outside all folds; their predictions are kept."""
-    import pandas as pd
-
-    parts = {OUT_OF_FOLD: "test", **{part: part for part in OUTSIDE if getattr(own, part)}}
-    about: dict[str, Any] = {
-        "model": one.model_name,
-        "dataset": name_of(dataset),
-        "seed": one.seed,
-        "fold": one.fold,
-        "outer_fold": one.outer_fold,
-    }
-    with writing(workspace / FILE, one.preprocessing, **about) as keep:
-        rows = [
-            one.score(trained, dataset, own.of(frames, side), progress, part=part, keep=keep)
-            for part, side in parts.items()
-        ]
-    return pd.concat(rows, ignore_index=True)
+    return fold_outcome(one, dataset, split, workspace, progress)
 
 
 def summarise(results: list[JobResult]) -> Outcome:

@@ -44,6 +44,8 @@ def test_a_table_makes_volunteers_the_groups_and_allows_a_district(tmp_path) -> 
     assert everything.notes() == ("Groups are the volunteers of subjects.csv.",)
     neck = MusV(root, "vein", district="carotid", subjects=table)
     assert neck().case_ids == ("001_000", "001_001")
+    assert everything.districts(["001_000", "010_001"]) == ("carotid", "femoral")
+    assert MusV(root, "vein").districts(["001_000"]) == ("",)
     groin = MusV(root, "artery", district="femoral", subjects=table)
     assert groin().groups == ("anna",) * 3 + ("ben",) * 2
     assert (everything.name, neck.name, groin.name) == (
@@ -170,4 +172,4 @@ def test_the_substitute_shows_both_vessels_in_both_districts(tmp_path, monkeypat
     groin = MusV("none", "artery", district="femoral", simulate=True, substitute=maker)()
     assert groin.case_ids == ("002_000", "002_001", "004_000", "004_001")
     np.testing.assert_array_equal(groin.images[0], frames.images[2])
-    assert artery.notes()[0].startswith("Simulated: no image of musv_artery was used")
+    assert artery.notes()[0].startswith("Simulated: no image of Mus-V was used")

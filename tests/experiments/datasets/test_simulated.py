@@ -14,7 +14,7 @@ from experiments.cli import compose_sweep
 from experiments.datasets.carotid import Carotid
 from experiments.datasets.musv import MusV
 from experiments.datasets.san_raffaele import SanRaffaele
-from experiments.datasets.simulated import SimulatedSubstitute
+from experiments.datasets.simulated import SimulatedSubstitute, variation_note
 from experiments.datasets.usgra import Usgra
 from experiments.errors import InputError
 from registration.errors import InputError as PhantomInputError
@@ -128,3 +128,28 @@ def test_san_raffaele_varies_and_marks_poor_sessions(tmp_path, monkeypatch) -> N
     assert frames.simulated and list(sessions["frames"]) == [8] + [2] * 7
     assert list(sessions["excluded"] > 0) == [False, False, False, True, False, False, True, False]
     assert len(set(frames.spacing_mm)) > 3
+
+
+def test_what_differs_between_recordings_is_stated_with_its_range(tmp_path) -> None:
+    maker = small(tmp_path)
+    recipes = [maker.recipe(subject, subject) for subject in (0, 1)]
+    depths_mm = sorted(recipe.settings.scanner.depth_mm for recipe in recipes)
+    said = variation_note(recipes)
+    assert said.startswith("Varied between the 2 simulated recordings: vessel shape (2 anatomies), tissue")
+    assert f"imaging depth {depths_mm[0]:.3g} to {depths_mm[1]:.3g} mm" in said
+    # What both have alike is not varied.
+    assert "without contact" not in said and "shadows" not in said
+    poor = [*recipes, maker.recipe(1, 2, poor=True)]
+    assert "width without contact 4 to 14 mm, hard spots that cast shadows 4 to 16" in variation_note(poor)
+    alone = variation_note([recipes[0]])
+    assert "vessel shape (1 anatomies)" in alone and "imaging depth" not in alone
+
+
+def test_notes_of_simulated_sessions_and_sequences_say_what_was_varied(tmp_path, monkeypatch) -> None:
+    draw_sweeps(monkeypatch)
+    maker = small(tmp_path, subjects=4)
+    for dataset in (
+        SanRaffaele("none", simulate=True, substitute=maker),
+        MusV("none", "vein", simulate=True, substitute=maker),
+    ):
+        assert any(note.startswith("Varied between the ") for note in dataset.notes())

@@ -40,6 +40,7 @@ OF_STUDIES = {
         *("moving_centerline", "fixed_centerline", "truth"),
     },
     "export_model": {"model_path"},
+    "runtime": {"model_path"},
     "segment": {"model_path", "input"},
     "robustness": {"target", "moving", "moving_truth", "target_centerline"},
 }
@@ -66,7 +67,7 @@ _WORDS = """
     accelerator precision normalisation sector overlays network refine_by rotation place missing loss geometry
     interpolation compounding image_topic pose_topic world ee tf_topics out_of_order image clock orientation
     selection late_weights image_device pose_device host nifti_form prediction_label ignore_label ignored times
-    transforms deformable model_side residual
+    transforms deformable model_side residual device configurations vessels districts
 """
 WORDS = {
     *_WORDS.split(),
@@ -75,6 +76,7 @@ WORDS = {
     "calibration of consolidation",
     "register_as of export_model",
     "masks of consistency",
+    "masks of runtime",
     "reference of calibrate_spatial",
     "settings of MonaiNetwork",
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -109,7 +109,7 @@ def tables(cases: pd.DataFrame, compared: pd.DataFrame) -> dict[str, pd.DataFram
         Tables by title: all models with intervals, their comparison if there is one, and each data set by
         fold.
     """
-    shown = {"segmentation": _in_words(intervals(cases))}
+    shown = {"segmentation": in_words(intervals(cases))}
     if len(compared):
         shown["comparison"] = comparison_table(compared)
     for label in dict.fromkeys(label for _, label, _ in groups(cases)):
@@ -141,16 +141,27 @@ def _parts(cases: pd.DataFrame, several_seeds: bool) -> list[tuple[dict[str, obj
     return [*parts, ({"seed": "all", "fold": "all"}, cases)] if several_seeds else parts
 
 
-def _in_words(numbers: pd.DataFrame) -> pd.DataFrame:
-    """The table of intervals with a text in each field, for a page or a terminal's width."""
+def in_words(numbers: pd.DataFrame, names: Sequence[str] = ("model", "dataset", "groups")) -> pd.DataFrame:
+    """Write the table of intervals with a text in each field, for a page or a terminal's width.
+
+    Parameters
+    ----------
+    numbers : pandas.DataFrame
+        As ``intervals`` gives it, with any further columns.
+    names : sequence of str, optional
+        Columns that are kept as they are.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row for each of ``numbers``.
+    """
     import pandas as pd
 
     rows = []
     for row in numbers.to_dict("records"):
         measure = next((name for name in DISTANCES if not np.isnan(row.get(f"{name}_mean", np.nan))), None)
-        words = {name: row[name] for name in ("model", "dataset", "groups")} | {
-            "dsc": _interval(row, "dsc", 3)
-        }
+        words = {name: row[name] for name in names} | {"dsc": _interval(row, "dsc", 3)}
         words |= {"hd95": "", "hd95_unpenalised": ""}
         if measure is not None:
             unit = measure.removeprefix("hd95_")
