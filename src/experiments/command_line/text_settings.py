@@ -35,6 +35,8 @@ NAMES = frozenset(
         "image_device",
         "pose_device",
         "host",
+        "run",
+        "runs",
     }
 )
 PATHS = frozenset(
@@ -68,6 +70,7 @@ PATHS = frozenset(
         "truth",
         "target_centerline",
         "targets",
+        "data_root",
     }
 )
 TEXT = NAMES | PATHS

@@ -1,0 +1,156 @@
+"""Runs by their id, or by the first characters of it, with all runs below them: from a store or from an archive."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from experiments.errors import InputError
+from experiments.paths import project_root
+from experiments.tracking import ORIGIN_TAG, PARENT_TAG, Store
+from experiments.tracking.archive import read_archive
+from experiments.tracking.run_record import RunRecord, read_run
+
+# Of so many runs an id may be the beginning before the rest is left out of the message.
+MOST_NAMED = 5
+
+
+@dataclass(frozen=True)
+class Family:
+    """A run and all runs below it.
+
+    Parameters
+    ----------
+    run : RunRecord
+        The run that was asked for.
+    below : tuple of RunRecord, optional
+        Runs below it at any depth, in the order in which they started.
+    digests : Mapping[str, Mapping[str, str]], optional
+        Digest of each data set by its name, by the id of the run that used it. An archive holds none.
+    """
+
+    run: RunRecord
+    below: tuple[RunRecord, ...] = ()
+    digests: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+
+    @property
+    def jobs(self) -> tuple[RunRecord, ...]:
+        """The runs that computed something: those with no run below them."""
+        parents = {run.parent_id for run in self.below}
+        return tuple(run for run in (self.run, *self.below) if run.run_id not in parents)
+
+    @property
+    def above(self) -> tuple[RunRecord, ...]:
+        """The runs that sum up others."""
+        parents = {run.parent_id for run in self.below}
+        return tuple(run for run in (self.run, *self.below) if run.run_id in parents)
+
+
+def find_family(reference: str, store: Store, archive: Path | None = None, setting: str = "run") -> Family:
+    """Find a run by its id, with all runs below it.
+
+    Parameters
+    ----------
+    reference : str
+        Id of the run where it was first run or in this store, or the first characters of it.
+    store : Store
+        The tracker, where no archive is named.
+    archive : Path or None, optional
+        Folder of exported runs; None for the tracker.
+    setting : str, optional
+        Name of the setting that ``reference`` comes from, for messages.
+
+    Returns
+    -------
+    Family
+        The run and those below it.
+
+    Raises
+    ------
+    InputError
+        If no run has such an id, or several do.
+    """
+    if not reference.strip():
+        raise InputError(f"{setting}: expected the id of a run, received none")
+    if archive is not None:
+        return _archived(reference, archive, setting)
+    return _stored(reference, store, setting)
+
+
+def _archived(reference: str, archive: Path, setting: str) -> Family:
+    records = {record.run_id: record for record in read_archive(archive)}
+    found = {key: record for key, record in records.items() if key.startswith(reference)}
+    titles = {key: f"{record.experiment}, {record.name}" for key, record in found.items()}
+    top = found[_only(reference, titles, f"the archive {archive}", setting)]
+    return Family(top, _sorted(_below(top.run_id, records.values())))
+
+
+def _below(run_id: str, records: Iterable[RunRecord]) -> list[RunRecord]:
+    every = list(records)
+    own = [record for record in every if record.parent_id == run_id]
+    return own + [further for record in own for further in _below(record.run_id, every)]
+
+
+def _stored(reference: str, store: Store, setting: str) -> Family:
+    names = {each.experiment_id: each.name for each in store.client().search_experiments()}
+    # Newest first: of two runs with one origin, the newer is seen first and kept.
+    found: dict[str, Any] = {}
+    for run in store.runs():
+        origin = str(run.data.tags.get(ORIGIN_TAG, run.info.run_id))
+        if origin.startswith(reference) or run.info.run_id.startswith(reference):
+            found.setdefault(origin, run)
+    titles = {key: f"{names[run.info.experiment_id]}, {run.info.run_name}" for key, run in found.items()}
+    top = found[_only(reference, titles, f"the store {store.address}", setting)]
+    below, waiting = list[RunRecord](), [top]
+    digests = {}
+    while waiting:
+        run = waiting.pop(0)
+        record = read_run(store, run.info.run_id, names[run.info.experiment_id])
+        below.append(record)
+        digests[record.run_id] = _digests(run)
+        waiting += store.runs(None, f"tags.`{PARENT_TAG}` = '{run.info.run_id}'")
+    return Family(below[0], _sorted(below[1:]), digests)
+
+
+def _digests(run: Any) -> dict[str, str]:
+    used = run.inputs.dataset_inputs if run.inputs is not None else []
+    return {each.dataset.name: each.dataset.digest for each in used}
+
+
+def _sorted(records: Iterable[RunRecord]) -> tuple[RunRecord, ...]:
+    return tuple(sorted(records, key=lambda record: (record.start_ms, record.run_id)))
+
+
+def _only(reference: str, titles: Mapping[str, str], place: str, setting: str) -> str:
+    """The one id that was found; InputError names those that an unclear one begins."""
+    if reference in titles:
+        return reference
+    if len(titles) == 1:
+        return next(iter(titles))
+    if not titles:
+        raise InputError(
+            f"{setting}: expected the id of a run in {place}, found none that begins with {reference!r}"
+            f"{_elsewhere(reference, place)}"
+        )
+    named = [f"{key[:12]} ({title})" for key, title in list(titles.items())[:MOST_NAMED]]
+    more = f" and {len(titles) - MOST_NAMED} others" if len(titles) > MOST_NAMED else ""
+    raise InputError(
+        f"{setting}: expected the id of one run in {place}, received {reference!r}, with which those of "
+        f"{len(titles)} runs begin: {', '.join(named)}{more}"
+    )
+
+
+def _elsewhere(reference: str, place: str) -> str:
+    """Whether the project's own archive has such a run, as the end of a message."""
+    import pandas as pd
+
+    archive = project_root() / "results" / "runs"
+    if place == f"the archive {archive}":
+        return ""
+    for table in sorted(archive.glob("*/runs.parquet")):
+        ids = pd.read_parquet(table, columns=["run_id"])["run_id"]
+        if ids.astype(str).str.startswith(reference).any():
+            return f"; {archive} has one: pass archive={archive}"
+    return ""
