@@ -7,6 +7,7 @@ processes that open a new one at once leave it broken.
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shlex
@@ -36,6 +37,9 @@ if TYPE_CHECKING:
 PARENT_TAG = "mlflow.parentRunId"
 HASH_TAG = "ctus.config_hash"
 ORIGIN_TAG = "ctus.run_id"
+METRICS_FILE = "metrics.json"
+# What the dashboard opens an experiment as: its page of runs, not that of language models.
+_EXPERIMENT_TAGS = {"mlflow.experimentKind": "custom_model_development"}
 # Characters that mean nothing but themselves in a tracking address.
 _PLAIN_PATH = re.compile(r"[\w./+=@,~ -]*")
 
@@ -266,7 +270,7 @@ class Store:
             raise
 
     def metrics(self, run_id: str) -> dict[str, float]:
-        """The last value of every metric of a run.
+        """The last value of every metric of a run, of those as well that the dashboard has no columns for.
 
         Parameters
         ----------
@@ -278,7 +282,27 @@ class Store:
         dict[str, float]
             Values by name.
         """
-        return dict(self.client().get_run(run_id).data.metrics)
+        logged = dict(self.client().get_run(run_id).data.metrics)
+        return {**logged, **self.all_metrics(run_id)}
+
+    def all_metrics(self, run_id: str) -> dict[str, float]:
+        """The metrics in the file that a run keeps of them.
+
+        Parameters
+        ----------
+        run_id : str
+            Id of the run.
+
+        Returns
+        -------
+        dict[str, float]
+            Values by name, NaN and infinity among them; empty where there is no such file.
+        """
+        client = self.client()
+        if not any(file.path == METRICS_FILE for file in client.list_artifacts(run_id)):
+            return {}
+        text = Path(client.download_artifacts(run_id, METRICS_FILE)).read_text(encoding="utf-8")
+        return {str(name): float(value) for name, value in json.loads(text).items()}
 
     def restore_files(self, run_id: str, folder: Path) -> None:
         """Copy every artifact of a run into ``folder``.
@@ -371,7 +395,7 @@ class Store:
         served = self.address.startswith(("http://", "https://"))
         place = None if served else (self.folder / "artifacts").as_uri()
         try:
-            return str(self.client().create_experiment(name, place))
+            return str(self.client().create_experiment(name, place, tags=_EXPERIMENT_TAGS))
         except MlflowException:
             # Another machine made it between the look and the making: the file lock reaches only this one.
             found = self.client().get_experiment_by_name(name)
