@@ -15,14 +15,17 @@ from experiments.tracking.names import flatten
 # Jobs that differ in these alone repeat one thing.
 REPETITIONS = ("fold", "outer_fold", "training_seed", "seed")
 # Groups whose options are what is compared, in the order in which they name a run.
-METHODS = ("model", "rigid", "deformable", "train_on")
+METHODS = ("model", "rigid", "deformable")
 # Settings that say what something is measured on.
 SUBJECTS = ("dataset", "first", "second", "moving", "fixed", "target", "phantoms", "phantom", "subset")
 # As many columns as a person reads.
 MOST_PARAMETERS = 14
 MOST_NAMED = 4
+MOST_LISTED = 8
+_SINGULAR = {name: name[:-1] for name in ("overlaps", "places", "rotations", "phantoms", "factors")}
 _OTHER_NAMES = {"trainer": "budget"}
 _NO_OPTION = frozenset({"study", "none", "default"})
+_NOTHING = frozenset({"", "none", "None", "null", "[]", "{}", "False"})
 # Settings that say where files are or how many processes read them, and no more of the result.
 _NO_PARAMETER = frozenset({"study", "call", "out", "model_path", *NOT_PART_OF_THE_JOB, *NEVER_PART})
 
@@ -108,13 +111,14 @@ def thing(job: Job) -> str:
     str
         The name; empty where nothing is compared.
     """
-    methods = {name: option(job.config, name) for name in METHODS}
-    parts = [value for value in methods.values() if value and value != "none"]
-    parts += [
-        f"{_short(name)} {_plain(value)}"
-        for name, value in choices(job).items()
-        if name not in (*REPETITIONS, *METHODS, *SUBJECTS)
-    ]
+    parts = [_methods(job)] if _methods(job) else []
+    named = _of_study(job.config)
+    if isinstance(trained_on := job.config.get("train_on"), str) and trained_on in job.config:
+        parts.append(f"trained on {option(job.config, trained_on)}")
+    for name, value in choices(job).items():
+        if name not in (*REPETITIONS, *METHODS, *SUBJECTS, "train_on"):
+            shown = named.get(_short(name), value)
+            parts += [f"{_short(name)} {_plain(shown)}"] if str(shown) not in _NOTHING else []
     return ", ".join(parts)
 
 
@@ -152,10 +156,7 @@ def sweep_name(jobs: Sequence[Job]) -> str:
         What they are about and what is compared, such as ``usgra: unet, attention_unet``.
     """
     subjects = _joined(dict.fromkeys(subject(job.config) for job in jobs))
-    methods = dict.fromkeys(
-        ", ".join(value for name in METHODS if (value := option(job.config, name)) and value != "none")
-        for job in jobs
-    )
+    methods = dict.fromkeys(_methods(job) for job in jobs)
     varying = dict.fromkeys(
         _short(name)
         for job in jobs
@@ -183,26 +184,30 @@ def parameters(job: Job) -> dict[str, str]:
     dict[str, str]
         At most ``MOST_PARAMETERS`` values by short name.
     """
-    config, own = job.config, study_module(str(job.config["study"]))
-    call = config.get("call", {})
+    config, call = job.config, job.config.get("call", {})
     flat = {name: value for name, value in flatten(config).items() if not name.startswith("call.")}
-    found: dict[str, Any] = dict(own.parameters(config)) if hasattr(own, "parameters") else {}
-    for group in [*call.get("options", {}), *METHODS]:
-        if (chosen := option(config, group)) and chosen not in _NO_OPTION and group not in _NO_OPTION:
-            found.setdefault(_OTHER_NAMES.get(group, group), chosen)
+    varying, groups = choices(job), {*call.get("options", {}), *METHODS}
+    ordered = sorted(groups, key=[*METHODS, *SUBJECTS, *call.get("options", {})].index)
+    chosen = {group: option(config, group) for group in ordered}
+    found: dict[str, Any] = {
+        _OTHER_NAMES.get(group, group): value
+        for group, value in chosen.items()
+        if group not in _NO_OPTION and (value not in _NO_OPTION or group in varying)
+    }
     found |= {name: flat[name] for name in REPETITIONS if flat.get(name) is not None}
-    groups = {*call.get("options", {}), *METHODS}
-    for name, value in {
-        **choices(job),
-        **{name: flat.get(name) for name in call.get("settings", ())},
-    }.items():
-        if name not in groups and name.split(".")[0] not in _NO_PARAMETER:
-            found.setdefault(_short(name), flat.get(name, value))
-    for name, value in config.items():
-        if name not in _NO_PARAMETER and name not in groups and not isinstance(value, Mapping):
+    found |= _of_study(config)
+    asked = {**varying, **{name: flat.get(name) for name in call.get("settings", ())}}
+    for name, value in {**{name: flat.get(name, value) for name, value in asked.items()}, **config}.items():
+        if name not in groups and name.split(".")[0] not in _NO_PARAMETER and not isinstance(value, Mapping):
             found.setdefault(_short(name), value)
-    shown = {name: _plain(value) for name, value in found.items() if value is not None and value != []}
+    shown = {name: _plain(value) for name, value in found.items() if str(value) not in _NOTHING}
     return dict(list(shown.items())[:MOST_PARAMETERS])
+
+
+def _of_study(config: Mapping[str, Any]) -> dict[str, Any]:
+    """What the study itself has columns for, by its function ``parameters``."""
+    module = study_module(str(config["study"]))
+    return dict(module.parameters(config)) if hasattr(module, "parameters") else {}
 
 
 def shared_parameters(each: Sequence[Mapping[str, str]], *, listed: bool) -> dict[str, str]:
@@ -226,7 +231,7 @@ def shared_parameters(each: Sequence[Mapping[str, str]], *, listed: bool) -> dic
         name: ", ".join(found)
         for name, found in values.items()
         if (len(found) == 1 and name in everywhere)
-        or (listed and 1 < len(found) <= MOST_NAMED and name not in REPETITIONS)
+        or (listed and 1 < len(found) <= MOST_LISTED and name not in REPETITIONS)
     }
 
 
@@ -242,6 +247,11 @@ def _files(config: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
+def _methods(job: Job) -> str:
+    values = (option(job.config, name) for name in METHODS)
+    return " + ".join(value for value in values if value and value != "none")
+
+
 def _joined(names: Mapping[str, None]) -> str:
     kept = [name for name in names if name]
     more = f" and {len(kept) - MOST_NAMED} more" if len(kept) > MOST_NAMED else ""
@@ -251,9 +261,7 @@ def _joined(names: Mapping[str, None]) -> str:
 def _short(name: str) -> str:
     """The last part of a dotted name, in the singular where it holds one value of a list a job."""
     last = name.rsplit(".", 1)[-1]
-    return {"overlaps": "overlap", "places": "place", "rotations": "rotation", "phantoms": "phantom"}.get(
-        last, last
-    )
+    return _SINGULAR.get(last, last)
 
 
 def _plain(value: Any) -> str:

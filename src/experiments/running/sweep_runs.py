@@ -9,7 +9,14 @@ from pathlib import Path
 from experiments.outcome import InputData, JobResult, Outcome
 from experiments.running import run_names
 from experiments.running.jobs import Job
-from experiments.running.run_job import Report, log_config, log_results, read_inputs, source_tags
+from experiments.running.run_job import (
+    Report,
+    headline_names,
+    log_config,
+    log_results,
+    read_inputs,
+    source_tags,
+)
 from experiments.running.terminal import markdown
 from experiments.running.variants import Variant, hash_of, metrics_of, shown_metrics, variants_of
 from experiments.tracking import HASH_TAG, METRICS_FILE, PARENT_TAG, RunWriter, Store
@@ -137,6 +144,9 @@ def open_runs(store: Store, jobs: Sequence[Job]) -> SweepRuns:
     SweepRuns
         The runs; of a single job there are none.
     """
+    study = str(jobs[0].config["study"])
+    columns = dict.fromkeys(name for job in jobs for name in run_names.parameters(job))
+    store.save_view(study, list(columns), headline_names(study))
     if len(jobs) == 1:
         return SweepRuns(levels={jobs[0].hash: RESULT})
     variants = variants_of(jobs)

@@ -51,6 +51,12 @@ if TYPE_CHECKING:
     from models.training.losses import Loss
     from models.training.settings import TrainerSettings
 
+# What the dashboard has columns for.
+HEADLINE = (
+    *("dsc_mean", "dsc_std", "dsc_ci_low", "dsc_ci_high", "hd95_mm_mean", "hd95_px_mean"),
+    *("missed_rate", "false_alarm_rate", "best_epoch", "training_s"),
+)
+
 
 def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
     """List one job for each fold, or for those that ``outer_fold`` and ``fold`` name.
@@ -224,6 +230,22 @@ def _scored(
             for part, side in parts.items()
         ]
     return pd.concat(rows, ignore_index=True)
+
+
+def over_repeats(results: list[JobResult]) -> dict[str, float]:
+    """Summarise the scores of folds and seeds of one model on one data set, each case once.
+
+    Parameters
+    ----------
+    results : list of JobResult
+        Results of the folds and seeds.
+
+    Returns
+    -------
+    dict
+        Scalars by the name of the metric.
+    """
+    return pooled_metrics(pool(results))
 
 
 def summarise(results: list[JobResult]) -> Outcome:
