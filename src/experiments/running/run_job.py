@@ -218,7 +218,7 @@ def start_job(job: Job, plan: Plan, store: Store) -> RunWriter:
 
 
 def source_tags(config: Mapping[str, Any]) -> dict[str, str]:
-    """What the dashboard shows as the source of a run: the command.
+    """What the dashboard shows as the source of a run, and the whole command.
 
     Parameters
     ----------
@@ -230,8 +230,10 @@ def source_tags(config: Mapping[str, Any]) -> dict[str, str]:
     dict[str, str]
         Tags by name.
     """
-    command = config.get("call", {}).get("command", f"ctus study={config['study']}")
-    return {"mlflow.source.name": str(command), "mlflow.source.type": "LOCAL"}
+    # The dashboard shows of a source what follows its last slash.
+    source = {"mlflow.source.name": f"ctus study={config['study']}", "mlflow.source.type": "LOCAL"}
+    command = config.get("call", {}).get("command")
+    return source if command is None else {**source, "ctus.command": str(command)}
 
 
 def headline_names(study: str) -> tuple[str, ...]:
@@ -250,7 +252,7 @@ def headline_names(study: str) -> tuple[str, ...]:
     return tuple(getattr(jobs.study_module(study), "HEADLINE", ()))
 
 
-def shown_outcome(outcome: Outcome, job: Job) -> Outcome:
+def shown_outcome(outcome: Outcome, job: Job, run_id: str) -> Outcome:
     """What the dashboard shows of a result: few metrics, curves over epochs and a description.
 
     Parameters
@@ -259,13 +261,16 @@ def shown_outcome(outcome: Outcome, job: Job) -> Outcome:
         The result of a job.
     job : Job
         The job.
+    run_id : str
+        Id of its run.
 
     Returns
     -------
     Outcome
         The result with its metrics, history and tags as the tracker gets them.
     """
-    note = description(outcome.findings, terminal.markdown(dict(outcome.tables)))
+    tables = terminal.markdown(dict(outcome.tables))
+    note = description(outcome.findings, tables, outcome.figures, run_id)
     return dataclasses.replace(
         outcome,
         metrics=headline(outcome.metrics, headline_names(str(job.config["study"]))),
@@ -299,7 +304,7 @@ def _keep_for_later(job: Job, plan: Plan, run: RunWriter, outcome: Outcome) -> N
     from experiments.tracking.run_record import finished_run
 
     folder = plan.folder_of(job.hash) / "untracked"
-    shown = shown_outcome(outcome, job)
+    shown = shown_outcome(outcome, job, run.run_id)
     write_archive([finished_run(run, job.config, outcome, run_names.parameters(job), shown)], folder)
     print(
         f"The tracking server did not come back. Once it answers, ctus study=import_runs archive={folder} tracks "
@@ -434,7 +439,7 @@ def _compute(
     # Only now: whatever the tracker does with them, the files are where the user looks for them.
     if run is not None:
         changed = jobs.hash_now(job.config) != job.hash
-        shown = shown_outcome(outcome, job)
+        shown = shown_outcome(outcome, job, run.run_id)
         tags = {**shown.tags, **({HASH_TAG: CHANGED} if changed else {})}
         log_results(run, dataclasses.replace(shown, tags=tags), folder, written)
         if changed:

@@ -22,6 +22,7 @@ SUBJECTS = ("dataset", "first", "second", "moving", "fixed", "target", "phantoms
 MOST_PARAMETERS = 14
 MOST_NAMED = 4
 MOST_LISTED = 8
+MOST_MAIN = 6
 _SINGULAR = {name: name[:-1] for name in ("overlaps", "places", "rotations", "phantoms", "factors")}
 _OTHER_NAMES = {"trainer": "budget"}
 _NO_OPTION = frozenset({"study", "none", "default"})
@@ -208,6 +209,28 @@ def _of_study(config: Mapping[str, Any]) -> dict[str, Any]:
     """What the study itself has columns for, by its function ``parameters``."""
     module = study_module(str(config["study"]))
     return dict(module.parameters(config)) if hasattr(module, "parameters") else {}
+
+
+def main_parameters(jobs: Sequence[Job]) -> list[str]:
+    """Choose the parameters that tell the jobs of a call apart, but for folds and seeds, and what they are about.
+
+    Parameters
+    ----------
+    jobs : sequence of Job
+        All jobs of the call.
+
+    Returns
+    -------
+    list of str
+        At most ``MOST_MAIN`` names.
+    """
+    values: dict[str, set[str]] = {}
+    for one in map(parameters, jobs):
+        for name, value in one.items():
+            values.setdefault(name, set()).add(value)
+    chosen = [name for name in (*METHODS, *SUBJECTS) if name in values]
+    chosen += [name for name, found in values.items() if len(found) > 1 and name not in REPETITIONS]
+    return list(dict.fromkeys(chosen))[:MOST_MAIN]
 
 
 def shared_parameters(each: Sequence[Mapping[str, str]], *, listed: bool) -> dict[str, str]:

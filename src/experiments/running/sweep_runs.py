@@ -90,7 +90,8 @@ class SweepRuns:
             return
         study = str(jobs[0].config["study"])
         metrics = shown_metrics(metrics_of(jobs, results), study) if self.single else {}
-        note = description(outcome.findings, markdown(dict(outcome.tables)))
+        tables = markdown(dict(outcome.tables))
+        note = description(outcome.findings, tables, outcome.figures, self.sweep.run_id)
         shown = replace(outcome, metrics=metrics, inputs=_inputs(results), history=())
         log_results(self.sweep, replace(shown, tags={**outcome.tags, NOTE_TAG: note}), folder, names)
 
@@ -145,8 +146,7 @@ def open_runs(store: Store, jobs: Sequence[Job]) -> SweepRuns:
         The runs; of a single job there are none.
     """
     study = str(jobs[0].config["study"])
-    columns = dict.fromkeys(name for job in jobs for name in run_names.parameters(job))
-    store.save_view(study, list(columns), headline_names(study))
+    store.save_view(study, run_names.main_parameters(jobs), headline_names(study))
     if len(jobs) == 1:
         return SweepRuns(levels={jobs[0].hash: RESULT})
     variants = variants_of(jobs)

@@ -99,10 +99,9 @@ def metrics_of(jobs: Sequence[Job], results: Sequence[JobResult]) -> dict[str, f
     pooled = dict(module.over_repeats(list(results))) if hasattr(module, "over_repeats") else {}
     found = {**{name: value for name, value in means.items() if np.isfinite(value)}, **pooled}
     first = next((str(name) for name in (*headline_names(study), *table.columns) if name in table), None)
-    if first is not None and np.isfinite(
-        std := float(np.std(table[first], ddof=1) if len(table) > 1 else np.nan)
-    ):
-        found[f"{first}{SPREAD}"] = std
+    values = table[first].to_numpy() if first is not None else np.empty(0)
+    if len(values) > 1 and np.isfinite(values).all():
+        found[f"{first}{SPREAD}"] = float(np.std(values, ddof=1))
     return found
 
 

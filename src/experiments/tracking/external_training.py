@@ -19,7 +19,7 @@ EXPERIMENT = "segmentation"
 # What the dashboard has columns for.
 HEADLINE = (
     *("dsc_mean", "dsc_std", "hd95_mm_mean", "hd95_px_mean", "missed_rate", "false_alarm_rate"),
-    *("best_epoch", "training_s"),
+    "training_s",
 )
 _NAMES = ("case_id", "group", "model", "dataset")
 _SHOWN = ("seed", "width", "image_size_px", "max_epochs", "batch_size", "learning_rate")
@@ -116,6 +116,7 @@ def _history(
     rows = [
         (name, step, value) for step, epoch in enumerate(curves(measured)) for name, value in epoch.items()
     ]
-    rows += [(name, 0, value) for name, value in headline(metrics, HEADLINE).items()]
-    known = [(name, step, float(value), at_ms) for name, step, value in rows if value is not None]
+    defined = {name: value for name, value in metrics.items() if value is not None}
+    rows += [(name, 0, value) for name, value in headline(defined, HEADLINE).items()]
+    known = [(name, step, float(value), at_ms) for name, step, value in rows]
     return pd.DataFrame(known, columns=["metric", "step", "value", "timestamp_ms"])

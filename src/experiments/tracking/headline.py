@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from urllib.parse import quote
 
 # The place of a run: a sweep over several things, one thing that is compared (a model on a data set, a method on a
 # piece of a vessel), or one of the folds, seeds or trials that it is repeated over.
@@ -18,6 +19,9 @@ NOTE_TAG = "mlflow.note.content"
 MOST_METRICS = 12
 # The tracker takes 8000 characters.
 LONGEST_NOTE = 7900
+MOST_FIGURES = 4
+# Where the dashboard serves the files of a run.
+_ARTIFACT = "get-artifact?path="
 # What is measured at each epoch and belongs in no chart of how a training went.
 _NO_CURVE = frozenset({"learning_rate", "images_per_s", "peak_memory_mb"})
 
@@ -74,7 +78,7 @@ def _curve_name(name: str) -> str:
     return f"val_{name.removeprefix('validation_')}" if name.startswith("validation_") else name
 
 
-def description(findings: Iterable[str], tables: str) -> str:
+def description(findings: Iterable[str], tables: str, figures: Iterable[str] = (), run_id: str = "") -> str:
     """Write what the dashboard shows as the description of a run.
 
     Parameters
@@ -83,19 +87,40 @@ def description(findings: Iterable[str], tables: str) -> str:
         Results as plain sentences.
     tables : str
         Result tables as Markdown.
+    figures : Iterable[str], optional
+        Stems of PNG files among the run's artifacts.
+    run_id : str, optional
+        Id of the run, by which the dashboard finds them.
 
     Returns
     -------
     str
-        Markdown: tables, then a list of the findings; lines that are too many for the tracker are left out.
+        Markdown: tables, a list of the findings, figures; lines that are too many for the tracker are left out.
     """
+    pictures = [f"![{name}]({_ARTIFACT}{quote(name)}.png&run_uuid={run_id})" for name in figures]
     text = "\n".join([tables.strip(), "", *(f"- {finding}" for finding in findings)]).strip()
-    if len(text) <= LONGEST_NOTE:
-        return text
-    rest = "\n\n(The rest is in summary.md and in the findings of the terminal.)"
-    kept = text[: LONGEST_NOTE - len(rest)]
+    shown = "".join(f"\n\n{picture}" for picture in pictures[:MOST_FIGURES])
+    if len(text) + len(shown) <= LONGEST_NOTE:
+        return (text + shown).strip()
+    rest = f"\n\n(The rest is in summary.md and in the findings of the terminal.){shown}"
     # A line of a table that is cut is no line of a table.
-    return kept.rpartition("\n")[0] + rest
+    return text[: LONGEST_NOTE - len(rest)].rpartition("\n")[0] + rest
+
+
+def without_figures(note: str) -> str:
+    """A description for a copy of the run, which has no figures.
+
+    Parameters
+    ----------
+    note : str
+        As ``description`` gives it.
+
+    Returns
+    -------
+    str
+        The description without its figures.
+    """
+    return "\n".join(line for line in note.splitlines() if _ARTIFACT not in line).rstrip()
 
 
 def metrics_text(metrics: Mapping[str, float]) -> str:

@@ -15,7 +15,7 @@ import yaml
 from experiments.outcome import Outcome
 from experiments.provenance import process_tags
 from experiments.tracking import METRICS_FILE, ORIGIN_TAG, PARENT_TAG, RunWriter, Store, loggable
-from experiments.tracking.headline import metrics_text
+from experiments.tracking.headline import NOTE_TAG, metrics_text, without_figures
 
 
 @dataclass(frozen=True)
@@ -184,6 +184,8 @@ def restore_run(store: Store, record: RunRecord, parent_id: str | None) -> str:
         Id of the new run.
     """
     tags = {**record.tags, ORIGIN_TAG: record.run_id, **({PARENT_TAG: parent_id} if parent_id else {})}
+    if NOTE_TAG in tags:
+        tags[NOTE_TAG] = without_figures(tags[NOTE_TAG])
     writer = store.begin_copy(record.experiment, record.name, tags, record.start_ms)
     writer.params(record.params)
     columns = ("metric", "value", "timestamp_ms", "step")

@@ -19,7 +19,7 @@ NAME = "Results"
 VIEW_TAG = "mlflow.sharedViewState.ctus_results"
 # What the dashboard opens an experiment as: its page of runs, not that of language models.
 KIND_TAGS = {"mlflow.experimentKind": "custom_model_development"}
-MOST_COLUMNS = 30
+MOST_COLUMNS = 24
 _PREFIX = "deflate;"
 _STATE = {
     "searchFilter": f"tags.{LEVEL_TAG} = '{RESULT}'",
@@ -29,7 +29,6 @@ _STATE = {
     "lifecycleFilter": "Active",
     "datasetsFilter": [],
     "modelVersionFilter": "All Runs",
-    "columnOrder": [],
     "columnWidths": {},
     "runsHiddenMode": "FIRST_10_RUNS",
     "viewMaximized": False,
@@ -64,7 +63,8 @@ def view_tag(parameters: Sequence[str], metrics: Sequence[str], before: str = ""
     columns = list(dict.fromkeys([*known, *wanted]))
     # Parameters come first: they say what the numbers are of.
     columns.sort(key=lambda column: column.startswith("metrics."))
-    state = json.dumps({**_STATE, "selectedColumns": columns[-MOST_COLUMNS:]})
+    columns = columns[-MOST_COLUMNS:]
+    state = json.dumps({**_STATE, "selectedColumns": columns, "columnOrder": columns})
     packed = base64.b64encode(zlib.compress(state.encode())).decode()
     now_ms = int(time.time() * 1000)
     return json.dumps({"name": NAME, "createdAt": now_ms, "updatedAt": now_ms, "state": f"{_PREFIX}{packed}"})

@@ -107,7 +107,8 @@ def test_a_run_holds_what_is_needed_to_repeat_it(counting_study: ModuleType, hom
     assert json.loads(run.data.tags["ctus.packages"])["mlflow"]
     assert run.data.tags["ctus.machine"]
     assert run.data.tags["mlflow.user"]
-    assert run.data.tags["mlflow.source.name"] == "ctus study=counting 'parts=[7]' seed=3"
+    assert run.data.tags["mlflow.source.name"] == "ctus study=counting"
+    assert run.data.tags["ctus.command"] == "ctus study=counting 'parts=[7]' seed=3"
     assert "| case_id | value |" in run.data.tags["mlflow.note.content"]
     assert run.info.run_name == "part 7" and run.data.tags["level"] == "result"
     assert [point.value for point in client.get_metric_history(run.info.run_id, "loss")] == [1.0, 0.5]

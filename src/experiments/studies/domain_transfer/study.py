@@ -52,7 +52,7 @@ DOMAINS = ("first", "second")
 OTHER = "other_"
 SHOWN = ("dsc_mean", "dsc_std", "hd95_mm_mean", "hd95_px_mean", "false_alarm_rate")
 # What the dashboard has columns for: the data set that a network was trained on, and the other one.
-HEADLINE = (*SHOWN, *(f"{OTHER}{name}" for name in SHOWN), "best_epoch", "training_s")
+HEADLINE = (*SHOWN, *(f"{OTHER}{name}" for name in SHOWN), "training_s")
 
 
 def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:

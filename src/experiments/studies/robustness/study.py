@@ -344,9 +344,10 @@ def trial_metrics(cases: pd.DataFrame) -> dict[str, float]:
     Returns
     -------
     dict
-        Scalars by name.
+        Scalars by name; rates over no trial are absent.
     """
-    metrics = rate_metrics(cases)
+    # A rate over no trial, as that of acceptance where a method does not judge, is no failure: it is no metric.
+    metrics = {name: value for name, value in rate_metrics(cases).items() if value == value}
     for name in SUMMARISED:
         metrics |= summary(name, cases[name].tolist())
     return metrics
