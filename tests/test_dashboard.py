@@ -203,6 +203,8 @@ def test_a_run_says_what_was_found_from_what_by_whom(page: Page, address: str, s
     page.open(f"{address}/#/experiments/{experiment}/runs/{run}")
     page.wait_for_text("Description", 60)
     page.wait("document.querySelectorAll('table').length > 0", "the summary's table")
+    page.click_element(item("Show more"), "the rest of the description")
+    page.wait("document.querySelector('img[alt=spread]')?.naturalWidth > 100", "the summary's figure")
     shown = page.text()
     assert "ctus study=segmentation" in shown and "attention_unet" in shown and "Created by" in shown
     picture(page, "run")

@@ -12,6 +12,7 @@ from experiments.tracking.headline import (
     description,
     headline,
     metrics_text,
+    without_figures,
 )
 
 
@@ -41,6 +42,16 @@ def test_curves_are_losses_and_scores_under_one_name_each() -> None:
 def test_a_description_holds_tables_then_findings() -> None:
     assert description(["It is right."], "| a |\n| --- |\n") == "| a |\n| --- |\n\n- It is right."
     assert description([], "") == ""
+
+
+def test_figures_end_a_description_and_are_left_out_of_a_copy() -> None:
+    text = description(["It is right."], "| a |", ["success curve", "b", "c", "d", "e"], "0123")
+    shown = "![success curve](get-artifact?path=success%20curve.png&run_uuid=0123)"
+    assert text.startswith(f"| a |\n\n- It is right.\n\n{shown}")
+    assert text.count("get-artifact") == 4
+    assert without_figures(text) == "| a |\n\n- It is right."
+    long = description([], "| x |\n" * 4000, ["b"], "0123")
+    assert len(long) <= LONGEST_NOTE and long.endswith("![b](get-artifact?path=b.png&run_uuid=0123)")
 
 
 def test_a_long_description_is_cut_between_lines_and_says_where_the_rest_is() -> None:
