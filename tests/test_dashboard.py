@@ -121,13 +121,13 @@ def test_the_list_shows_what_was_compared_with_its_folds_below(
 ) -> None:
     open_view(page, address, store, "segmentation")
     page.wait_for_text("phantom: unet")
-    assert "attention_unet, fold 0" not in page.text()
+    assert "fold 0 of attention_unet" not in page.text()
     page.click_element(f"{EXPANDERS}[0]", "the sweep's expander")
     page.wait(f"{EXPANDERS}.length === 3", "a row for each network")
     page.click_element(f"{EXPANDERS}[1]", "the network's expander")
-    page.wait_for_text("attention_unet, fold 2")
+    page.wait_for_text("fold 2 of attention_unet")
     shown = page.text()
-    assert "unet, fold 0" in shown and "phantom (0123456789abcdef)" in shown
+    assert "fold 0 of attention_unet" in shown and "phantom (0123456789abcdef)" in shown
     assert "ctus study=segmentation" in shown
     picture(page, "list")
 
@@ -204,7 +204,7 @@ def test_a_run_says_what_was_found_from_what_by_whom(page: Page, address: str, s
     page.wait_for_text("Description", 60)
     page.wait("document.querySelectorAll('table').length > 0", "the summary's table")
     page.click_element(item("Show more"), "the rest of the description")
-    page.wait("document.querySelector('img[alt=spread]')?.naturalWidth > 100", "the summary's figure")
+    page.wait("document.querySelector('img[src*=get-artifact]')?.naturalWidth > 100", "the summary's figure")
     shown = page.text()
     assert "ctus study=segmentation" in shown and "attention_unet" in shown and "Created by" in shown
     picture(page, "run")

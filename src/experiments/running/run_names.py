@@ -136,11 +136,13 @@ def job_name(job: Job, *, with_subject: bool) -> str:
     Returns
     -------
     str
-        The name, such as ``usgra, unet, fold 0``.
+        The name, such as ``usgra, unet`` or ``fold 0 of unet``.
     """
     repeats = [f"{name} {value}" for name, value in choices(job).items() if name in REPETITIONS]
-    parts = [subject(job.config) if with_subject else "", thing(job), *repeats]
-    return ", ".join(part for part in parts if part) or job.label or str(job.config["study"])
+    parts = [subject(job.config) if with_subject else "", thing(job)]
+    # A narrow column shows the beginning of a name alone.
+    of = [", ".join(part for part in parts if part)]
+    return " of ".join(part for part in [", ".join(repeats), *of] if part) or str(job.config["study"])
 
 
 def sweep_name(jobs: Sequence[Job]) -> str:
@@ -224,12 +226,11 @@ def main_parameters(jobs: Sequence[Job]) -> list[str]:
     list of str
         At most ``MOST_MAIN`` names.
     """
-    values: dict[str, set[str]] = {}
-    for one in map(parameters, jobs):
-        for name, value in one.items():
-            values.setdefault(name, set()).add(value)
-    chosen = [name for name in (*METHODS, *SUBJECTS) if name in values]
-    chosen += [name for name, found in values.items() if len(found) > 1 and name not in REPETITIONS]
+    each = [parameters(job) for job in jobs]
+    names = dict.fromkeys(name for one in each for name in one)
+    chosen = [name for name in (*METHODS, *SUBJECTS) if name in names]
+    # What some jobs lack, such as the place of a piece, tells them apart as well.
+    chosen += [name for name in names if len({one.get(name) for one in each}) > 1 and name not in REPETITIONS]
     return list(dict.fromkeys(chosen))[:MOST_MAIN]
 
 

@@ -151,13 +151,13 @@ def open_runs(store: Store, jobs: Sequence[Job]) -> SweepRuns:
         return SweepRuns(levels={jobs[0].hash: RESULT})
     variants = variants_of(jobs)
     single = len(variants) == 1
-    known = _known(store, jobs) if jobs[0].config.get("resume") else None
+    known = _known(store, jobs, "sweep") if jobs[0].config.get("resume") else None
     sweep = _opened(store, jobs, run_names.sweep_name(jobs), "sweep", RESULT if single else SWEEP, known)
     runs = SweepRuns(sweep, single, resumed=known is not None)
     for variant in variants:
         above, repeated = sweep.run_id, len(variant.jobs) > 1
         if repeated and not single:
-            before = _known(store, variant.jobs, above) if runs.resumed else None
+            before = _known(store, variant.jobs, "variant", above) if runs.resumed else None
             run = _opened(store, variant.jobs, variant.name, "variant", RESULT, before, above)
             runs.variants.append((variant, run))
             above = run.run_id
@@ -166,10 +166,10 @@ def open_runs(store: Store, jobs: Sequence[Job]) -> SweepRuns:
     return runs
 
 
-def _known(store: Store, jobs: Sequence[Job], parent_id: str | None = None) -> str | None:
-    """The run of these jobs that an earlier call began and no other is at."""
+def _known(store: Store, jobs: Sequence[Job], kind: str, parent_id: str | None = None) -> str | None:
+    """The run above these jobs that an earlier call began and no other is at."""
     study = str(jobs[0].config["study"])
-    for run in store.runs([study], f"tags.`{HASH_TAG}` = '{hash_of(jobs)}'"):
+    for run in store.runs([study], f"tags.`{HASH_TAG}` = '{hash_of(jobs)}' and tags.`ctus.kind` = '{kind}'"):
         if not store.is_under_way(run) and parent_id in (None, run.data.tags.get(PARENT_TAG)):
             return str(run.info.run_id)
     return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -96,7 +97,11 @@ def metrics_of(jobs: Sequence[Job], results: Sequence[JobResult]) -> dict[str, f
     table = pd.DataFrame([dict(result.metrics) for result in results]).astype(float)
     # The mean over folds of what is undefined or infinite in one of them would be that of others.
     means = {str(name): float(table[name].to_numpy().mean()) for name in table.columns}
-    pooled = dict(module.over_repeats(list(results))) if hasattr(module, "over_repeats") else {}
+    pooled: dict[str, float] = {}
+    try:
+        pooled = dict(module.over_repeats(list(results))) if hasattr(module, "over_repeats") else {}
+    except Exception as failure:  # all results are there by now, and nothing of them may be lost
+        print(f"{study}: metrics over its jobs are their means alone ({failure})", file=sys.stderr)
     found = {**{name: value for name, value in means.items() if np.isfinite(value)}, **pooled}
     first = next((str(name) for name in (*headline_names(study), *table.columns) if name in table), None)
     values = table[first].to_numpy() if first is not None else np.empty(0)

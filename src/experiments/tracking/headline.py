@@ -17,6 +17,12 @@ SWEEP, RESULT, REPEAT = "sweep", "result", "repeat"
 NOTE_TAG = "mlflow.note.content"
 # As many columns as a person reads.
 MOST_METRICS = 12
+# What comes first of a study that has not chosen: the scores, errors and rates that studies share.
+GENERAL = (
+    *("dsc_mean", "dsc_std", "hd95_mm_mean", "hd95_px_mean", "success_rate", "success_tre_rate"),
+    *("false_alarm_rate", "rmse_mm", "rmse_mm_median", "tre_mm", "tre_mm_median", "tre_mm_p95", "coverage"),
+    *("points", "runtime_s", "runtime_s_median"),
+)
 # The tracker takes 8000 characters.
 LONGEST_NOTE = 7900
 MOST_FIGURES = 4
@@ -34,7 +40,8 @@ def headline(metrics: Mapping[str, float], names: Sequence[str] = ()) -> dict[st
     metrics : Mapping[str, float]
         Scalars by metric name.
     names : Sequence[str], optional
-        Names that the study chooses; where it has none of them, the first ``MOST_METRICS`` metrics are taken.
+        Names that the study chooses; where it has none of them, ``MOST_METRICS`` are taken, those of ``GENERAL`` before
+        others in their order.
 
     Returns
     -------
@@ -46,7 +53,10 @@ def headline(metrics: Mapping[str, float], names: Sequence[str] = ()) -> dict[st
     >>> headline({"tre_mm_p95": 3.0, "tre_mm_median": 1.0}, ["tre_mm_median"])
     {'tre_mm_median': 1.0}
     """
-    chosen = [name for name in names if name in metrics] or list(metrics)[:MOST_METRICS]
+    chosen = [name for name in names if name in metrics]
+    if not chosen:
+        known = [name for name in GENERAL if name in metrics]
+        chosen = list(dict.fromkeys([*known, *metrics]))[:MOST_METRICS]
     return {name: metrics[name] for name in chosen}
 
 

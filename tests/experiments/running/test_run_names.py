@@ -27,8 +27,8 @@ def test_networks_on_a_data_set_with_their_folds() -> None:
         ("unet", 3),
         ("attention_unet", 3),
     ]
-    assert run_names.job_name(jobs[0], with_subject=False) == "unet, fold 0"
-    assert run_names.job_name(jobs[0], with_subject=True) == "phantom, unet, fold 0"
+    assert run_names.job_name(jobs[0], with_subject=False) == "fold 0 of unet"
+    assert run_names.job_name(jobs[0], with_subject=True) == "fold 0 of phantom, unet"
     expected = {"model": "unet", "dataset": "phantom", "budget": "smoke", "fold": "0", "seed": "0"}
     found = run_names.parameters(jobs[0])
     assert found.items() >= expected.items() and len(found) <= run_names.MOST_PARAMETERS
@@ -104,7 +104,7 @@ def test_a_configuration_that_no_command_line_made_is_named_by_its_classes() -> 
 
 def test_main_parameters_are_what_is_compared_on_what() -> None:
     words = ("study=robustness", "target=/data/aorta.stl", "rigid=[single_icp,multistart]")
-    assert run_names.main_parameters(jobs_of(*words)) == ["rigid", "target", "overlap"]
+    assert run_names.main_parameters(jobs_of(*words)) == ["rigid", "target", "overlap", "place"]
     jobs = jobs_of("study=segmentation", "model=unet,unet3plus", "seed=0,1", multirun=True)
     assert run_names.main_parameters(jobs) == ["model", "dataset"]
 

@@ -82,7 +82,7 @@ def test_seeds_of_several_things_are_three_levels(counting_study: ModuleType, ho
         assert run.data.metrics["value_mean"] == pytest.approx(value) and run.data.metrics["seed_used"] == 2
         assert run.data.tags["level"] == "result" and run.info.status == "FINISHED"
         note = run.data.tags["mlflow.note.content"]
-        assert f"| part {part}, seed 4 | {value:.3f} | 4.000 |" in note and "| together |" in note
+        assert f"| seed 4 of part {part} | {value:.3f} | 4.000 |" in note and "| together |" in note
         assert run.inputs.dataset_inputs[0].dataset.name == "numbers"
         assert store.metrics(run.info.run_id)["value_mean"] == pytest.approx(value)
         own = [job for job in runs_of(store, "job") if job.data.tags["mlflow.parentRunId"] == run.info.run_id]
@@ -164,6 +164,22 @@ def test_resume_runs_only_what_has_not_finished(counting_study: ModuleType, home
     assert parent.data.metrics["jobs_failed"] == 0
 
 
+def test_resume_goes_on_with_all_levels_and_takes_no_part_of_another_sweep_for_its_own(
+    counting_study: ModuleType, home: Path
+) -> None:
+    assert main(["-m", "study=counting", "seed=0,4"]) == 0
+    store = Store()
+    before = {run.info.run_id for run in store.runs(["counting"])}
+    assert main(["-m", "study=counting", "seed=0,4", "resume=true"]) == 0
+    assert {run.info.run_id for run in store.runs(["counting"])} == before
+    assert {run.info.status for run in store.runs(["counting"])} == {"FINISHED"}
+    # The same two jobs as one of the variants are a sweep of their own.
+    assert main(["-m", "study=counting", "parts=[1]", "seed=0,4", "resume=true"]) == 0
+    (other,) = [run for run in runs_of(store, "sweep") if run.info.run_id not in before]
+    assert other.data.tags["level"] == "result" and "mlflow.parentRunId" not in other.data.tags
+    assert len(counting_study.calls) == 4
+
+
 def test_resume_brings_back_the_files_of_a_finished_job(counting_study: ModuleType, home: Path) -> None:
     out = home / "result"
     assert main(["study=counting", f"out={out}"]) == 0
@@ -219,7 +235,7 @@ def test_multirun_is_one_sweep_of_all_cells_of_all_points(counting_study: Module
     children = runs_of(store, "job")
     assert len(children) == 4
     assert {run.info.run_name for run in children} == {
-        "part 1, seed 0", "part 2, seed 0", "part 1, seed 1", "part 2, seed 1"
+        "seed 0 of part 1", "seed 0 of part 2", "seed 1 of part 1", "seed 1 of part 2"
     }  # fmt: skip
     assert parent.info.run_name == "by part"
     assert (home / "sweep" / "seed-1_part-2" / "half.txt").is_file()

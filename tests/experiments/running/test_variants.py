@@ -45,6 +45,15 @@ def test_a_single_job_has_no_spread(counting_study: ModuleType) -> None:
     assert metrics_of([job("a")], [result(value=1.0)]) == {"value": 1.0}
 
 
+def test_a_study_that_fails_at_the_end_leaves_means(counting_study: ModuleType, capsys) -> None:
+    def over_repeats(results: list[JobResult]) -> dict[str, float]:
+        raise ValueError("no cases")
+
+    counting_study.over_repeats = over_repeats
+    assert metrics_of([job("a")], [result(value=1.0)]) == {"value": 1.0}
+    assert "means alone (no cases)" in capsys.readouterr().err
+
+
 def test_what_the_study_computes_of_all_cases_goes_before_means(counting_study: ModuleType) -> None:
     counting_study.over_repeats = lambda results: {"value": 7.0}
     counting_study.HEADLINE = ("time_s", "value")

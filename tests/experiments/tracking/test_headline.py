@@ -25,6 +25,7 @@ def test_without_a_choice_the_first_few_are_taken() -> None:
     metrics = {f"m{number}": float(number) for number in range(50)}
     assert list(headline(metrics)) == list(metrics)[:MOST_METRICS]
     assert list(headline({"a": 1.0}, ["b"])) == ["a"]
+    assert list(headline({**metrics, "tre_mm": 1.0, "dsc_mean": 0.5}))[:3] == ["dsc_mean", "tre_mm", "m0"]
 
 
 def test_an_infinite_metric_stays_so_that_the_tracker_counts_a_failure() -> None:
