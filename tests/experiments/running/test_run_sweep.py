@@ -167,10 +167,11 @@ def test_resume_runs_only_what_has_not_finished(counting_study: ModuleType, home
 def test_resume_goes_on_with_all_levels_and_takes_no_part_of_another_sweep_for_its_own(
     counting_study: ModuleType, home: Path
 ) -> None:
-    assert main(["-m", "study=counting", "seed=0,4"]) == 0
+    assert main(["-m", "study=counting", "parts=[1],[2]", "seed=0,4"]) == 0
     store = Store()
+    assert len(runs_of(store, "variant")) == 2
     before = {run.info.run_id for run in store.runs(["counting"])}
-    assert main(["-m", "study=counting", "seed=0,4", "resume=true"]) == 0
+    assert main(["-m", "study=counting", "parts=[1],[2]", "seed=0,4", "resume=true"]) == 0
     assert {run.info.run_id for run in store.runs(["counting"])} == before
     assert {run.info.status for run in store.runs(["counting"])} == {"FINISHED"}
     # The same two jobs as one of the variants are a sweep of their own.
