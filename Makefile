@@ -3,7 +3,7 @@ PY := .venv/bin/python
 # Two cores are the smallest machine the tests are meant for; more are used where there are more.
 WORKERS ?= $(shell nproc)
 
-.PHONY: setup demo test lint bench bench-cpd rigid-benchmark clean
+.PHONY: setup demo test test-pages lint bench bench-cpd rigid-benchmark clean
 
 setup:
 	@./scripts/setup.sh
@@ -13,6 +13,11 @@ demo: setup
 
 test: lint
 	$(PY) -m pytest -n $(WORKERS) --dist worksteal tests
+
+# The dashboard in a browser (Debian: apt-get install chromium); PAGES names a folder that gets the screenshots.
+PAGES ?= outputs/pages
+test-pages: setup
+	CTUS_SCREENSHOTS=$(PAGES) $(PY) -m pytest -m pages tests
 
 lint: setup
 	$(PY) -m ruff check .

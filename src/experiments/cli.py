@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import os
+import shlex
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -159,7 +160,8 @@ def compose_sweep(
     """
     composed = _composed(overrides, config_dir, multirun=multirun)
     with _as_input_error(overrides):
-        return [(resolve(config), label) for config, label in composed]
+        called = shlex.join(["ctus", *(["-m"] if multirun else []), *overrides])
+        return [(resolve(config, called), label) for config, label in composed]
 
 
 def _composed(
@@ -277,18 +279,21 @@ def _keep_names_as_text() -> None:
         _utils.get_yaml_loader = keeping
 
 
-def resolve(config: DictConfig) -> Mapping[str, Any]:
-    """The resolved configuration as plain data, with the study's name under ``study``.
+def resolve(config: DictConfig, command: str = "ctus") -> Mapping[str, Any]:
+    """The resolved configuration as plain data, with the study's name under ``study`` and the words under ``call``.
 
     Parameters
     ----------
     config : DictConfig
         A composed configuration, Hydra's own node included.
+    command : str, optional
+        The command line that it was composed for.
 
     Returns
     -------
     Mapping[str, Any]
-        Plain data, with the study's name under ``study``.
+        Plain data, with the study's name under ``study``, and under ``call`` the command, the option of each group and
+        the names of the settings that were set.
     """
     from omegaconf import OmegaConf
 
@@ -299,6 +304,7 @@ def resolve(config: DictConfig) -> Mapping[str, Any]:
         raise InputError(
             f"study: expected one of {', '.join(study_names())}, received none; pass study=<name>"
         )
+    call = {"command": command, **_called(config)}
     config = _without_hydra(config)
     missing = sorted(OmegaConf.missing_keys(config))
     if missing:
@@ -307,7 +313,21 @@ def resolve(config: DictConfig) -> Mapping[str, Any]:
         )
     plain = OmegaConf.to_container(config, resolve=True)
     assert isinstance(plain, dict)
-    return {"study": study, **{str(key): value for key, value in plain.items()}}
+    return {"study": study, **{str(key): value for key, value in plain.items()}, "call": call}
+
+
+def _called(config: DictConfig) -> dict[str, Any]:
+    """The option of each group, by the setting that it fills, and the settings that the command line set."""
+    from omegaconf import ListConfig
+
+    options = {}
+    for group, chosen in config.hydra.runtime.choices.items():
+        name = str(group).partition("@")[2] or str(group)
+        # A part of an option (trainer/recipe) and what is Hydra's own fill no setting of the study.
+        if "/" not in str(group) and chosen is not None and name in {*config, "preset", "sweep"}:
+            options[name] = ", ".join(chosen) if isinstance(chosen, (list, ListConfig)) else str(chosen)
+    words = [str(word).lstrip("+").partition("=")[0] for word in config.hydra.overrides.task]
+    return {"options": options, "settings": [name for name in words if "@" not in name and "~" not in name]}
 
 
 def _without_hydra(config: DictConfig) -> DictConfig:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import getpass
 import json
 import os
 import platform
@@ -21,6 +22,7 @@ SILENCE_S = 20 * 60.0
 SHORT_SILENCE_S = 2 * 60.0
 # MLflow's own name for it.
 COMMIT_TAG = "mlflow.source.git.commit"
+USER_TAG = "mlflow.user"
 _PACKAGES = (
     "ctus",
     "torch",
@@ -60,9 +62,17 @@ def environment_tags() -> dict[str, str]:
             ]
         ),
         "ctus.python": platform.python_version(),
+        USER_TAG: _user(),
         **process_tags(),
         **_git_tags(),
     }
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError):  # a container's user without a name
+        return str(os.getuid()) if hasattr(os, "getuid") else "unknown"
 
 
 def process_tags() -> dict[str, str]:

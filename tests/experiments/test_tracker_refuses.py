@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from types import ModuleType
 
@@ -10,24 +11,31 @@ import pytest
 from mlflow.tracking import MlflowClient
 
 from experiments.cli import main
-from experiments.outcome import Outcome
 from experiments.tracking import Store
 
 
 def test_any_name_of_a_metric_is_taken(counting_study: ModuleType, home: Path) -> None:
     long, odd = "x" * 400, "a,b/../c?"
-    counting_study.summarise = lambda results: Outcome(
-        metrics={f"unet augmentation=strong {long}/dsc": 1.0, odd: 2.0, "/root": 3.0},
-        tables={"parts": pd.DataFrame({"part": [1]})},
-    )
+    metrics = {f"unet augmentation=strong {long}/dsc": 1.0, odd: 2.0, "/root": 3.0, "value_mean": 4.0}
+    real_run = counting_study.run
+
+    def run(*, part, fail_on, refuse_on, seed, workspace, progress, data):
+        outcome = real_run(
+            part=part, fail_on=fail_on, refuse_on=refuse_on, seed=seed, workspace=workspace, progress=progress
+        )
+        return dataclasses.replace(outcome, metrics=metrics)
+
+    counting_study.run = run
     out = home / "result"
-    words = [f"out={out}"]
+    words = ["parts=[1]", f"out={out}"]
     assert main(["study=counting", *words]) == 0
-    (parent,) = [run for run in Store().runs(["counting"]) if run.data.tags["ctus.kind"] == "sweep"]
-    assert parent.info.status == "FINISHED"
-    assert {1.0, 2.0, 3.0} <= set(parent.data.metrics.values())
-    assert all(len(name) <= 250 for name in parent.data.metrics)
+    (job,) = Store().runs(["counting"])
+    assert job.info.status == "FINISHED"
+    assert {1.0, 2.0, 3.0} <= set(job.data.metrics.values())
+    assert all(len(name) <= 250 for name in job.data.metrics)
+    assert Store().metrics(job.info.run_id).items() >= metrics.items()
     assert (out / "summary.md").is_file()
+    counting_study.run = real_run
     counting_study.calls.clear()
     assert main(["study=counting", *words, "resume=true"]) == 0
     assert counting_study.calls == []

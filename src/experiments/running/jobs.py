@@ -55,7 +55,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Plan:
-    """All jobs of one call of the command line, by hash, and the run that stands above them, if there is one.
+    """All jobs of one call of the command line, by hash, and the runs that they have in the tracker.
 
     ``contents`` are the digests of all that the jobs read, as they were when the call began.
 
@@ -67,17 +67,23 @@ class Plan:
         Label of every job by its hash.
     out : str
         Folder for the results of the call.
-    parent_id : str or None, optional
-        Id of the run above all jobs; None if there is none.
     contents : dict[str, str], optional
         Digest of what the jobs read, by path.
+    names : dict[str, str], optional
+        Name of the run of every job by its hash.
+    parents : dict[str, str], optional
+        Id of the run right above that of a job, by the job's hash.
+    levels : dict[str, str], optional
+        Place of a job's run among those of the call, by the job's hash: a result or the repeat of one.
     """
 
     study: str
     labels: dict[str, str]
     out: str
-    parent_id: str | None = None
     contents: dict[str, str] = field(default_factory=dict)
+    names: dict[str, str] = field(default_factory=dict)
+    parents: dict[str, str] = field(default_factory=dict)
+    levels: dict[str, str] = field(default_factory=dict)
 
     def folder_of(self, key: str) -> Path:
         """Where the job of that hash leaves its files: in ``out`` itself if it is alone, else in a folder there.

@@ -5,11 +5,10 @@ from __future__ import annotations
 import dataclasses
 import inspect
 import json
-import math
 import sys
 import traceback
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +16,20 @@ import yaml
 
 from experiments import files
 from experiments.errors import InputError
-from experiments.outcome import JobResult, Outcome
+from experiments.outcome import InputData, JobResult, Outcome
 from experiments.reporting.figure_files import save_figure
-from experiments.running import jobs, terminal
+from experiments.running import jobs, run_names, terminal
 from experiments.running.jobs import Job, Plan
-from experiments.tracking import HASH_TAG, RunWriter, Store, ending
-from experiments.tracking.names import flatten
+from experiments.tracking import HASH_TAG, METRICS_FILE, RunWriter, Store, ending
+from experiments.tracking.headline import (
+    LEVEL_TAG,
+    NOTE_TAG,
+    RESULT,
+    curves,
+    description,
+    headline,
+    metrics_text,
+)
 
 # In place of a run's hash where its inputs changed under it: it is never taken for the result of any of them.
 CHANGED = "inputs changed while it ran"
@@ -172,11 +179,9 @@ def run_job(
         if not tracked:
             outcome = _compute(job, plan, store, progress, arguments, None)
             return _report(job, plan, "finished", refused=outcome.refused), outcome
-        run = store.start(
-            plan.study, job.label or plan.study, {HASH_TAG: job.hash, "ctus.kind": "job"}, plan.parent_id
-        )
+        run = start_job(job, plan, store)
         run_id = run.run_id
-        with ending(run):
+        with ending(run, user_errors()):
             outcome = _compute(job, plan, store, progress, arguments, run)
         if run.lost:
             _keep_for_later(job, plan, run, outcome)
@@ -189,13 +194,118 @@ def run_job(
         return _report(job, plan, "failed", run_id=run_id, message=message), None
 
 
+def start_job(job: Job, plan: Plan, store: Store) -> RunWriter:
+    """Begin the run of a job, in its place among the runs of the call.
+
+    Parameters
+    ----------
+    job : Job
+        The job.
+    plan : Plan
+        The plan of the call.
+    store : Store
+        The tracker.
+
+    Returns
+    -------
+    RunWriter
+        The writer of the run.
+    """
+    tags = {HASH_TAG: job.hash, "ctus.kind": "job", **source_tags(job.config)}
+    tags[LEVEL_TAG] = plan.levels.get(job.hash, RESULT)
+    name = plan.names.get(job.hash) or run_names.job_name(job, with_subject=True)
+    return store.start(plan.study, name, tags, plan.parents.get(job.hash))
+
+
+def source_tags(config: Mapping[str, Any]) -> dict[str, str]:
+    """What the dashboard shows as the source of a run, and the whole command.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        A resolved configuration.
+
+    Returns
+    -------
+    dict[str, str]
+        Tags by name.
+    """
+    # The dashboard shows of a source what follows its last slash.
+    source = {"mlflow.source.name": f"ctus study={config['study']}", "mlflow.source.type": "LOCAL"}
+    command = config.get("call", {}).get("command")
+    return source if command is None else {**source, "ctus.command": str(command)}
+
+
+def headline_names(study: str) -> tuple[str, ...]:
+    """The metrics that a study has chosen for the dashboard, by its constant ``HEADLINE``.
+
+    Parameters
+    ----------
+    study : str
+        Name of the study.
+
+    Returns
+    -------
+    tuple of str
+        Names of metrics; none if the study has not chosen.
+    """
+    return tuple(getattr(jobs.study_module(study), "HEADLINE", ()))
+
+
+def shown_outcome(outcome: Outcome, job: Job, run_id: str) -> Outcome:
+    """What the dashboard shows of a result: few metrics, curves over epochs and a description.
+
+    Parameters
+    ----------
+    outcome : Outcome
+        The result of a job.
+    job : Job
+        The job.
+    run_id : str
+        Id of its run.
+
+    Returns
+    -------
+    Outcome
+        The result with its metrics, history and tags as the tracker gets them.
+    """
+    tables = terminal.markdown(dict(outcome.tables))
+    note = description(outcome.findings, tables, outcome.figures, run_id)
+    return dataclasses.replace(
+        outcome,
+        metrics=headline(outcome.metrics, headline_names(str(job.config["study"]))),
+        history=curves(outcome.history),
+        tags={**outcome.tags, NOTE_TAG: note} if note else outcome.tags,
+    )
+
+
+def read_inputs(folder: Path) -> list[InputData]:
+    """The data sets that the job whose files a folder holds has used.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the job's files.
+
+    Returns
+    -------
+    list of InputData
+        The data sets; none where the folder does not say.
+    """
+    record = folder / "job.json"
+    if not record.is_file():
+        return []
+    return [InputData(**data) for data in json.loads(record.read_text(encoding="utf-8")).get("inputs", [])]
+
+
 def _keep_for_later(job: Job, plan: Plan, run: RunWriter, outcome: Outcome) -> None:
     """Write a finished run that the tracking server did not get as files that ``study=import_runs`` reads."""
     from experiments.tracking.archive import write_archive
     from experiments.tracking.run_record import finished_run
 
     folder = plan.folder_of(job.hash) / "untracked"
-    write_archive([finished_run(run, job.config, outcome)], folder)
+    shown = shown_outcome(outcome, job, run.run_id)
+    write_archive([finished_run(run, job.config, outcome, run_names.parameters(job), shown)], folder)
     print(
         f"The tracking server did not come back. Once it answers, ctus study=import_runs archive={folder} tracks "
         f"{job.label or plan.study}.",
@@ -225,7 +335,7 @@ def load_result(report: Report, job: Job, store: Store) -> JobResult:
     folder = Path(report.folder)
     table = folder / "cases.parquet"
     if _holds(folder, job):
-        metrics = _read_metrics(folder / "metrics.json")
+        metrics = _read_metrics(folder / METRICS_FILE)
         cases = pd.read_parquet(table) if table.is_file() else None
     else:
         metrics, cases = store.metrics(str(report.run_id)), store.cases(str(report.run_id))
@@ -242,9 +352,11 @@ def write_outcome(outcome: Outcome, folder: Path) -> None:
     folder : Path
         Folder for the files.
     """
-    files.write_text(
-        folder / "metrics.json", json.dumps({k: _json_number(v) for k, v in outcome.metrics.items()})
-    )
+    files.write_text(folder / METRICS_FILE, metrics_text(outcome.metrics))
+    if outcome.history:
+        import pandas as pd
+
+        files.write_text(folder / "history.csv", pd.DataFrame(outcome.history).to_csv(index_label="epoch"))
     if outcome.cases is not None:
         outcome.cases.to_parquet(folder / "cases.parquet", index=False)
     if outcome.tables:
@@ -290,7 +402,7 @@ def log_results(run: RunWriter, outcome: Outcome, folder: Path, names: Sequence[
 
 
 def log_config(run: RunWriter, config: Mapping[str, Any]) -> None:
-    """Log the resolved configuration as an artifact and as flat parameters.
+    """Log the resolved configuration as an artifact.
 
     Parameters
     ----------
@@ -300,7 +412,6 @@ def log_config(run: RunWriter, config: Mapping[str, Any]) -> None:
         A resolved configuration.
     """
     run.text(yaml.safe_dump(dict(config), sort_keys=False), "config.yaml")
-    run.params(flatten(config))
 
 
 def _compute(
@@ -315,18 +426,22 @@ def _compute(
     module = jobs.study_module(plan.study)
     if run is not None:
         log_config(run, job.config)
+        run.params(run_names.parameters(job))
     folder = plan.folder_of(job.hash)
     with files.staged(folder) as workspace:
         arguments = {**arguments, **_injected(module.run, workspace, progress, store)}
         outcome: Outcome = module.run(**arguments)
         write_outcome(outcome, workspace)
-        files.write_text(workspace / "job.json", json.dumps({"study": plan.study, "config_hash": job.hash}))
+        inputs = [asdict(data) for data in outcome.inputs]
+        record = {"study": plan.study, "config_hash": job.hash, "inputs": inputs}
+        files.write_text(workspace / "job.json", json.dumps(record))
         written = files.names_in(workspace)
     # Only now: whatever the tracker does with them, the files are where the user looks for them.
     if run is not None:
         changed = jobs.hash_now(job.config) != job.hash
-        tags = {**outcome.tags, **({HASH_TAG: CHANGED} if changed else {})}
-        log_results(run, dataclasses.replace(outcome, tags=tags), folder, written)
+        shown = shown_outcome(outcome, job, run.run_id)
+        tags = {**shown.tags, **({HASH_TAG: CHANGED} if changed else {})}
+        log_results(run, dataclasses.replace(shown, tags=tags), folder, written)
         if changed:
             print(
                 f"{job.label or plan.study}: what it reads has changed since the call began; its result may mix old "
@@ -389,11 +504,6 @@ def _report(
 ) -> Report:
     folder = str(plan.folder_of(job.hash))
     return Report(job.hash, job.label, status, folder, run_id, message, findings, refused)
-
-
-def _json_number(value: float) -> float | str:
-    # JSON has no NaN or infinity; as text they survive, and nobody takes them for a number.
-    return float(value) if math.isfinite(value) else str(float(value))
 
 
 def _read_metrics(path: Path) -> dict[str, float]:

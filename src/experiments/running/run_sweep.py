@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import hashlib
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,12 +10,14 @@ from typing import Any
 from experiments import files
 from experiments.errors import InputError
 from experiments.outcome import JobResult, Outcome
-from experiments.running import jobs, run_job, terminal
+from experiments.running import jobs, run_job, run_names, terminal
 from experiments.running.jobs import Job, Plan
 from experiments.running.launcher import InProcess, Launched, Launcher
 from experiments.running.local_processes import LocalProcesses
+from experiments.running.sweep_runs import SweepRuns, open_runs
+from experiments.running.variants import hash_of
 from experiments.running.worker import stoppable, store_of
-from experiments.tracking import HASH_TAG, RunWriter, Store
+from experiments.tracking import Store
 
 SweepPoints = list[tuple[Mapping[str, Any], str]]
 # What one call has one of, for all of its jobs.
@@ -53,25 +53,30 @@ def run(points: SweepPoints) -> int:
     for job in planned:
         jobs.check(job.config)
     launcher = launcher_of(min(at_once, len(planned)))
-    sweep_hash = hashlib.sha256("\n".join(sorted(job.hash for job in planned)).encode()).hexdigest()
-    out = jobs.out_folder(points[0][0], sweep_hash)
+    out = jobs.out_folder(points[0][0], hash_of(planned))
     store = store_of(points[0][0])
     tracked = run_job.is_tracked(study, store)
     if tracked:
         _mark_orphans_failed(store, study)
     with stoppable():
-        parent = _parent(store, points, planned, sweep_hash) if tracked and len(planned) > 1 else None
-        labels = {job.hash: job.label for job in planned}
-        plan = Plan(study, labels, str(out), parent.run_id if parent else None, contents)
+        runs = open_runs(store, planned) if tracked else SweepRuns()
+        plan = _plan(study, planned, out, contents, runs)
         try:
             launched = launcher.run(planned, plan)
             if tracked and not isinstance(launcher, InProcess):
                 store.mark_orphans_failed(study)  # the runs of processes that were killed
-            return _close(planned, plan, store, parent, launched)
+            return _close(planned, plan, store, runs, launched)
         except BaseException:
-            if parent is not None:
-                parent.end("FAILED")
+            runs.fail()
             raise
+
+
+def _plan(study: str, planned: list[Job], out: Path, contents: dict[str, str], runs: SweepRuns) -> Plan:
+    labels = {job.hash: job.label for job in planned}
+    # The run above says what all of its jobs are about.
+    alone = len(planned) == 1 or len({run_names.subject(job.config) for job in planned}) > 1
+    names = {job.hash: run_names.job_name(job, with_subject=alone) for job in planned}
+    return Plan(study, labels, str(out), contents, names, runs.parents, runs.levels)
 
 
 def launcher_of(at_once: int) -> Launcher:
@@ -133,10 +138,10 @@ def _close(
     planned: list[Job],
     plan: Plan,
     store: Store,
-    parent: RunWriter | None,
+    runs: SweepRuns,
     launched: Launched,
 ) -> int:
-    """Sum up the finished jobs, end the parent run, print the last lines and return the exit code."""
+    """Sum up the finished jobs, end the runs above them, print the last lines and return the exit code."""
     ended = [(job, launched.reports.get(job.hash)) for job in planned]
     good = [(job, report) for job, report in ended if report and report.status in ("finished", "resumed")]
     results = [run_job.load_result(report, job, store) for job, report in good]
@@ -146,15 +151,10 @@ def _close(
         with files.staged(out) as stage:
             run_job.write_outcome(outcome, stage)
             written = files.names_in(stage)
-        if parent is not None:
-            over = {**_over_jobs(results, outcome.metrics), **outcome.metrics}
-            run_job.log_results(parent, dataclasses.replace(outcome, metrics=over), out, written)
+        runs.log_summary(planned, results, outcome, out, written)
     bad = [(job, report) for job, report in ended if report is None or report.status in ("refused", "failed")]
-    if parent is not None:
-        resumed = sum(report.status == "resumed" for _, report in good)
-        counts = {"jobs": len(planned), "jobs_failed": len(bad), "jobs_resumed": resumed}
-        run_job.log_results(parent, Outcome(metrics=counts), out, ())
-        parent.end("FAILED" if bad else "FINISHED")
+    known = {job.hash: result for (job, _), result in zip(good, results, strict=True)}
+    runs.close([(job, report, known.get(job.hash)) for job, report in ended])
     if results:
         terminal.print_tables(dict(outcome.tables))
         dashboard = store.dashboard if run_job.is_tracked(plan.study, store) else None
@@ -174,36 +174,3 @@ def _close(
 def _summary(study: str, results: list[JobResult]) -> Outcome:
     summarise = getattr(jobs.study_module(study), "summarise", None)
     return summarise(results) if summarise is not None and results else Outcome()
-
-
-def _over_jobs(results: list[JobResult], known: Mapping[str, float]) -> dict[str, float]:
-    """Mean and standard deviation over the jobs of every metric that the summary does not give itself."""
-    import numpy as np
-    import pandas as pd
-
-    table = pd.DataFrame([dict(result.metrics) for result in results]).astype(float)
-    over: dict[str, float] = {}
-    for name in table.columns:
-        finite = table[name][np.isfinite(table[name])]
-        mean, std = float(finite.mean()), float(finite.std(ddof=1))
-        if name not in known and mean == mean:
-            over[name] = mean
-        if std == std:
-            over[f"{name}_std_over_jobs"] = std
-    return over
-
-
-def _parent(store: Store, points: SweepPoints, planned: list[Job], sweep_hash: str) -> RunWriter:
-    """The run above all jobs: a new one, or with ``resume=true`` the one of the same sweep."""
-    config = points[0][0]
-    study = str(config["study"])
-    if config.get("resume"):
-        known = store.runs([study], f"tags.`{HASH_TAG}` = '{sweep_hash}'")
-        if (found := next((run for run in known if not store.is_under_way(run)), None)) is not None:
-            return store.reopen(found.info.run_id)
-    run_ = store.start(study, f"{study} ({len(planned)} jobs)", {HASH_TAG: sweep_hash, "ctus.kind": "sweep"})
-    shared = {
-        key: value for key, value in config.items() if all(point.get(key) == value for point, _ in points)
-    }
-    run_job.log_config(run_, shared)
-    return run_

@@ -34,6 +34,12 @@ if TYPE_CHECKING:
     from models.training.losses import Loss
     from models.training.settings import TrainerSettings
 
+# What the dashboard has columns for.
+HEADLINE = (
+    *("dsc_mean", "dsc_std", "dsc_ci_low", "dsc_ci_high", "hd95_mm_mean", "hd95_px_mean"),
+    *("missed_rate", "false_alarm_rate", "training_s"),
+)
+
 
 def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
     """List one job for each fold, or for those that ``outer_fold`` and ``fold`` name.
@@ -148,6 +154,22 @@ def run(
     """
     one = FoldRun(model, preprocessing, trainer, augmentation, loss, init, seed, fold, outer_fold)
     return fold_outcome(one, dataset, split, workspace, progress)
+
+
+def over_repeats(results: list[JobResult]) -> dict[str, float]:
+    """Summarise the scores of folds and seeds of one model on one data set, each case once.
+
+    Parameters
+    ----------
+    results : list of JobResult
+        Results of the folds and seeds.
+
+    Returns
+    -------
+    dict
+        Scalars by the name of the metric.
+    """
+    return pooled_metrics(pool(results))
 
 
 def summarise(results: list[JobResult]) -> Outcome:

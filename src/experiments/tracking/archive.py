@@ -19,9 +19,12 @@ from urllib.parse import quote
 import pandas as pd
 
 from experiments.errors import InputError
+from experiments.tracking.headline import metrics_text
 from experiments.tracking.run_record import RunRecord
 
 _JSON_COLUMNS = ("tags", "params")
+# Kept of a run that has lost its files from an earlier export.
+_KEPT_COLUMNS = ("config", "metrics")
 _COLUMNS = (
     *("run_id", "experiment", "name", "status", "start_ms", "end_ms", "parent_id"),
     *("tags", "params", "config"),
@@ -101,9 +104,25 @@ def read_archive(folder: Path, experiments: list[str] | None = None) -> Iterator
         if not len(rows):
             continue
         history = _read(place / "history.parquet", ("run_id", "metric", "step", "value", "timestamp_ms"))
-        rows = rows.sort_values("parent_id", na_position="first", kind="stable")
+        rows = rows.assign(depth=_depths(rows)).sort_values(
+            ["depth", "parent_id"], na_position="first", kind="stable"
+        )
         for row in rows.to_dict("records"):
             yield _record({str(key): value for key, value in row.items()}, history, place)
+
+
+def _depths(rows: pd.DataFrame) -> list[int]:
+    """How many runs of the archive stand above each."""
+    above = dict(zip(rows["run_id"], rows["parent_id"], strict=True))
+
+    def depth(run: object) -> int:
+        seen: list[object] = []
+        while isinstance(parent := above.get(run), str) and parent in above and parent not in seen:
+            seen.append(parent)
+            run = parent
+        return len(seen)
+
+    return [depth(run) for run in rows["run_id"]]
 
 
 def folder_of(experiment: str) -> str:
@@ -161,20 +180,21 @@ def _row(record: RunRecord) -> dict[str, Any]:
         row[key] = json.dumps(
             {name: without_folders(value) for name, value in row[key].items()}, sort_keys=True
         )
-    return {**row, "config": without_folders(record.config)}
+    return {**row, "config": without_folders(record.config), "metrics": metrics_text(record.metrics)}
 
 
 def _merged(path: Path, fresh: pd.DataFrame, replaced: Iterable[str]) -> pd.DataFrame:
     """The rows of ``path`` of other runs, then the fresh ones; sorted, so that the file changes only where runs do."""
     if path.is_file():
         old = pd.read_parquet(path)
-        if "config" in fresh:
-            before = dict(zip(old["run_id"], old["config"], strict=True))
-            configs = [
-                config or before.get(run, "")
-                for run, config in zip(fresh["run_id"], fresh["config"], strict=True)
+        for name in _KEPT_COLUMNS if "config" in fresh else ():
+            # Archives of before have no column of metrics.
+            before = dict(zip(old["run_id"], old[name], strict=True)) if name in old else {}
+            values = [
+                value if value not in ("", "{}") else before.get(run, value)
+                for run, value in zip(fresh["run_id"], fresh[name], strict=True)
             ]
-            fresh = fresh.assign(config=configs)
+            fresh = fresh.assign(**{name: values})
         kept = old[~old["run_id"].isin(list(replaced))]
         if len(kept):
             fresh = pd.concat([kept, fresh]) if len(fresh) else kept
@@ -221,6 +241,7 @@ def _record(row: dict[str, Any], history: pd.DataFrame, place: Path) -> RunRecor
             config=_text(row["config"]),
             history=history[history["run_id"] == row["run_id"]].drop(columns="run_id"),
             cases=cases,
+            metrics=_numbers(row.get("metrics")),
         )
     except (TypeError, ValueError) as error:
         raise InputError(f"{table}: expected the fields of an exported run, found {error}") from error
@@ -230,6 +251,11 @@ def _text(value: object) -> str:
     if not isinstance(value, str):
         raise TypeError(f"{value!r} where a text belongs")
     return value
+
+
+def _numbers(value: object) -> dict[str, float]:
+    found = json.loads(value) if isinstance(value, str) else {}
+    return {str(key): float(item) for key, item in found.items()}
 
 
 def _texts(value: object) -> dict[str, str]:

@@ -10,12 +10,19 @@ import pandas as pd
 
 from experiments.errors import InputError
 from experiments.files import digest
+from experiments.tracking.headline import LEVEL_TAG, RESULT, curves, headline
 from experiments.tracking.names import flatten
 from experiments.tracking.run_record import RunRecord
 from models.settings_file import parse_settings
 
 EXPERIMENT = "segmentation"
+# What the dashboard has columns for.
+HEADLINE = (
+    *("dsc_mean", "dsc_std", "hd95_mm_mean", "hd95_px_mean", "missed_rate", "false_alarm_rate"),
+    "training_s",
+)
 _NAMES = ("case_id", "group", "model", "dataset")
+_SHOWN = ("seed", "width", "image_size_px", "max_epochs", "batch_size", "learning_rate")
 _FILES = ("model.pt", "metrics.json", "history.json", "cases.csv", "config.yaml")
 
 
@@ -62,6 +69,7 @@ def read_training(folder: Path) -> RunRecord:
     metrics = _read_json(folder / "metrics.json")
     settings = flatten(parse_settings(text))
     fold = cases["fold"].iloc[0]
+    named = {name: str(cases[name].iloc[0]) for name in ("model", "dataset")}
     return RunRecord(
         run_id=weights[:32],
         experiment=EXPERIMENT,
@@ -70,16 +78,19 @@ def read_training(folder: Path) -> RunRecord:
         start_ms=ended_ms - int(1000 * (metrics.get("training_s") or 0.0)),
         end_ms=ended_ms,
         parent_id=None,
-        tags={
-            "ctus.kind": "job",
-            "model": str(cases["model"].iloc[0]),
-            "dataset": str(cases["dataset"].iloc[0]),
-        },
-        params={key: str(value) for key, value in {**settings, "fold": fold}.items()},
+        tags={"ctus.kind": "job", LEVEL_TAG: RESULT, **named},
+        params={**_parameters(settings), **named, "fold": str(fold)},
         config=text,
         history=_history(_read_json(folder / "history.json"), metrics, ended_ms),
         cases=cases,
+        metrics={name: value for name, value in metrics.items() if value is not None},
     )
+
+
+def _parameters(settings: dict[str, Any]) -> dict[str, str]:
+    """The settings that the dashboard has columns for, where the training has them."""
+    found = {name.rsplit(".", 1)[-1]: str(value) for name, value in settings.items()}
+    return {name: found[name] for name in _SHOWN if name in found}
 
 
 def _cases(path: Path) -> pd.DataFrame:
@@ -101,7 +112,11 @@ def _history(
     epochs: list[dict[str, float | None]], metrics: dict[str, float | None], at_ms: int
 ) -> pd.DataFrame:
     """A row a metric and step; what is not defined (null) has no row."""
-    rows = [(name, step, value) for step, epoch in enumerate(epochs) for name, value in epoch.items()]
-    rows += [(name, 0, value) for name, value in metrics.items()]
-    known = [(name, step, float(value), at_ms) for name, step, value in rows if value is not None]
+    measured = [{name: value for name, value in epoch.items() if value is not None} for epoch in epochs]
+    rows = [
+        (name, step, value) for step, epoch in enumerate(curves(measured)) for name, value in epoch.items()
+    ]
+    defined = {name: value for name, value in metrics.items() if value is not None}
+    rows += [(name, 0, value) for name, value in headline(defined, HEADLINE).items()]
+    known = [(name, step, float(value), at_ms) for name, step, value in rows]
     return pd.DataFrame(known, columns=["metric", "step", "value", "timestamp_ms"])

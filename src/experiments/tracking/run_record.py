@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +14,8 @@ import yaml
 
 from experiments.outcome import Outcome
 from experiments.provenance import process_tags
-from experiments.tracking import ORIGIN_TAG, PARENT_TAG, RunWriter, Store, loggable
-from experiments.tracking.names import flatten
+from experiments.tracking import METRICS_FILE, ORIGIN_TAG, PARENT_TAG, RunWriter, Store, loggable
+from experiments.tracking.headline import NOTE_TAG, metrics_text, without_figures
 
 
 @dataclass(frozen=True)
@@ -48,6 +48,8 @@ class RunRecord:
         One row a metric, step and value.
     cases : pd.DataFrame or None
         Table of cases; None if there is none.
+    metrics : dict[str, float], optional
+        All metrics by name, of those as well that the dashboard has no columns for; empty for runs of before.
     """
 
     run_id: str
@@ -62,6 +64,7 @@ class RunRecord:
     config: str
     history: pd.DataFrame
     cases: pd.DataFrame | None
+    metrics: dict[str, float] = field(default_factory=dict)
 
 
 def read_run(store: Store, run_id: str, experiment: str) -> RunRecord:
@@ -106,6 +109,7 @@ def read_run(store: Store, run_id: str, experiment: str) -> RunRecord:
         config=config,
         history=pd.DataFrame(points, columns=["metric", "step", "value", "timestamp_ms"]),
         cases=store.cases(run_id),
+        metrics=store.all_metrics(run_id),
     )
 
 
@@ -115,7 +119,9 @@ def _first_id(store: Store, run_id: str | None) -> str | None:
     return run_id if parent is None else str(parent.data.tags.get(ORIGIN_TAG, run_id))
 
 
-def finished_run(run: RunWriter, config: Mapping[str, Any], outcome: Outcome) -> RunRecord:
+def finished_run(
+    run: RunWriter, config: Mapping[str, Any], outcome: Outcome, params: Mapping[str, str], shown: Outcome
+) -> RunRecord:
     """A run of this process that has just finished, as ``read_run`` would have read it.
 
     Parameters
@@ -126,6 +132,10 @@ def finished_run(run: RunWriter, config: Mapping[str, Any], outcome: Outcome) ->
         A resolved configuration.
     outcome : Outcome
         The result.
+    params : Mapping[str, str]
+        Parameters by name.
+    shown : Outcome
+        What the dashboard shows of the result.
 
     Returns
     -------
@@ -135,7 +145,7 @@ def finished_run(run: RunWriter, config: Mapping[str, Any], outcome: Outcome) ->
     start = run.start
     assert start is not None, "a run begun by Store.start knows what it was begun with"
     now_ms = int(time.time() * 1000)
-    steps = [*enumerate(outcome.history), (0, outcome.metrics)]
+    steps = [*enumerate(shown.history), (0, shown.metrics)]
     points = [
         (name, step, value, now_ms) for step, metrics in steps for name, value in loggable(metrics).items()
     ]
@@ -147,11 +157,12 @@ def finished_run(run: RunWriter, config: Mapping[str, Any], outcome: Outcome) ->
         start_ms=start.start_ms,
         end_ms=now_ms,
         parent_id=start.parent_id,
-        tags={key: value for key, value in {**start.tags, **outcome.tags}.items() if key != PARENT_TAG},
-        params={key: str(value) for key, value in flatten(config).items()},
+        tags={key: value for key, value in {**start.tags, **shown.tags}.items() if key != PARENT_TAG},
+        params=dict(params),
         config=yaml.safe_dump(dict(config), sort_keys=False),
         history=pd.DataFrame(points, columns=["metric", "step", "value", "timestamp_ms"]),
         cases=outcome.cases,
+        metrics=dict(outcome.metrics),
     )
 
 
@@ -173,12 +184,16 @@ def restore_run(store: Store, record: RunRecord, parent_id: str | None) -> str:
         Id of the new run.
     """
     tags = {**record.tags, ORIGIN_TAG: record.run_id, **({PARENT_TAG: parent_id} if parent_id else {})}
+    if NOTE_TAG in tags:
+        tags[NOTE_TAG] = without_figures(tags[NOTE_TAG])
     writer = store.begin_copy(record.experiment, record.name, tags, record.start_ms)
     writer.params(record.params)
     columns = ("metric", "value", "timestamp_ms", "step")
     writer.points(zip(*(record.history[column].tolist() for column in columns), strict=True))
     if record.config:
         writer.text(record.config, "config.yaml")
+    if record.metrics:
+        writer.text(metrics_text(record.metrics), METRICS_FILE)
     if record.cases is not None:
         with tempfile.TemporaryDirectory() as folder:
             record.cases.to_parquet(Path(folder) / "cases.parquet", index=False)

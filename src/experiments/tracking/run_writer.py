@@ -234,6 +234,16 @@ class RunWriter:
             _say(f"The tracker refused to end run {self.run_id} as {status}: {refusal}")
         self._give_up()
 
+    def withdraw(self) -> None:
+        """Remove the run, which has computed nothing, from the dashboard."""
+        self._ended.set()
+        try:
+            self._send(partial(self._client.set_terminated, self.run_id, "FAILED"))
+            self._send(partial(self._client.delete_run, self.run_id))
+        except Exception as refusal:
+            _say(f"The tracker refused to remove run {self.run_id}: {refusal}")
+        self._give_up()
+
     def _give_up(self) -> None:
         """Take the run for lost unless the server answers within the last wait."""
         if not self.lost and not self._deferred.last(LAST_WAIT_S):
@@ -248,13 +258,17 @@ class RunWriter:
 
 
 @contextmanager
-def ending(run: RunWriter) -> Iterator[RunWriter]:
+def ending(run: RunWriter, refusals: tuple[type[Exception], ...] = ()) -> Iterator[RunWriter]:
     """End the run as FINISHED, or as FAILED when the block raises anything, a stop by signal included.
+
+    What the user got wrong is no run: where the block raises one of ``refusals``, the run is withdrawn.
 
     Parameters
     ----------
     run : RunWriter
         The run that is being written.
+    refusals : tuple of type, optional
+        Exceptions that mean that the user's input is at fault.
 
     Returns
     -------
@@ -263,6 +277,9 @@ def ending(run: RunWriter) -> Iterator[RunWriter]:
     """
     try:
         yield run
+    except refusals:
+        run.withdraw()
+        raise
     except BaseException as failure:
         with suppress(Exception):  # the failure itself is what counts
             run.tags({"ctus.error": f"{type(failure).__name__}: {failure}"})

@@ -7,12 +7,13 @@ processes that open a new one at once leave it broken.
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shlex
 import time
 import uuid
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,6 +28,7 @@ from experiments.tracking.addresses import opening
 from experiments.tracking.moved import follow_move
 from experiments.tracking.names import LONGEST
 from experiments.tracking.run_writer import RunStart, RunWriter, server_unreachable, shortened
+from experiments.tracking.saved_view import KIND_TAGS, VIEW_TAG, view_tag
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,6 +38,7 @@ if TYPE_CHECKING:
 PARENT_TAG = "mlflow.parentRunId"
 HASH_TAG = "ctus.config_hash"
 ORIGIN_TAG = "ctus.run_id"
+METRICS_FILE = "metrics.json"
 # Characters that mean nothing but themselves in a tracking address.
 _PLAIN_PATH = re.compile(r"[\w./+=@,~ -]*")
 
@@ -112,6 +115,27 @@ class Store:
             identity = found.experiment_id if found is not None else self._create_experiment(name)
         self._opened[f"experiment {name}"] = identity
         return str(identity)
+
+    def save_view(self, experiment: str, parameters: Sequence[str], metrics: Sequence[str]) -> None:
+        """Give an experiment the view of its results that the dashboard offers under Views.
+
+        Parameters
+        ----------
+        experiment : str
+            Name of the experiment.
+        parameters, metrics : Sequence[str]
+            Names that have columns, in their order.
+        """
+        try:
+            identity = self.experiment_id(experiment)
+            tags = self.client().get_experiment(identity).tags
+            wanted = {VIEW_TAG: view_tag(parameters, metrics, tags.get(VIEW_TAG, "")), **KIND_TAGS}
+            for name, value in wanted.items():
+                if tags.get(name) != value and (name == VIEW_TAG or name not in tags):
+                    self.client().set_experiment_tag(identity, name, value)
+        except Exception as error:
+            if not server_unreachable(error):
+                raise
 
     def start(
         self, experiment: str, name: str, tags: Mapping[str, str], parent_id: str | None = None
@@ -266,7 +290,7 @@ class Store:
             raise
 
     def metrics(self, run_id: str) -> dict[str, float]:
-        """The last value of every metric of a run.
+        """The last value of every metric of a run, of those as well that the dashboard has no columns for.
 
         Parameters
         ----------
@@ -278,7 +302,27 @@ class Store:
         dict[str, float]
             Values by name.
         """
-        return dict(self.client().get_run(run_id).data.metrics)
+        logged = dict(self.client().get_run(run_id).data.metrics)
+        return {**logged, **self.all_metrics(run_id)}
+
+    def all_metrics(self, run_id: str) -> dict[str, float]:
+        """The metrics in the file that a run keeps of them.
+
+        Parameters
+        ----------
+        run_id : str
+            Id of the run.
+
+        Returns
+        -------
+        dict[str, float]
+            Values by name, NaN and infinity among them; empty where there is no such file.
+        """
+        client = self.client()
+        if not any(file.path == METRICS_FILE for file in client.list_artifacts(run_id)):
+            return {}
+        text = Path(client.download_artifacts(run_id, METRICS_FILE)).read_text(encoding="utf-8")
+        return {str(name): float(value) for name, value in json.loads(text).items()}
 
     def restore_files(self, run_id: str, folder: Path) -> None:
         """Copy every artifact of a run into ``folder``.
@@ -371,7 +415,7 @@ class Store:
         served = self.address.startswith(("http://", "https://"))
         place = None if served else (self.folder / "artifacts").as_uri()
         try:
-            return str(self.client().create_experiment(name, place))
+            return str(self.client().create_experiment(name, place, tags=KIND_TAGS))
         except MlflowException:
             # Another machine made it between the look and the making: the file lock reaches only this one.
             found = self.client().get_experiment_by_name(name)

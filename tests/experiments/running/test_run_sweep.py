@@ -23,7 +23,9 @@ def runs_of(store: Store, kind: str) -> list:
     return [run for run in store.runs(["counting"]) if run.data.tags["ctus.kind"] == kind]
 
 
-def test_one_call_gives_a_parent_and_a_child_a_job(counting_study: ModuleType, home: Path, capsys) -> None:
+def test_things_that_are_compared_are_runs_of_a_sweep_that_mixes_none_of_their_metrics(
+    counting_study: ModuleType, home: Path, capsys
+) -> None:
     assert main(["study=counting", "seed=0", f"out={home / 'result'}"]) == 0
 
     store = Store()
@@ -31,21 +33,65 @@ def test_one_call_gives_a_parent_and_a_child_a_job(counting_study: ModuleType, h
     children = runs_of(store, "job")
     assert {run.data.tags["mlflow.parentRunId"] for run in children} == {parent.info.run_id}
     assert {run.info.status for run in [parent, *children]} == {"FINISHED"}
+    assert {run.info.run_name for run in children} == {"part 1", "part 2"}
+    assert {run.data.tags["level"] for run in children} == {"result"}
     by_part = {run.data.params["part"]: run for run in children}
     assert by_part["2"].data.metrics["value_mean"] == pytest.approx(5 / 3)
     assert by_part["2"].data.metrics["seed_used"] == 0
     # NaN is not a number the tracker keeps: it becomes a count of failures.
     assert by_part["2"].data.metrics["broken_failed"] == 1
     assert "broken" not in by_part["2"].data.metrics
-    # mean and sample standard deviation of 4/3 and 5/3
-    assert parent.data.metrics["value_mean"] == pytest.approx(1.5)
-    assert parent.data.metrics["value_mean_std_over_jobs"] == pytest.approx(2**0.5 / 6)
-    assert parent.data.metrics["parts"] == 2
-    assert parent.data.metrics["jobs"] == 2
+    assert parent.data.metrics == {"jobs": 2, "jobs_failed": 0, "jobs_resumed": 0}
+    assert parent.data.tags["level"] == "sweep" and not runs_of(store, "variant")
+    assert store.metrics(parent.info.run_id)["parts"] == 2
     said = capsys.readouterr().out
     assert "counted" in said
     assert f"Files: {home / 'result'}" in said
     assert "mlflow ui --backend-store-uri sqlite:///" in said
+
+
+def test_seeds_of_one_thing_are_repeats_of_a_sweep_with_its_mean_and_spread(
+    counting_study: ModuleType, home: Path
+) -> None:
+    assert main(["-m", "study=counting", "parts=[2]", "seed=0,4"]) == 0
+
+    store = Store()
+    (parent,) = runs_of(store, "sweep")
+    assert parent.data.tags["level"] == "result" and not runs_of(store, "variant")
+    assert {run.data.tags["level"] for run in runs_of(store, "job")} == {"repeat"}
+    # mean of 0 and 4; the first metric has the standard deviation over jobs, and no other
+    assert parent.data.metrics["seed_used"] == 2
+    assert parent.data.metrics["value_mean"] == pytest.approx(5 / 3)
+    assert parent.data.metrics["value_mean_std_over_jobs"] == 0
+    assert "seed_used_std_over_jobs" not in parent.data.metrics
+    # undefined in every job: no mean
+    assert "broken" not in parent.data.metrics
+    assert parent.data.params["part"] == "2" and "seed" not in parent.data.params
+
+
+def test_seeds_of_several_things_are_three_levels(counting_study: ModuleType, home: Path) -> None:
+    assert main(["-m", "study=counting", "seed=0,4"]) == 0
+
+    store = Store()
+    (parent,) = runs_of(store, "sweep")
+    variants = {run.data.params["part"]: run for run in runs_of(store, "variant")}
+    assert {run.data.tags["mlflow.parentRunId"] for run in variants.values()} == {parent.info.run_id}
+    assert {run.info.run_name for run in variants.values()} == {"part 1", "part 2"}
+    for part, value in (("1", 4 / 3), ("2", 5 / 3)):
+        run = variants[part]
+        assert run.data.metrics["value_mean"] == pytest.approx(value) and run.data.metrics["seed_used"] == 2
+        assert run.data.tags["level"] == "result" and run.info.status == "FINISHED"
+        note = run.data.tags["mlflow.note.content"]
+        assert f"| seed 4 of part {part} | {value:.3f} | 4.000 |" in note and "| together |" in note
+        assert run.inputs.dataset_inputs[0].dataset.name == "numbers"
+        assert store.metrics(run.info.run_id)["value_mean"] == pytest.approx(value)
+        own = [job for job in runs_of(store, "job") if job.data.tags["mlflow.parentRunId"] == run.info.run_id]
+        assert {job.data.params["seed"] for job in own} == {"0", "4"}
+        assert {job.data.params["part"] for job in own} == {part}
+    # the list of what is compared, and nothing mixed
+    assert parent.data.params["part"] == "1, 2"
+    assert set(parent.data.metrics) == {"jobs", "jobs_failed", "jobs_resumed"}
+    assert parent.inputs.dataset_inputs[0].dataset.name == "numbers"
 
 
 def test_a_run_holds_what_is_needed_to_repeat_it(counting_study: ModuleType, home: Path) -> None:
@@ -60,6 +106,11 @@ def test_a_run_holds_what_is_needed_to_repeat_it(counting_study: ModuleType, hom
     assert len(run.data.tags[HASH_TAG]) == 64
     assert json.loads(run.data.tags["ctus.packages"])["mlflow"]
     assert run.data.tags["ctus.machine"]
+    assert run.data.tags["mlflow.user"]
+    assert run.data.tags["mlflow.source.name"] == "ctus study=counting"
+    assert run.data.tags["ctus.command"] == "ctus study=counting 'parts=[7]' seed=3"
+    assert "| case_id | value |" in run.data.tags["mlflow.note.content"]
+    assert run.info.run_name == "part 7" and run.data.tags["level"] == "result"
     assert [point.value for point in client.get_metric_history(run.info.run_id, "loss")] == [1.0, 0.5]
     assert run.inputs.dataset_inputs[0].dataset.name == "numbers"
     cases = store.cases(run.info.run_id)
@@ -109,8 +160,25 @@ def test_resume_runs_only_what_has_not_finished(counting_study: ModuleType, home
     (parent,) = runs_of(store, "sweep")  # the same parent goes on
     assert parent.info.status == "FINISHED"
     assert parent.data.metrics["jobs_resumed"] == 2
-    assert parent.data.metrics["parts"] == 3
+    assert store.metrics(parent.info.run_id)["parts"] == 3
     assert parent.data.metrics["jobs_failed"] == 0
+
+
+def test_resume_goes_on_with_all_levels_and_takes_no_part_of_another_sweep_for_its_own(
+    counting_study: ModuleType, home: Path
+) -> None:
+    assert main(["-m", "study=counting", "parts=[1],[2]", "seed=0,4"]) == 0
+    store = Store()
+    assert len(runs_of(store, "variant")) == 2
+    before = {run.info.run_id for run in store.runs(["counting"])}
+    assert main(["-m", "study=counting", "parts=[1],[2]", "seed=0,4", "resume=true"]) == 0
+    assert {run.info.run_id for run in store.runs(["counting"])} == before
+    assert {run.info.status for run in store.runs(["counting"])} == {"FINISHED"}
+    # The same two jobs as one of the variants are a sweep of their own.
+    assert main(["-m", "study=counting", "parts=[1]", "seed=0,4", "resume=true"]) == 0
+    (other,) = [run for run in runs_of(store, "sweep") if run.info.run_id not in before]
+    assert other.data.tags["level"] == "result" and "mlflow.parentRunId" not in other.data.tags
+    assert len(counting_study.calls) == 4
 
 
 def test_resume_brings_back_the_files_of_a_finished_job(counting_study: ModuleType, home: Path) -> None:
@@ -134,6 +202,21 @@ def test_without_resume_everything_runs_again(counting_study: ModuleType, home: 
 def test_the_users_mistake_in_a_job_exits_with_2(counting_study: ModuleType, home: Path, capsys) -> None:
     assert main(["study=counting", "parts=[1]", "refuse_on=[1]"]) == 2
     assert capsys.readouterr().err.strip() == "part: expected another one, received 1"
+    assert not list(Store().runs(["counting"]))
+
+
+def test_a_sweep_in_which_all_is_the_users_mistake_leaves_no_run(
+    counting_study: ModuleType, home: Path
+) -> None:
+    assert main(["-m", "study=counting", "seed=0,1", "refuse_on=[1,2]"]) == 2
+    assert not list(Store().runs(["counting"]))
+    # what did finish stays
+    assert main(["-m", "study=counting", "seed=0,1", "refuse_on=[1]"]) == 2
+    assert len(runs_of(Store(), "job")) == 2
+    (parent,) = runs_of(Store(), "sweep")
+    assert parent.info.status == "FAILED" and parent.data.metrics["jobs_failed"] == 2
+    (variant,) = runs_of(Store(), "variant")
+    assert variant.data.params["part"] == "2" and variant.info.status == "FINISHED"
 
 
 def test_a_mistake_that_can_be_known_stops_before_the_first_job(
@@ -152,11 +235,10 @@ def test_multirun_is_one_sweep_of_all_cells_of_all_points(counting_study: Module
     (parent,) = runs_of(store, "sweep")
     children = runs_of(store, "job")
     assert len(children) == 4
-    assert {run.data.tags["mlflow.parentRunId"] for run in children} == {parent.info.run_id}
     assert {run.info.run_name for run in children} == {
-        "seed=0,part=1", "seed=0,part=2", "seed=1,part=1", "seed=1,part=2"
+        "seed 0 of part 1", "seed 0 of part 2", "seed 1 of part 1", "seed 1 of part 2"
     }  # fmt: skip
-    assert parent.data.metrics["parts"] == 4
+    assert parent.info.run_name == "by part"
     assert (home / "sweep" / "seed-1_part-2" / "half.txt").is_file()
 
 

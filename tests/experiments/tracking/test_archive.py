@@ -38,6 +38,27 @@ def test_write_then_read_gives_the_same_runs_parents_first(tmp_path: Path) -> No
     assert child.cases["dsc"].tolist() == [0.1, float("inf")]
 
 
+def test_three_levels_come_from_the_top_down(tmp_path: Path) -> None:
+    # by their ids the lowest would come first
+    write_archive([record("z"), record("y", "z"), record("x", "y"), record("w", "gone")], tmp_path)
+    found = [run.run_id for run in read_archive(tmp_path)]
+    assert found.index("z") < found.index("y") < found.index("x") and "w" in found
+
+
+def test_all_metrics_are_kept_and_archives_without_them_are_read(tmp_path: Path) -> None:
+    metrics = {"dsc_mean": 0.5, "hd95_px_p95": float("inf")}
+    write_archive([dataclasses.replace(record("new"), metrics=metrics)], tmp_path)
+    assert [run.metrics for run in read_archive(tmp_path)] == [metrics]
+    # a run that has lost its files keeps what an earlier export has of it
+    write_archive([record("new")], tmp_path)
+    assert [run.metrics for run in read_archive(tmp_path)] == [metrics]
+    table = tmp_path / "segmentation" / "runs.parquet"
+    pd.read_parquet(table).drop(columns="metrics").to_parquet(table, index=False)
+    assert [run.metrics for run in read_archive(tmp_path)] == [{}]
+    write_archive([dataclasses.replace(record("more"), metrics=metrics)], tmp_path)
+    assert {run.run_id: run.metrics for run in read_archive(tmp_path)} == {"new": {}, "more": metrics}
+
+
 def test_a_second_export_replaces_its_runs_and_keeps_the_others(tmp_path: Path) -> None:
     write_archive([record("one"), record("two")], tmp_path)
     write_archive([record("two", value=0.9)], tmp_path)
@@ -230,6 +251,7 @@ def test_runs_survive_the_store_they_were_made_in(
     assert main(["study=counting"]) == 0
     assert main(["study=export_runs"]) == 0
     before = {run.info.run_id: run for run in Store().runs(["counting"])}
+    all_metrics = {run_id: Store().metrics(run_id) for run_id in before}
     fresh = tmp_path / "fresh"
     (fresh / "mlruns").mkdir(parents=True)
     (fresh / "mlruns" / "ctus.db").write_bytes((store_template / "ctus.db").read_bytes())
@@ -245,6 +267,7 @@ def test_runs_survive_the_store_they_were_made_in(
         old = before[origin]
         assert run.data.metrics == old.data.metrics
         assert run.data.params == old.data.params
+        assert store.metrics(run.info.run_id) == pytest.approx(all_metrics[origin], nan_ok=True)
         assert (run.info.status, run.info.start_time, run.info.end_time, run.info.run_name) == (
             old.info.status, old.info.start_time, old.info.end_time, old.info.run_name
         )  # fmt: skip

@@ -38,8 +38,9 @@ def test_a_training_becomes_one_run_however_often_it_is_imported(training: Path,
     (run,) = store.runs(["segmentation"])
     assert run.data.metrics["dsc_mean"] == 0.8
     assert "hd95_mm_mean" not in run.data.metrics
-    assert run.data.params["model.width"] == "8"
-    assert run.data.params["fold"] == "1"
+    assert run.data.params == {"model": "unet", "dataset": "usgra", "width": "8", "seed": "3", "fold": "1"}
+    assert [point.value for point in store.client().get_metric_history(run.info.run_id, "val_dsc")] == [0.7]
+    assert store.metrics(run.info.run_id)["training_s"] == 5.0
     assert run.info.end_time - run.info.start_time == 5000
     assert [point.value for point in store.client().get_metric_history(run.info.run_id, "loss")] == [1.0, 0.5]
     cases = store.cases(run.info.run_id)

@@ -79,7 +79,7 @@ def test_a_server_that_goes_away_in_the_middle_loses_no_result(
     assert jobs["2"].data.metrics["broken_failed"] == 1
     (parent,) = [run for run in done if run.data.tags["ctus.kind"] == "sweep"]
     assert jobs["3"].data.tags["mlflow.parentRunId"] == parent.info.run_id
-    assert parent.data.metrics["parts"] == 3
+    assert parent.data.metrics["jobs"] == 3
     # Imported again, nothing is added.
     before = len(list(Store().runs()))
     assert main(["study=import_runs", f"archive={folder}"]) == 0

@@ -230,7 +230,7 @@ def overview(cases: pd.DataFrame, decided: Sequence[Decision], calibration: str)
         findings += describe_barriers(tables["barriers"])
         figures["barriers"] = barrier_figure(cases)
     return Outcome(
-        metrics=_metrics(consolidated_cases(cases, decided), decided),
+        metrics=consolidated_metrics(cases, decided),
         cases=cases,
         tables=tables,
         figures=figures,
@@ -238,10 +238,24 @@ def overview(cases: pd.DataFrame, decided: Sequence[Decision], calibration: str)
     )
 
 
-def _metrics(final: pd.DataFrame, decided: Sequence[Decision]) -> dict[str, float]:
-    """Plain names for one network on one data set; several have none in common."""
+def consolidated_metrics(cases: pd.DataFrame, decided: Sequence[Decision]) -> dict[str, float]:
+    """Summarise the test scores of the consolidated model of one network on one data set.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of the jobs.
+    decided : sequence of Decision
+        What was decided on them.
+
+    Returns
+    -------
+    dict
+        Scalars by the name of the metric; none for several networks or data sets, which have no such name in common.
+    """
     if len({(one.network, one.dataset) for one in decided}) > 1:
         return {}
+    final = consolidated_cases(cases, decided)
     numbers = bounded_summary(
         final[["model", "dataset", "simulated", "group", "case_id", "seed", "outer_fold", *scores(final)]]
     )

@@ -87,7 +87,8 @@ def archived_result(run: RunRecord) -> JobResult:
     import yaml
 
     last = run.history.sort_values("step").groupby("metric")["value"].last()
-    metrics = {str(name): float(value) for name, value in last.items()}
+    # The tracker has few metrics of a run, its file all; runs of before have no such file.
+    metrics = {str(name): float(value) for name, value in last.items()} | run.metrics
     return JobResult(yaml.safe_load(run.config), metrics, run.cases, Path(run.name), run.run_id)
 
 

@@ -32,6 +32,13 @@ from registration.reconstruction.vessel_pieces import VesselPieces
 if TYPE_CHECKING:
     import pandas as pd
 
+# What the dashboard has columns for.
+HEADLINE = (
+    *("msd_mm_median", "hd95_mm_median", "hd95_covered_mm_median", "hd95_tissue_mm_median", "common_mm"),
+    *("truth_msd_covered_mm_median", "truth_hd95_covered_mm_median", "truth_bias_mm_mean"),
+    *("truth_covered_second_mean", "sweeps_failed", "runtime_s_median"),
+)
+
 
 def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
     """List one job for each phantom.
@@ -181,6 +188,22 @@ def run(
         rows.append(numbers | pair(repeats[first], repeats[second], (samples, seed)))
     cases = pd.DataFrame(rows).assign(phantom=settings.subset, masks=masks, simulated=True)
     return replace(shown(cases), tags={"phantom": settings.subset, "masks": masks, "simulated": "true"})
+
+
+def parameters(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Name the phantom of a job, for the dashboard's columns.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        Configuration of the job.
+
+    Returns
+    -------
+    dict
+        Values by name.
+    """
+    return {"phantom": config["phantoms"], "sweeps": config["sweeps"], "masks": config["masks"]}
 
 
 def summarise(results: list[JobResult]) -> Outcome:

@@ -14,6 +14,7 @@ from experiments.analysis.consolidation.certificate import NonInferiority
 from experiments.analysis.consolidation.leaks import require_no_leaks
 from experiments.analysis.consolidation.summary import (
     certificate_pages,
+    consolidated_metrics,
     data_of,
     decisions,
     named_jobs,
@@ -52,6 +53,11 @@ if TYPE_CHECKING:
     from models.training.settings import TrainerSettings
 
 NOT_NESTED = -1
+# What the dashboard has columns for.
+HEADLINE = (
+    *("dsc_mean", "dsc_std", "dsc_ci_low", "dsc_ci_high", "hd95_mm_mean", "hd95_px_mean"),
+    *("missed_rate", "false_alarm_rate", "certified", "training_s"),
+)
 
 
 def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -325,6 +331,24 @@ def _network(run: FoldRun) -> str:
     learnt_from = getattr(run.initialisation, "trained_on", ())
     start = ", ".join(data.label for data in learnt_from)
     return f"{run.model_name} from {start}" if start else run.model_name
+
+
+def over_repeats(results: list[JobResult]) -> dict[str, float]:
+    """Score the consolidated model of one network on one data set, over seeds and outer folds.
+
+    Parameters
+    ----------
+    results : list of JobResult
+        Results of the seeds and outer folds.
+
+    Returns
+    -------
+    dict
+        Scalars by the name of the metric.
+    """
+    config, cases = results[0].config, pool(results)
+    rule = NonInferiority(config["margin"], config["alpha"], config["min_seeds"], config["min_groups"])
+    return consolidated_metrics(cases, decisions(cases, rule))
 
 
 def summarise(results: list[JobResult]) -> Outcome:

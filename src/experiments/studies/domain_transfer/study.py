@@ -19,7 +19,7 @@ from experiments.analysis.segmentation.fold_run import (
     start_tags,
     training_metrics,
 )
-from experiments.analysis.segmentation.summary import pooled_metrics
+from experiments.analysis.segmentation.summary import bounded_summary
 from experiments.datasets.protocol import (
     DataSet,
     input_data,
@@ -38,6 +38,8 @@ from experiments.splits.group_splits import GroupSplits
 from experiments.studies.domain_transfer.transfer_table import describe_transfer, transfer_map, transfer_table
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from models.labelled_frames import LabelledFrames
     from models.networks.registry import NetworkRecipe
     from models.preprocessing.preprocessing import Preprocessing
@@ -47,6 +49,10 @@ if TYPE_CHECKING:
     from models.training.settings import TrainerSettings
 
 DOMAINS = ("first", "second")
+OTHER = "other_"
+SHOWN = ("dsc_mean", "dsc_std", "hd95_mm_mean", "hd95_px_mean", "false_alarm_rate")
+# What the dashboard has columns for: the data set that a network was trained on, and the other one.
+HEADLINE = (*SHOWN, *(f"{OTHER}{name}" for name in SHOWN), "training_s")
 
 
 def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -215,7 +221,7 @@ def run(
     )
     title = f"{one.model_name} on {source['train_dataset']}"
     return Outcome(
-        metrics={**pooled_metrics(cases), **training_metrics(trained)},
+        metrics={**domain_metrics(cases), **training_metrics(trained)},
         cases=cases,
         history=trained.history,
         tables={"transfer": transfer_table(cases)},
@@ -233,6 +239,62 @@ def run(
 def _read(domain: str, dataset: DataSet) -> LabelledFrames:
     with _at(domain):
         return dataset()
+
+
+def parameters(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Name the data sets of a job, for the dashboard's columns.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        Configuration of the job.
+
+    Returns
+    -------
+    dict
+        Values by name.
+    """
+    own = str(config["train_on"])
+    sets = {domain: registry.build(config[domain], domain) for domain in DOMAINS}
+    other = next(domain for domain in DOMAINS if domain != own)
+    return {"dataset": name_of(sets[own]), "other_dataset": name_of(sets[other])}
+
+
+def over_repeats(results: list[JobResult]) -> dict[str, float]:
+    """Summarise the scores of all folds of a network that was trained on one data set, on either.
+
+    Parameters
+    ----------
+    results : list of JobResult
+        Results of the folds.
+
+    Returns
+    -------
+    dict
+        Scalars by the name of the metric.
+    """
+    return domain_metrics(pool(results, factors=("train_on",)))
+
+
+def domain_metrics(cases: pd.DataFrame) -> dict[str, float]:
+    """Summarise the scores of one network on the data set that it was trained on, and on the other.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of both data sets.
+
+    Returns
+    -------
+    dict
+        Scalars by the name of the metric; those of the other data set begin with ``other_``.
+    """
+    own = cases["dataset"] == cases["train_dataset"]
+    other = bounded_summary(cases[~own]) if (~own).any() else {}
+    return {
+        **(bounded_summary(cases[own]) if own.any() else {}),
+        **{f"{OTHER}{name}": value for name, value in other.items()},
+    }
 
 
 def summarise(results: list[JobResult]) -> Outcome:

@@ -26,6 +26,12 @@ if TYPE_CHECKING:
 
 # Points of a centerline that a method is given.
 CENTERLINE_POINTS = 300
+# What the dashboard has columns for.
+HEADLINE = (
+    *("rmse_mm", "rmse_trimmed_mm", "rmse_bidirectional_mm", "hd95_mm", "inlier_share", "coverage"),
+    *("tre_mm", "predicted_tre_low_mm", "predicted_tre_high_mm", "landmark_error_mm", "deformed_rmse_mm"),
+    *("ambiguity_gap", "runtime_s"),
+)
 
 
 def implicit_paths(config: Mapping[str, Any]) -> Iterator[Path]:

@@ -1,5 +1,13 @@
 """How often a rigid method finds a known pose again, over rotations, overlap, noise, outliers and lost frames."""
 
-from experiments.studies.robustness.study import check, jobs, run, summarise
+from experiments.studies.robustness.study import (
+    HEADLINE,
+    check,
+    jobs,
+    over_repeats,
+    parameters,
+    run,
+    summarise,
+)
 
-__all__ = ["check", "jobs", "run", "summarise"]
+__all__ = ["HEADLINE", "check", "jobs", "over_repeats", "parameters", "run", "summarise"]

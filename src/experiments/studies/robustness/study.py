@@ -39,6 +39,19 @@ SUMMARISED = (
     "runtime_s",
 )
 
+# What the dashboard has columns for.
+HEADLINE = (
+    *("success_rate", "success_tre_rate", "success_tre_rate_low", "success_tre_rate_high", "acceptance_rate"),
+    *(
+        "success_tre_accepted_rate",
+        "rmse_mm_median",
+        "tre_mm_median",
+        "tre_mm_p95",
+        "rotation_error_deg_median",
+    ),
+    *("runtime_s_median", "trials", "trials_failed"),
+)
+
 
 def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
     """List one job for each method on each piece of each target, and for each method at each factor's levels.
@@ -224,6 +237,53 @@ def run(
     return _outcome(list(progress.track(rows, f"{name}, overlap {piece.share:g}", len(keys))), problem)
 
 
+def parameters(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Name what a job's trials are of, for the dashboard's columns.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        Configuration of the job.
+
+    Returns
+    -------
+    dict
+        Values by name; of a factor with several levels all of them.
+    """
+    disturbed, factors = dict(config["perturbation"]), dict(config.get("factors") or {})
+    return {
+        "rigid": ", ".join(config["rigid"]),
+        "target": config.get("target"),
+        "overlap": config["overlaps"],
+        # The whole vessel has no place.
+        "place": config["places"] if config["overlaps"] != [1.0] else None,
+        "rotation": config.get("rotations") or disturbed.get("rotation"),
+        "translation_mm": factors.get("translation_mm", disturbed.get("translation_max_mm")),
+        "noise_mm": factors.get("noise_mm", disturbed.get("noise_mm")),
+        **{
+            name: factors.get(name, disturbed.get(name) or None)
+            for name in ("outlier_share", "missing_share")
+        },
+        "trials": config["trials"],
+    }
+
+
+def over_repeats(results: list[JobResult]) -> dict[str, float]:
+    """Count the trials of all seeds of one method on one problem.
+
+    Parameters
+    ----------
+    results : list of JobResult
+        Results of the seeds.
+
+    Returns
+    -------
+    dict
+        Rates with their intervals and summaries of errors.
+    """
+    return trial_metrics(pooled(results))
+
+
 def summarise(results: list[JobResult]) -> Outcome:
     """Compare all methods, pieces and factors.
 
@@ -273,16 +333,33 @@ def _problem(
     return read_problem(target, moving, moving_truth, target_centerline)
 
 
+def trial_metrics(cases: pd.DataFrame) -> dict[str, float]:
+    """Summarise trials of one method: rates with their intervals, errors and run time.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of the trials.
+
+    Returns
+    -------
+    dict
+        Scalars by name; rates over no trial are absent.
+    """
+    # A rate over no trial, as that of acceptance where a method does not judge, is no failure: it is no metric.
+    metrics = {name: value for name, value in rate_metrics(cases).items() if value == value}
+    for name in SUMMARISED:
+        metrics |= summary(name, cases[name].tolist())
+    return metrics
+
+
 def _outcome(rows: list[dict[str, Any]], problem: Problem) -> Outcome:
     import pandas as pd
 
     cases: pd.DataFrame = pd.DataFrame(rows)
-    metrics = rate_metrics(cases)
-    for name in SUMMARISED:
-        metrics |= summary(name, cases[name].tolist())
     return dataclasses.replace(
         shown(cases),
-        metrics=metrics,
+        metrics=trial_metrics(cases),
         tags={"tre_targets": problem.target_kind, "tre_targets_n": str(len(problem.targets_mm))},
         inputs=problem.inputs,
     )
