@@ -14,6 +14,7 @@ import yaml
 from experiments.analysis.runs.paired_cases import UNITS, cases_of, digests_of
 from experiments.provenance import COMMIT_TAG
 from experiments.statistics import Bootstrap, by_unit, wilson_interval
+from experiments.tracking.archive import without_folders
 from experiments.tracking.names import flatten
 from experiments.tracking.run_lookup import Family
 from experiments.tracking.run_record import RunRecord
@@ -75,11 +76,9 @@ class Facts:
         """
         found = []
         for place in places:
-            texts = dict.fromkeys(
-                _text(config[place]) for config in self.configs if config.get(place) is not None
-            )
-            if texts:
-                found.append(f"{place}: {' | '.join(texts)}")
+            values = [config[place] for config in self.configs if config.get(place) is not None]
+            if values:
+                found.append(f"{place}: {without_folders(_text(_merged(values)))}")
         return tuple(found)
 
     def values(self, setting: str) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -19,7 +20,7 @@ from experiments.tracking import Store
 from experiments.tracking.archive import write_archive
 from experiments.tracking.run_lookup import Family
 
-CONFIG = {
+CONFIG: dict[str, Any] = {
     "dataset": {"_target_": "experiments.datasets.usgra.Usgra", "root": ".../usgra", "unpaired": "refuse"},
     "model": {"_target_": "models.networks.unet.UNet", "width": 16},
     "trainer": {"selection": "best", "patience": 15},
@@ -79,6 +80,11 @@ def test_what_no_run_can_tell_stays_missing() -> None:
 def test_settings_versions_and_numbers_come_from_the_runs() -> None:
     family = networks()
     assert "UNet(width=16)" in told(family, "22")
+    absolute = {**CONFIG, "dataset": {**CONFIG["dataset"], "root": "/srv/data/usgra"}}
+    # A checklist is for others: it names no folder of a machine.
+    assert "root=.../usgra" in told(alone("one", segmented([0.5]), absolute), "7")
+    wider = job("w", segmented([0.5]), {**CONFIG, "model": {**CONFIG["model"], "width": 32}}, parent="top")
+    assert "UNet(width=16 | 32)" in told(sweep("top", [*family.below, wider]), "22")
     assert "numpy 2" in told(family, "23")
     assert "code at commit aaaaaaaaaaaa" in told(family, "23")
     assert "seeds: 0, 1" in told(family, "25")
