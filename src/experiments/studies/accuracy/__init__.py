@@ -1,5 +1,5 @@
 """Study ``accuracy``: what is left after the rigid and after the deformable stage, on repeated simulated sweeps."""
 
-from experiments.studies.accuracy.study import check, jobs, run, summarise
+from experiments.studies.accuracy.study import HEADLINE, check, jobs, run, summarise
 
-__all__ = ["check", "jobs", "run", "summarise"]
+__all__ = ["HEADLINE", "check", "jobs", "run", "summarise"]

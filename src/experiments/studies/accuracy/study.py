@@ -25,6 +25,19 @@ from registration.pipeline import CloudFilter
 from registration.reconstruction.contours import ContourExtractor
 from registration.reconstruction.mask_outliers import MaskOutliers
 
+# What the dashboard has columns for: of the last stage, and of the rigid one before it.
+HEADLINE = (
+    *(
+        "rmse_mm_median",
+        "hd95_mm_median",
+        "tre_mm_median",
+        "tre_covered_mm_median",
+        "tre_uncovered_mm_median",
+    ),
+    *("interval_rate", "strain_p95_median", "jacobian_min_median", "sweeps_failed", "runtime_s_median"),
+    *("rigid_rmse_mm_median", "rigid_tre_mm_median"),
+)
+
 
 def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
     """List one job for each phantom and deformable method.

@@ -1,5 +1,5 @@
 """Study ``pipeline``: one simulated sweep from its frames to the registered vessel, each stage timed and measured."""
 
-from experiments.studies.pipeline.study import check, run
+from experiments.studies.pipeline.study import HEADLINE, check, run
 
-__all__ = ["check", "run"]
+__all__ = ["HEADLINE", "check", "run"]

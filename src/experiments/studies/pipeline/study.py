@@ -33,6 +33,13 @@ if TYPE_CHECKING:
     from registration.phantom.scan import SimulatedSweep
 
 
+# What the dashboard has columns for.
+HEADLINE = (
+    *("dsc_mean", "hd95_mm_mean", "rmse_mm", "surface_hd95_mm", "tre_mm", "tre_rigid_mm", "deformed_rmse_mm"),
+    *("deformed_tre_mm", "segmentation_s", "reconstruction_s", "registration_s", "deformable_s"),
+)
+
+
 def check(*, model_path: PathSetting, rigid: Mapping[str, Any], deformable: Mapping[str, Any]) -> None:
     """Check that the network exists, and that there is one method a stage.
 
