@@ -20,7 +20,7 @@ from experiments.outcome import InputData, JobResult, Outcome
 from experiments.reporting.figure_files import save_figure
 from experiments.running import jobs, run_names, terminal
 from experiments.running.jobs import Job, Plan
-from experiments.tracking import HASH_TAG, METRICS_FILE, RunWriter, Store, ending
+from experiments.tracking import HASH_TAG, LABEL_TAG, METRICS_FILE, RunWriter, Store, ending
 from experiments.tracking.headline import (
     LEVEL_TAG,
     NOTE_TAG,
@@ -211,7 +211,7 @@ def start_job(job: Job, plan: Plan, store: Store) -> RunWriter:
     RunWriter
         The writer of the run.
     """
-    tags = {HASH_TAG: job.hash, "ctus.kind": "job", **source_tags(job.config)}
+    tags = {HASH_TAG: job.hash, "ctus.kind": "job", LABEL_TAG: job.label, **source_tags(job.config)}
     tags[LEVEL_TAG] = plan.levels.get(job.hash, RESULT)
     name = plan.names.get(job.hash) or run_names.job_name(job, with_subject=True)
     return store.start(plan.study, name, tags, plan.parents.get(job.hash))

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 
 PARENT_TAG = "mlflow.parentRunId"
 HASH_TAG = "ctus.config_hash"
+# What tells a job from the others of its call, in the words of the command line.
+LABEL_TAG = "ctus.label"
 ORIGIN_TAG = "ctus.run_id"
 METRICS_FILE = "metrics.json"
 # Characters that mean nothing but themselves in a tracking address.

@@ -23,6 +23,7 @@ TARGETS = sorted(
 )
 # The settings of the studies that name what a job reads.
 OF_STUDIES = {
+    "accuracy": {"model_path"},
     "calibrate_spatial": {"results", "device_set"},
     "calibrate_stylus": {"sweep"},
     "calibrate_temporal": {"sweep"},
@@ -37,7 +38,7 @@ OF_STUDIES = {
     "record_sweep": {"calibration"},
     "register": {
         *("moving", "fixed", "initial", "moving_landmarks", "fixed_landmarks"),
-        *("moving_centerline", "fixed_centerline", "truth"),
+        *("moving_centerline", "fixed_centerline", "truth", "carry"),
     },
     "export_model": {"model_path"},
     "runtime": {"model_path"},
@@ -77,6 +78,7 @@ WORDS = {
     "calibration of consolidation",
     "register_as of export_model",
     "masks of consistency",
+    "masks of accuracy",
     "masks of runtime",
     "reference of calibrate_spatial",
     "settings of MonaiNetwork",

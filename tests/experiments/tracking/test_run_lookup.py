@@ -55,7 +55,7 @@ def test_runs_of_a_store_are_found_by_their_own_and_by_their_first_id(
     store = Store()
     top = next(run.info.run_id for run in store.runs() if run.data.tags["ctus.kind"] == "sweep")
     found = find_family(top[:16], store)
-    assert [run.name for run in found.jobs] == ["part=1", "part=2"]
+    assert [run.name for run in found.jobs] == ["part 1", "part 2"]
     assert found.digests[found.jobs[0].run_id] == {"numbers": "abc"}
     assert main(["study=export_runs"]) == 0
     with pytest.raises(InputError, match=r"found none that begins with .*; .*runs has one: pass archive="):

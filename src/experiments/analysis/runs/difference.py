@@ -12,8 +12,6 @@ from experiments.analysis.runs.timing import is_timing
 from experiments.errors import InputError
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from experiments.tracking.run_record import RunRecord
 
 # Tags of the project or of the tracker say who ran it and when; all others are results in words.
@@ -87,7 +85,7 @@ def compare_records(original: RunRecord, reproduced: RunRecord, tolerance: float
     """
     if not (math.isfinite(tolerance) and tolerance >= 0):
         raise InputError(f"tolerance: expected a number from 0, received {tolerance!r}")
-    old, new = _points(original.history), _points(reproduced.history)
+    old, new = _points(original), _points(reproduced)
     names = {name for name, _ in (*old, *new)}
     left_out = sorted(name for name in names if is_timing(name))
     curves = {name for name, step in (*old, *new) if step} - set(left_out)
@@ -129,11 +127,12 @@ def _numbers(
             yield Difference(name, place, old[key], new[key], size)
 
 
-def _points(history: pd.DataFrame) -> dict[tuple[str, int], float]:
-    """The last value that was logged of each metric and step."""
-    ordered = history.sort_values("timestamp_ms", kind="stable")
+def _points(record: RunRecord) -> dict[tuple[str, int], float]:
+    """The last value that was logged of each metric and step, and of other metrics that in the run's file."""
+    kept = {(str(name), 0): float(value) for name, value in record.metrics.items()}
+    ordered = record.history.sort_values("timestamp_ms", kind="stable")
     rows = zip(ordered["metric"], ordered["step"], ordered["value"], strict=True)
-    return {(str(name), int(step)): float(value) for name, step, value in rows}
+    return kept | {(str(name), int(step)): float(value) for name, step, value in rows}
 
 
 def _results_in_words(tags: Mapping[str, str]) -> dict[str, str]:

@@ -159,7 +159,9 @@ def _statistics(facts: Facts) -> Filling:
         "95 % intervals by bootstrap over groups (the unit is the group, never the frame); rates with Wilson's"
     ]
     tested = any(
-        str(name).endswith("_p_holm") for family in facts.families for name in family.run.history["metric"]
+        str(name).endswith("_p_holm")
+        for family in facts.families
+        for name in {*family.run.history["metric"], *family.run.metrics}
     )
     if tested:
         told.append("models compared by the exact signed-rank test of group means, with Holm's adjustment")

@@ -91,7 +91,9 @@ def differing_metrics(first: Family, second: Family, names: tuple[str, str]) -> 
 def _last_values(record: RunRecord) -> dict[str, float]:
     ordered = record.history.sort_values(["step", "timestamp_ms"], kind="stable")
     found = zip(ordered["metric"], ordered["value"], strict=True)
-    return {str(name): float(value) for name, value in found if math.isfinite(value)}
+    # The tracker has few metrics of a run, its file all.
+    last = record.metrics | {str(name): float(value) for name, value in found}
+    return {name: value for name, value in last.items() if math.isfinite(value)}
 
 
 def _settings(family: Family) -> dict[str, tuple[str, ...]]:

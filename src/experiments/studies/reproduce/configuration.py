@@ -20,6 +20,7 @@ from experiments.provenance import COMMIT_TAG
 from experiments.running import jobs
 from experiments.running.path_settings import named_paths
 from experiments.running.run_job import user_errors
+from experiments.tracking import LABEL_TAG
 from experiments.tracking.run_record import RunRecord
 
 # What an archive has in place of the folders of the machine that a path lay in.
@@ -85,7 +86,7 @@ def prepared(record: RunRecord, data_root: Path | None) -> Prepared:
         inside = _new_fields(config)
         places, absent = _places(config, module, data_root)
         config, without_gpu = _on_this_machine(_replaced(config, places))
-        label = _label(record.name, config)
+        label = _label(record.tags.get(LABEL_TAG, record.name), config)
         jobs.check(config)
     except user_errors() as refusal:
         raise InputError(f"run {record.run_id[:12]}: {_refusal(refusal, record, absent)}") from refusal

@@ -234,8 +234,8 @@ def _of_flat_limit(deforming: pd.DataFrame) -> list[str]:
         return []
     return [
         f"Left out at {NO_START_MM:g} mm flat ({len(deforming) - len(near)} cases, the largest bends among them) "
-        f"covered errors are {pair.before_mm:.2f} and {pair.after_mm:.2f} mm, ratio {_ratio(pair.ratio)}: how much is gained "
-        "depends on which starts count."
+        f"covered errors are {pair.before_mm:.2f} and {pair.after_mm:.2f} mm, ratio {_ratio(pair.ratio)}: how "
+        "much is gained depends on which starts count."
     ]
 
 
