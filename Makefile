@@ -12,7 +12,7 @@ demo: setup
 	@./scripts/demo.sh
 
 test: lint
-	$(PY) -m pytest -n $(WORKERS) --dist worksteal tests
+	$(PY) -m pytest -n $(WORKERS) --dist worksteal --durations=40 tests
 
 # The dashboard in a browser (Debian: apt-get install chromium); PAGES names a folder that gets the screenshots.
 PAGES ?= outputs/pages
