@@ -272,3 +272,27 @@ def test_a_rigid_or_similarity_motion_is_found_as_such(motion: str, scale: float
         CoherentPointDrift("point", point=settings)(model_mm, swept_mm, landmarks=landmarks_of(np.zeros_like))
     with pytest.raises(InputError, match="motion: expected nonrigid, rigid, similarity"):
         PointResiduals(motion="affine")
+
+
+def test_the_drifts_objective_never_rises() -> None:
+    model_mm, swept_mm, _ = clouds(bend, noise_mm=0.3)
+    few_mm, some_mm = model_mm[:250], swept_mm[:300]
+    centre_mm, share, weight = some_mm.mean(axis=0), 0.1, 2.0
+    moving_mm, fixed_mm = few_mm - centre_mm, some_mm - centre_mm
+
+    def objective(iterations: int) -> float:
+        """Negative log-posterior of Myronenko and Song (equations 4 and 13), from what the engine hands back."""
+        fit = rustcpd.register_deformable(
+            fixed_mm, moving_mm, alpha=weight, beta=20.0, sigma2=9.0, max_iterations=iterations, tolerance=1e-300,
+            outlier_weight=share, k=None, low_rank=None,
+        )  # fmt: skip
+        apart_mm2 = ((fixed_mm[:, None] - fit.points[None]) ** 2).sum(axis=2)
+        near = np.exp(-apart_mm2 / (2 * fit.sigma2)).sum(axis=1) * (1 - share) / len(moving_mm)
+        density = near * (2 * np.pi * fit.sigma2) ** -1.5 + share / len(fixed_mm)
+        return float(
+            0.5 * weight * np.trace(fit.weights.T @ fit.kernel @ fit.weights) - np.log(density).sum()
+        )
+
+    values = np.array([objective(iterations) for iterations in range(1, 16)])
+    assert (np.diff(values) <= 1e-6 * np.abs(values[:-1])).all()
+    assert values[-1] < values[0] - 1.0
