@@ -1,6 +1,6 @@
 """Write results/accuracy.md and its figures from what study=accuracy measured.
 
-Usage: python scripts/accuracy.py FOLDER [SETTINGS], where FOLDER is what `ctus +preset=figure_accuracy out=FOLDER`
+Usage: python scripts/accuracy.py FOLDER [SETTINGS], where FOLDER is what `ctus -m +preset=figure_accuracy out=FOLDER`
 left, and SETTINGS what `ctus -m +preset=accuracy_settings out=SETTINGS` left.
 """
 

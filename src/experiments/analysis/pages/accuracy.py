@@ -10,7 +10,7 @@ from experiments.running.terminal import markdown
 
 HEAD = """# Accuracy of the rigid and the deformable stage
 
-Made by `ctus +preset=figure_accuracy out=FOLDER`{also} and
+Made by `ctus -m +preset=figure_accuracy out=FOLDER`{also} and
 `python scripts/accuracy.py FOLDER{more}`: {sweeps} sweeps
 of each phantom by the built-in simulator, {masks} masks, tissue bent and pressed as the simulator has it by default.
 The fixed model is segmented again from a simulated CT.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from experiments.errors import InputError
-from experiments.reporting.published import Published, published
+from experiments.reporting.published import NOT_COMPARABLE, Published, published
 
 
 def published_rmse(phantom: str, stage: str) -> Published | None:
@@ -46,5 +46,6 @@ def published_text(phantom: str, stage: str) -> str:
     if value is not None:
         return value.text_for(simulated=True)
     if stage == "deformable" and phantom in ("artificial", "vein"):
-        return f"{published('accuracy', 'rmse_reduction').text_for(simulated=True)}"
+        less = published("accuracy", "rmse_reduction")
+        return f"{less.text_with_unit} less ({NOT_COMPARABLE}: simulated)"
     return ""

@@ -48,8 +48,10 @@ def _methods(
 ) -> Iterator[tuple[dict[str, Any], str, pd.DataFrame, pd.DataFrame | None]]:
     """Rows of each phantom and method, with the rows of the rigid stage that it started from."""
     several = len(cases["share"].unique()) > 1
-    for (phantom, share), group in cases.groupby(list(GROUP), sort=False):
-        label = {"phantom": phantom} | ({"swept": share} if several else {})
+    for _, group in cases.groupby(list(GROUP), sort=False):
+        label = {"phantom": group["phantom"].iloc[0]}
+        if several:
+            label["swept"] = f"{100 * group['share'].iloc[0]:.0f} %"
         for method, own in group.groupby(METHOD, sort=False):
             start = None
             if own["stage"].iloc[0] == DEFORMABLE:
@@ -136,7 +138,7 @@ def describe(cases: pd.DataFrame) -> tuple[str, ...]:
     sentences = []
     for label, method, own, start in _methods(cases):
         failed = own.loc[own["error"] != "", "error"]
-        where = ", ".join(f"{key} {value}" if key == "swept" else str(value) for key, value in label.items())
+        where = ", ".join(f"{value} swept" if key == "swept" else str(value) for key, value in label.items())
         if len(failed):
             sentences.append(
                 f"{where}: {method} failed on {len(failed)} of {len(own)} sweeps ({failed.iloc[0]})."
