@@ -35,7 +35,16 @@ if TYPE_CHECKING:
 
 # What the dashboard has columns for.
 HEADLINE = (
-    *("dsc_mean", "hd95_mm_mean", "rmse_mm", "surface_hd95_mm", "tre_mm", "tre_rigid_mm", "deformed_rmse_mm"),
+    *(
+        "dsc_mean",
+        "hd95_mm_mean",
+        "points",
+        "rmse_mm",
+        "surface_hd95_mm",
+        "tre_mm",
+        "tre_rigid_mm",
+        "deformed_rmse_mm",
+    ),
     *("deformed_tre_mm", "segmentation_s", "reconstruction_s", "registration_s", "deformable_s"),
 )
 
