@@ -9,11 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.analysis.variants import distinct_names
 from experiments.errors import InputError
+from experiments.outcome import JobResult
 from experiments.paths import PathSetting
 from registration.phantom.settings import MESH, PhantomSettings
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from registration.phantom.scan import SimulatedSweep
 
 MASKS = ("exact", "model")
@@ -71,6 +75,30 @@ def settings_of_job(phantom: PhantomSettings, phantoms: Sequence[str]) -> Phanto
             f"and phantom.mesh={phantom.mesh!r}"
         )
     return replace(phantom, subset=phantoms[0])
+
+
+def rows_by_phantom(results: Sequence[JobResult]) -> pd.DataFrame | None:
+    """Put the rows of all jobs together, those of one phantom that was treated otherwise under a name of its own.
+
+    Parameters
+    ----------
+    results : sequence of JobResult
+        Results of all jobs of the sweep.
+
+    Returns
+    -------
+    pandas.DataFrame or None
+        All rows; None where no job has any.
+    """
+    import pandas as pd
+
+    kept = [result for result in results if result.cases is not None and len(result.cases)]
+    tables = [result.cases for result in kept if result.cases is not None]
+    if not tables:
+        return None
+    names = distinct_names(kept, [str(rows["phantom"].iloc[0]) for rows in tables], ("phantoms",))
+    named = [rows.assign(phantom=name) for rows, name in zip(tables, names, strict=True)]
+    return pd.concat(named, ignore_index=True)
 
 
 def require_masks(masks: str, model_path: PathSetting | None) -> None:

@@ -12,9 +12,9 @@ from experiments.analysis.registration.phantom_jobs import (
     masks_by,
     phantom_jobs,
     require_masks,
+    rows_by_phantom,
     settings_of_job,
 )
-from experiments.analysis.variants import distinct_names
 from experiments.errors import InputError, require_count
 from experiments.outcome import JobResult, Outcome, Progress
 from experiments.paths import PathSetting
@@ -219,19 +219,9 @@ def summarise(results: list[JobResult]) -> Outcome:
     Outcome
         Metrics, cases, tables, the figure and findings over all jobs.
     """
-    import pandas as pd
-
-    kept = [result for result in results if result.cases is not None and len(result.cases)]
-    if not kept:
-        return Outcome(findings=("No job has sweeps to compare.",))
     # Sweeps of one phantom that were made or reconstructed otherwise are not repeats of each other.
-    tables_of = [result.cases for result in kept if result.cases is not None]
-    phantoms = distinct_names(kept, [str(rows["phantom"].iloc[0]) for rows in tables_of], ("phantoms",))
-    cases = pd.concat(
-        [rows.assign(phantom=phantom) for rows, phantom in zip(tables_of, phantoms, strict=True)],
-        ignore_index=True,
-    )
-    return shown(cases)
+    cases = rows_by_phantom(results)
+    return Outcome(findings=("No job has sweeps to compare.",)) if cases is None else shown(cases)
 
 
 def shown(cases: pd.DataFrame) -> Outcome:

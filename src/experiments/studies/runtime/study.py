@@ -7,7 +7,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from experiments.analysis.variants import distinct_names
+from experiments.analysis.registration.phantom_jobs import phantom_jobs, rows_by_phantom
 from experiments.errors import InputError
 from experiments.inputs.surfaces import one_method
 from experiments.outcome import JobResult, Outcome, Progress
@@ -53,10 +53,7 @@ def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
     InputError
         If ``phantoms`` is not a list of phantoms.
     """
-    phantoms = config.get("phantoms")
-    if not isinstance(phantoms, Sequence) or isinstance(phantoms, str) or not phantoms:
-        raise InputError(f"phantoms: expected a list of phantoms, received {phantoms!r}")
-    return [{"phantoms": [name]} for name in phantoms]
+    return phantom_jobs(config)
 
 
 def check(
@@ -238,16 +235,8 @@ def summarise(results: list[JobResult]) -> Outcome:
     Outcome
         Metrics, rows, tables, the figure and findings over all jobs.
     """
-    import pandas as pd
-
-    kept = [result for result in results if result.cases is not None and len(result.cases)]
-    if not kept:
-        return Outcome(findings=("No job has times.",))
-    tables_of = [result.cases for result in kept if result.cases is not None]
-    # Sweeps of one phantom that were processed otherwise are no repeats of each other.
-    phantoms = distinct_names(kept, [str(rows["phantom"].iloc[0]) for rows in tables_of], ("phantoms",))
-    named = [rows.assign(phantom=phantom) for rows, phantom in zip(tables_of, phantoms, strict=True)]
-    return shown(pd.concat(named, ignore_index=True))
+    costs = rows_by_phantom(results)
+    return Outcome(findings=("No job has times.",)) if costs is None else shown(costs)
 
 
 def shown(costs: pd.DataFrame) -> Outcome:
