@@ -67,6 +67,24 @@ class RunRecord:
     metrics: dict[str, float] = field(default_factory=dict)
 
 
+def last_metrics(record: RunRecord) -> dict[str, float]:
+    """Give every metric of a run: its last value in the tracker, and of all that its file has that one.
+
+    Parameters
+    ----------
+    record : RunRecord
+        The run.
+
+    Returns
+    -------
+    dict[str, float]
+        Scalars by name; the tracker has few metrics of a run, its file all, and runs of before have no such file.
+    """
+    ordered = record.history.sort_values(["step", "timestamp_ms"], kind="stable")
+    points = zip(ordered["metric"], ordered["value"], strict=True)
+    return {str(name): float(value) for name, value in points} | record.metrics
+
+
 def read_run(store: Store, run_id: str, experiment: str) -> RunRecord:
     """Read a run of the store with every step of its metrics and its per-case table.
 

@@ -10,7 +10,7 @@ from experiments.errors import InputError
 from experiments.outcome import JobResult, Outcome
 from experiments.reporting.figure_files import save_figure
 from experiments.tracking.archive import read_archive
-from experiments.tracking.run_record import RunRecord
+from experiments.tracking.run_record import RunRecord, last_metrics
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -86,10 +86,7 @@ def archived_result(run: RunRecord) -> JobResult:
     """
     import yaml
 
-    last = run.history.sort_values("step").groupby("metric")["value"].last()
-    # The tracker has few metrics of a run, its file all; runs of before have no such file.
-    metrics = {str(name): float(value) for name, value in last.items()} | run.metrics
-    return JobResult(yaml.safe_load(run.config), metrics, run.cases, Path(run.name), run.run_id)
+    return JobResult(yaml.safe_load(run.config), last_metrics(run), run.cases, Path(run.name), run.run_id)
 
 
 def listed(findings: Iterable[str]) -> str:

@@ -15,7 +15,7 @@ from experiments.provenance import COMMIT_TAG
 from experiments.running.config_hash import NEVER_PART, job_config
 from experiments.tracking.names import flatten
 from experiments.tracking.run_lookup import Family
-from experiments.tracking.run_record import RunRecord
+from experiments.tracking.run_record import RunRecord, last_metrics
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -89,11 +89,7 @@ def differing_metrics(first: Family, second: Family, names: tuple[str, str]) -> 
 
 
 def _last_values(record: RunRecord) -> dict[str, float]:
-    ordered = record.history.sort_values(["step", "timestamp_ms"], kind="stable")
-    found = zip(ordered["metric"], ordered["value"], strict=True)
-    # The tracker has few metrics of a run, its file all.
-    last = record.metrics | {str(name): float(value) for name, value in found}
-    return {name: value for name, value in last.items() if math.isfinite(value)}
+    return {name: value for name, value in last_metrics(record).items() if math.isfinite(value)}
 
 
 def _settings(family: Family) -> dict[str, tuple[str, ...]]:
