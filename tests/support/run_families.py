@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pandas as pd
 import yaml
 
+from experiments.outcome import InputData
 from experiments.tracking.run_lookup import Family
 from experiments.tracking.run_record import RunRecord
 
@@ -52,7 +54,8 @@ def job(
 
 
 def alone(run_id: str, cases: pd.DataFrame | None, *args: Any, digest: str = "", **more: Any) -> Family:
-    return Family(job(run_id, cases, *args, **more), (), {run_id: {"drawn": digest}} if digest else {})
+    used = (InputData("drawn", digest, "drawn"),) if digest else ()
+    return Family(dataclasses.replace(job(run_id, cases, *args, **more), inputs=used))
 
 
 def sweep(run_id: str, jobs: Sequence[RunRecord]) -> Family:

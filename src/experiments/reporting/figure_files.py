@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+# The same figure is the same file, whenever it is drawn.
+_WITHOUT_DATE: dict[str, dict[str, None]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+
+
 def save_figure(figure: Figure, stem: Path, suffixes: Sequence[str] = ("png", "svg"), dpi: int = 150) -> None:
     """Write a figure to ``<stem>.<suffix>`` for each suffix.
 
@@ -39,10 +43,11 @@ def save_figure(figure: Figure, stem: Path, suffixes: Sequence[str] = ("png", "s
             _plain_numbers(axis)
     for text in figure.findobj(Text):
         text.set_parse_math(False)
-    # Ticks that are only made while drawing take it from here.
-    with matplotlib.rc_context({"text.parse_math": False}):
+    # Ticks that are only made while drawing take it from here; the salt gives parts of an SVG the same ids each time.
+    with matplotlib.rc_context({"text.parse_math": False, "svg.hashsalt": "ctus"}):
         for suffix in suffixes:
-            figure.savefig(stem.with_name(f"{stem.name}.{suffix}"), dpi=dpi, bbox_inches="tight")
+            place = stem.with_name(f"{stem.name}.{suffix}")
+            figure.savefig(place, dpi=dpi, bbox_inches="tight", metadata=_WITHOUT_DATE.get(suffix))
 
 
 def _plain_numbers(axis: Axis) -> None:

@@ -19,6 +19,7 @@ from experiments.analysis.segmentation.fold_run import (
     require_fitting_size,
     require_start,
 )
+from experiments.analysis.segmentation.measured import measured
 from experiments.analysis.segmentation.outside import outside_table
 from experiments.analysis.segmentation.summary import pooled_metrics
 from experiments.analysis.segmentation.tables import tables
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
     from models.training.settings import TrainerSettings
 
 # What the dashboard has columns for.
+__all__ = ["HEADLINE", "check", "jobs", "measured", "over_repeats", "run", "summarise"]
+
 HEADLINE = (
     *("dsc_mean", "dsc_std", "dsc_ci_low", "dsc_ci_high", "hd95_mm_mean", "hd95_px_mean"),
     *("missed_rate", "false_alarm_rate", "training_s"),

@@ -19,12 +19,13 @@ from urllib.parse import quote
 import pandas as pd
 
 from experiments.errors import InputError
+from experiments.outcome import InputData
 from experiments.tracking.headline import metrics_text
 from experiments.tracking.run_record import RunRecord
 
 _JSON_COLUMNS = ("tags", "params")
 # Kept of a run that has lost its files from an earlier export.
-_KEPT_COLUMNS = ("config", "metrics")
+_KEPT_COLUMNS = ("config", "metrics", "inputs")
 _COLUMNS = (
     *("run_id", "experiment", "name", "status", "start_ms", "end_ms", "parent_id"),
     *("tags", "params", "config"),
@@ -180,7 +181,13 @@ def _row(record: RunRecord) -> dict[str, Any]:
         row[key] = json.dumps(
             {name: without_folders(value) for name, value in row[key].items()}, sort_keys=True
         )
-    return {**row, "config": without_folders(record.config), "metrics": metrics_text(record.metrics)}
+    inputs = [{**asdict(data), "source": without_folders(data.source)} for data in record.inputs]
+    return {
+        **row,
+        "config": without_folders(record.config),
+        "metrics": metrics_text(record.metrics),
+        "inputs": json.dumps(inputs),
+    }
 
 
 def _merged(path: Path, fresh: pd.DataFrame, replaced: Iterable[str]) -> pd.DataFrame:
@@ -188,10 +195,10 @@ def _merged(path: Path, fresh: pd.DataFrame, replaced: Iterable[str]) -> pd.Data
     if path.is_file():
         old = pd.read_parquet(path)
         for name in _KEPT_COLUMNS if "config" in fresh else ():
-            # Archives of before have no column of metrics.
+            # Archives of before have no columns of metrics and of inputs.
             before = dict(zip(old["run_id"], old[name], strict=True)) if name in old else {}
             values = [
-                value if value not in ("", "{}") else before.get(run, value)
+                value if value not in ("", "{}", "[]") else before.get(run) or value
                 for run, value in zip(fresh["run_id"], fresh[name], strict=True)
             ]
             fresh = fresh.assign(**{name: values})
@@ -242,8 +249,9 @@ def _record(row: dict[str, Any], history: pd.DataFrame, place: Path) -> RunRecor
             history=history[history["run_id"] == row["run_id"]].drop(columns="run_id"),
             cases=cases,
             metrics=_numbers(row.get("metrics")),
+            inputs=_inputs(row.get("inputs")),
         )
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, AttributeError) as error:
         raise InputError(f"{table}: expected the fields of an exported run, found {error}") from error
 
 
@@ -256,6 +264,11 @@ def _text(value: object) -> str:
 def _numbers(value: object) -> dict[str, float]:
     found = json.loads(value) if isinstance(value, str) else {}
     return {str(key): float(item) for key, item in found.items()}
+
+
+def _inputs(value: object) -> tuple[InputData, ...]:
+    found = json.loads(value) if isinstance(value, str) else []
+    return tuple(InputData(**{key: _text(item) for key, item in data.items()}) for data in found)
 
 
 def _texts(value: object) -> dict[str, str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,13 +27,19 @@ class Family:
         The run that was asked for.
     below : tuple of RunRecord, optional
         Runs below it at any depth, in the order in which they started.
-    digests : Mapping[str, Mapping[str, str]], optional
-        Digest of each data set by its name, by the id of the run that used it. An archive holds none.
     """
 
     run: RunRecord
     below: tuple[RunRecord, ...] = ()
-    digests: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+
+    @property
+    def digests(self) -> dict[str, dict[str, str]]:
+        """Beginning of the digest of each data set by its name, by the id of the run that used it."""
+        return {
+            run.run_id: {data.name: data.digest for data in run.inputs}
+            for run in (self.run, *self.below)
+            if run.inputs
+        }
 
     @property
     def jobs(self) -> tuple[RunRecord, ...]:
@@ -104,19 +110,12 @@ def _stored(reference: str, store: Store, setting: str) -> Family:
     titles = {key: f"{names[run.info.experiment_id]}, {run.info.run_name}" for key, run in found.items()}
     top = found[_only(reference, titles, f"the store {store.address}", setting)]
     below, waiting = list[RunRecord](), [top]
-    digests = {}
     while waiting:
         run = waiting.pop(0)
         record = read_run(store, run.info.run_id, names[run.info.experiment_id])
         below.append(record)
-        digests[record.run_id] = _digests(run)
         waiting += store.runs(None, f"tags.`{PARENT_TAG}` = '{run.info.run_id}'")
-    return Family(below[0], _sorted(below[1:]), digests)
-
-
-def _digests(run: Any) -> dict[str, str]:
-    used = run.inputs.dataset_inputs if run.inputs is not None else []
-    return {each.dataset.name: each.dataset.digest for each in used}
+    return Family(below[0], _sorted(below[1:]))
 
 
 def _sorted(records: Iterable[RunRecord]) -> tuple[RunRecord, ...]:

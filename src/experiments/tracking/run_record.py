@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import tempfile
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 import yaml
 
-from experiments.outcome import Outcome
+from experiments.outcome import InputData, Outcome
 from experiments.provenance import process_tags
 from experiments.tracking import METRICS_FILE, ORIGIN_TAG, PARENT_TAG, RunWriter, Store, loggable
 from experiments.tracking.headline import NOTE_TAG, metrics_text, without_figures
+from experiments.tracking.run_writer import DIGEST_LENGTH
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,8 @@ class RunRecord:
         Table of cases; None if there is none.
     metrics : dict[str, float], optional
         All metrics by name, of those as well that the dashboard has no columns for; empty for runs of before.
+    inputs : tuple[InputData, ...], optional
+        Data sets that the run used, with the beginning of their digests; empty where none is known.
     """
 
     run_id: str
@@ -65,6 +69,7 @@ class RunRecord:
     history: pd.DataFrame
     cases: pd.DataFrame | None
     metrics: dict[str, float] = field(default_factory=dict)
+    inputs: tuple[InputData, ...] = ()
 
 
 def last_metrics(record: RunRecord) -> dict[str, float]:
@@ -128,7 +133,34 @@ def read_run(store: Store, run_id: str, experiment: str) -> RunRecord:
         history=pd.DataFrame(points, columns=["metric", "step", "value", "timestamp_ms"]),
         cases=store.cases(run_id),
         metrics=store.all_metrics(run_id),
+        inputs=recorded_inputs(run),
     )
+
+
+def recorded_inputs(run: Any) -> tuple[InputData, ...]:
+    """Give the data sets that a run of the store used.
+
+    Parameters
+    ----------
+    run : mlflow.entities.Run
+        The run.
+
+    Returns
+    -------
+    tuple[InputData, ...]
+        The data sets, sorted by name.
+    """
+    used = run.inputs.dataset_inputs if run.inputs is not None else []
+    found = [InputData(each.dataset.name, each.dataset.digest, _source(each.dataset.source)) for each in used]
+    return tuple(sorted(found, key=lambda data: (data.name, data.digest, data.source)))
+
+
+def _source(text: str) -> str:
+    """The place of a data set as ``RunWriter.inputs`` wrote it; what another tool wrote stays as it is."""
+    try:
+        return str(json.loads(text)["uri"])
+    except (ValueError, TypeError, KeyError):
+        return text
 
 
 def _first_id(store: Store, run_id: str | None) -> str | None:
@@ -181,6 +213,7 @@ def finished_run(
         history=pd.DataFrame(points, columns=["metric", "step", "value", "timestamp_ms"]),
         cases=outcome.cases,
         metrics=dict(outcome.metrics),
+        inputs=tuple(replace(data, digest=data.digest[:DIGEST_LENGTH]) for data in outcome.inputs),
     )
 
 
@@ -207,6 +240,7 @@ def restore_run(store: Store, record: RunRecord, parent_id: str | None) -> str:
     writer = store.begin_copy(record.experiment, record.name, tags, record.start_ms)
     writer.params(record.params)
     columns = ("metric", "value", "timestamp_ms", "step")
+    writer.inputs(record.inputs)
     writer.points(zip(*(record.history[column].tolist() for column in columns), strict=True))
     if record.config:
         writer.text(record.config, "config.yaml")

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from mlflow.tracking import MlflowClient
 
 HEARTBEAT_S = 30.0
+# The tracker takes no more of a digest.
+DIGEST_LENGTH = 36
 # How long a run that has ended waits for a server that does not answer, before it is kept as files.
 LAST_WAIT_S = 60.0
 # What one request may carry at most (MLflow's REST limits, which its SQL store keeps as well).
@@ -176,7 +178,8 @@ class RunWriter:
 
         entries = [
             DatasetInput(
-                Dataset(item.name, item.digest[:36], "local", json.dumps({"uri": item.source})), tags=[]
+                Dataset(item.name, item.digest[:DIGEST_LENGTH], "local", json.dumps({"uri": item.source})),
+                tags=[],
             )
             for item in data
         ]

@@ -339,6 +339,28 @@ class Store:
         for entry in self.client().list_artifacts(run_id):
             self.client().download_artifacts(run_id, entry.path, str(folder))
 
+    def artifact(self, run_id: str, name: str) -> Path | None:
+        """A file of a run.
+
+        Parameters
+        ----------
+        run_id : str
+            Id of the run.
+        name : str
+            Name of the file among its artifacts.
+
+        Returns
+        -------
+        Path or None
+            The file; None where the run is not in this store or has no such file.
+        """
+        if self.run(run_id) is None:
+            return None
+        client = self.client()
+        if not any(file.path == name for file in client.list_artifacts(run_id)):
+            return None
+        return Path(client.download_artifacts(run_id, name))
+
     def cases(self, run_id: str) -> pd.DataFrame | None:
         """The per-case table of a run, or none if it has none.
 

@@ -11,6 +11,7 @@ import pytest
 
 from experiments.cli import main
 from experiments.errors import InputError
+from experiments.outcome import InputData
 from experiments.tracking import ORIGIN_TAG, PARENT_TAG, Store
 from experiments.tracking.archive import read_archive, without_folders, write_archive
 from experiments.tracking.run_record import RunRecord
@@ -57,6 +58,22 @@ def test_all_metrics_are_kept_and_archives_without_them_are_read(tmp_path: Path)
     assert [run.metrics for run in read_archive(tmp_path)] == [{}]
     write_archive([dataclasses.replace(record("more"), metrics=metrics)], tmp_path)
     assert {run.run_id: run.metrics for run in read_archive(tmp_path)} == {"new": {}, "more": metrics}
+
+
+def test_data_sets_are_kept_without_folders_and_archives_without_them_are_read(tmp_path: Path) -> None:
+    used = (InputData("usgra", "abc", "/home/someone/usgra"),)
+    write_archive([dataclasses.replace(record("new"), inputs=used)], tmp_path)
+    shared = (InputData("usgra", "abc", ".../usgra"),)
+    assert [run.inputs for run in read_archive(tmp_path)] == [shared]
+    write_archive([record("new")], tmp_path)
+    assert [run.inputs for run in read_archive(tmp_path)] == [shared]
+    table = tmp_path / "segmentation" / "runs.parquet"
+    whole = pd.read_parquet(table)
+    whole.drop(columns="inputs").to_parquet(table, index=False)
+    assert [run.inputs for run in read_archive(tmp_path)] == [()]
+    whole.assign(inputs='["usgra"]').to_parquet(table, index=False)
+    with pytest.raises(InputError, match="expected the fields of an exported run"):
+        list(read_archive(tmp_path))
 
 
 def test_a_second_export_replaces_its_runs_and_keeps_the_others(tmp_path: Path) -> None:

@@ -66,4 +66,5 @@ def test_runs_of_a_store_are_found_by_their_own_and_by_their_first_id(
     for reference in (top, restored.info.run_id):
         again = find_family(reference, other)
         assert again.run.run_id == top
+        assert again.digests == found.digests
         assert [run.parent_id for run in again.jobs] == [top, top]

@@ -117,8 +117,7 @@ def runs_of(project: Path, code: int) -> Family:
     if not tops:
         raise RuntimeError(f"the process that ran the jobs again ended with exit code {code} and left no run")
     others = [record for each in tops[1:] for record in (each.run, *each.below)]
-    digests = {run_id: found for each in tops for run_id, found in each.digests.items()}
-    return Family(tops[0].run, (*tops[0].below, *others), digests)
+    return Family(tops[0].run, (*tops[0].below, *others))
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -35,7 +35,7 @@ def tables(cases: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """
     import pandas as pd
 
-    rows = [(group, method, own, start) for group, method, own, start in _methods(cases)]
+    rows = [(group, method, own, start) for group, method, own, start in by_method(cases)]
     return {
         "residuals, simulated": pd.DataFrame([_residuals(*row) for row in rows]),
         "true error at the targets, simulated": pd.DataFrame([_errors(*row) for row in rows]),
@@ -43,10 +43,22 @@ def tables(cases: pd.DataFrame) -> dict[str, pd.DataFrame]:
     }
 
 
-def _methods(
+def by_method(
     cases: pd.DataFrame,
 ) -> Iterator[tuple[dict[str, Any], str, pd.DataFrame, pd.DataFrame | None]]:
-    """Rows of each phantom and method, with the rows of the rigid stage that it started from."""
+    """Split the rows by phantom and method, each with the rows of the rigid stage that it started from.
+
+    Parameters
+    ----------
+    cases : pandas.DataFrame
+        Rows of sweeps and stages, with the column ``method``.
+
+    Yields
+    ------
+    tuple of dict, str, pandas.DataFrame, pandas.DataFrame or None
+        Phantom (and share swept, where it varies), name of the method, its rows, and those of its start sweep by sweep;
+        None for the rigid stage.
+    """
     several = len(cases["share"].unique()) > 1
     for _, group in cases.groupby(list(GROUP), sort=False):
         label = {"phantom": group["phantom"].iloc[0]}
@@ -70,8 +82,8 @@ def _residuals(
         "failed": int((own["error"] != "").sum()),
         "rmse_mm": own["rmse_mm"].median(),
         "hd95_mm": own["hd95_mm"].median(),
-        "rmse_below_rigid_%": _below(own, start, "rmse_mm"),
-        "hd95_below_rigid_%": _below(own, start, "hd95_mm"),
+        "rmse_below_rigid_%": below(own, start, "rmse_mm"),
+        "hd95_below_rigid_%": below(own, start, "hd95_mm"),
         "rmse_published": published_text(label["phantom"], RIGID if start is None else DEFORMABLE),
     }
 
@@ -80,7 +92,7 @@ def _errors(
     label: dict[str, Any], method: str, own: pd.DataFrame, start: pd.DataFrame | None
 ) -> dict[str, Any]:
     row = {**label, "method": method, **{name: own[name].median() for name in ERRORS}}
-    row["covered_below_rigid_%"] = _below(own, start, "tre_covered_mm")
+    row["covered_below_rigid_%"] = below(own, start, "tre_covered_mm")
     better = "" if start is None else f"{_better(own, start)}/{len(own)}"
     row["better"] = better
     test = _tested(own, start)
@@ -100,8 +112,21 @@ def _predicted(label: dict[str, Any], method: str, own: pd.DataFrame) -> dict[st
     return row
 
 
-def _below(own: pd.DataFrame, start: pd.DataFrame | None, name: str) -> float:
-    """By how many percent the mean lies below that of the rigid stage; NaN where there is none, or a failure."""
+def below(own: pd.DataFrame, start: pd.DataFrame | None, name: str) -> float:
+    """Compute by how many percent the mean lies below that of the rigid stage.
+
+    Parameters
+    ----------
+    own, start : pandas.DataFrame
+        Rows of a method and of its start; None where there is none.
+    name : str
+        Name of the metric.
+
+    Returns
+    -------
+    float
+        Percent; NaN where there is no start, or a failure.
+    """
     if start is None:
         return float("nan")
     after, before = own[name].mean(), start[name].mean()
@@ -136,7 +161,7 @@ def describe(cases: pd.DataFrame) -> tuple[str, ...]:
         Sentences.
     """
     sentences = []
-    for label, method, own, start in _methods(cases):
+    for label, method, own, start in by_method(cases):
         failed = own.loc[own["error"] != "", "error"]
         where = ", ".join(f"{value} swept" if key == "swept" else str(value) for key, value in label.items())
         if len(failed):

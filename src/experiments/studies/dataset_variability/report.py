@@ -57,8 +57,7 @@ def summary_of(results: Sequence[JobResult]) -> Outcome:
     """
     import pandas as pd
 
-    test = _in_order(pool(results, factors=("configurations",), part=TEST))
-    own = _in_order(pool(results, factors=("configurations",)))
+    test, own = common_test(results), own_cases(results)
     compared = compare_levels(test, FACTOR, "the common test subjects")
     tables = {
         "common test subjects": _with_sizes(levels_table(test, [FACTOR], published_of), results),
@@ -83,6 +82,38 @@ def summary_of(results: Sequence[JobResult]) -> Outcome:
             *notes_once(results),
         ),
     )
+
+
+def common_test(results: Sequence[JobResult]) -> pd.DataFrame:
+    """Pool the scores on the test subjects that all configurations share.
+
+    Parameters
+    ----------
+    results : sequence of JobResult
+        Jobs of the study.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Per-case table with a column ``configuration``, in the order of the configurations.
+    """
+    return _in_order(pool(results, factors=("configurations",), part=TEST))
+
+
+def own_cases(results: Sequence[JobResult]) -> pd.DataFrame:
+    """Pool the scores of each configuration on unseen cases of its own.
+
+    Parameters
+    ----------
+    results : sequence of JobResult
+        Jobs of the study.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Per-case table with a column ``configuration``, in the order of the configurations.
+    """
+    return _in_order(pool(results, factors=("configurations",)))
 
 
 def published_of(of: Mapping[str, str]) -> tuple[Published, ...]:

@@ -159,7 +159,7 @@ def recorded_digests(record: RunRecord, inputs: Mapping[str, str]) -> dict[str, 
     record : RunRecord
         The run.
     inputs : Mapping[str, str]
-        Digest by the name of the data set, as the tracker has them; empty for a run from an archive.
+        Digest by the name of the data set, as the run recorded them; empty for a run from an archive of before.
 
     Returns
     -------

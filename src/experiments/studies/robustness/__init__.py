@@ -1,5 +1,6 @@
 """How often a rigid method finds a known pose again, over rotations, overlap, noise, outliers and lost frames."""
 
+from experiments.studies.robustness.measured import measured
 from experiments.studies.robustness.study import (
     HEADLINE,
     check,
@@ -10,4 +11,4 @@ from experiments.studies.robustness.study import (
     summarise,
 )
 
-__all__ = ["HEADLINE", "check", "jobs", "over_repeats", "parameters", "run", "summarise"]
+__all__ = ["HEADLINE", "check", "jobs", "measured", "over_repeats", "parameters", "run", "summarise"]

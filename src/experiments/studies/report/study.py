@@ -1,0 +1,246 @@
+"""Study ``report``: published values beside measured ones, every table and figure, and one page, from tracked runs."""
+
+from __future__ import annotations
+
+import json
+import re
+import unicodedata
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from experiments import files
+from experiments.errors import InputError
+from experiments.outcome import Outcome, Progress
+from experiments.reporting.figure_files import save_figure
+from experiments.reporting.published import published_values
+from experiments.reporting.thesis_steps import thesis_steps
+from experiments.running.terminal import markdown
+from experiments.studies.report.latex import latex_document, latex_table
+from experiments.studies.report.page import ShownFigure, ShownSection, ShownTable, page
+from experiments.studies.report.provenance import job_runs, provenance
+from experiments.studies.report.published_table import ID_LENGTH, NOT_MEASURED, published_table
+from experiments.studies.report.sections import Section, Source, chosen, section_of
+from experiments.tracking import Store
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+TRACKED = False
+TABLES, FIGURES, PAGE, WRITTEN = "tables", "figures", "index.html", "report.json"
+FIGURE_FILES = ("png", "svg", "pdf")
+SCENE = "scene.html"
+# Studies whose runs a report shows besides those that measure published values.
+FURTHER = ("pipeline", "propagation", "error_budget", "consolidation", "domain_transfer")
+# What a terminal of 100 columns has room for.
+SHOWN = {"study": 12, "value": 14, "published": 14, "measured_on": 20, "ours": 9, "comparable": 13}
+
+
+def run(
+    *,
+    runs: Sequence[str],
+    archive: str | None,
+    out: str | None,
+    store: Store,
+    workspace: Path,
+    progress: Progress,
+) -> Outcome:
+    """Write tables, figures and a page of tracked runs.
+
+    Parameters
+    ----------
+    runs : sequence of str
+        Ids of the runs to show, or the first characters of them; none for the newest complete sweep of each study, data
+        set and preset.
+    archive : str or None
+        Folder of exported runs; None for the tracker.
+    out : str or None
+        Folder of the report; files of an earlier report there that this one does not write are removed.
+    store : Store
+        The tracker.
+    workspace : pathlib.Path
+        Folder for the files.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    Outcome
+        The published values beside the measured ones, and findings.
+
+    Raises
+    ------
+    InputError
+        If a run that is named is not there.
+    """
+    if isinstance(runs, str):
+        raise InputError(f"runs: expected a list of ids, runs=[...], received {runs!r}")
+    source = Source(store, None if archive is None else Path(archive).expanduser())
+    families = chosen(source, _studies(), [str(each) for each in runs])
+    sections = [section_of(family) for family in progress.track(families, "Reading runs")]
+    values = published_table(sections)
+    written = _write(sections, values, source, workspace)
+    if out is not None:
+        _remove_stale(Path(out).expanduser().absolute(), written)
+    return Outcome(
+        metrics=_counts(sections, values),
+        tables=_shown(values),
+        findings=tuple(_describe(sections, values, source)),
+    )
+
+
+def _studies() -> list[str]:
+    named = [step.study for step in thesis_steps() if step.study]
+    return list(dict.fromkeys([*published_values(), *named, *FURTHER]))
+
+
+def _write(sections: Sequence[Section], values: pd.DataFrame, source: Source, workspace: Path) -> list[str]:
+    """Write all files into the workspace and return their names."""
+    (workspace / TABLES).mkdir()
+    (workspace / FIGURES).mkdir()
+    origin, jobs = provenance(sections), job_runs(sections)
+    captions: dict[str, str] = {}
+    published = _table_files(workspace, "published", "Published values and ours", values, "", captions)
+    shown, taken = [], {"published", "provenance", "jobs"}
+    for section in sections:
+        shown.append(_section_files(section, workspace, _stem(section, taken), source, captions))
+    places = _table_files(workspace, "provenance", "Where the numbers come from", origin, "", captions)
+    every = _table_files(workspace, "jobs", "Runs", jobs, "", captions)
+    files.write_text(workspace / TABLES / "report.tex", latex_document(captions))
+    made = f"Made by ctus study=report from {len(jobs)} jobs of {len(sections)} runs."
+    files.write_text(workspace / PAGE, page(published, shown, places, every, made))
+    written = [name for name in files.names_in(workspace) if name != WRITTEN]
+    files.write_text(workspace / WRITTEN, json.dumps({"files": written}, indent=1))
+    return written
+
+
+def _section_files(
+    section: Section, workspace: Path, stem: str, source: Source, captions: dict[str, str]
+) -> ShownSection:
+    note = f"Run {section.run_id[:ID_LENGTH]}"
+    tables = tuple(
+        _table_files(workspace, f"{stem}_{slug(title)}", title, frame, note, captions, section.title)
+        for title, frame in section.outcome.tables.items()
+        if len(frame)
+    )
+    figures = []
+    for name, figure in section.outcome.figures.items():
+        place = f"{FIGURES}/{stem}_{slug(name)}"
+        save_figure(figure, workspace / place, FIGURE_FILES)
+        png = (workspace / f"{place}.png").read_bytes()
+        figures.append(ShownFigure(f"{section.title}, {name.replace('_', ' ')}", place, png))
+    run, left = section.family.run, section.left_out
+    return ShownSection(
+        section.title,
+        stem,
+        f"Run {section.run_id}, {run.name}; {len(section.results)} jobs"
+        + (f", {left} left out (failed, or folds of an incomplete training)" if left else ""),
+        tables,
+        tuple(figures),
+        tuple(section.outcome.findings),
+        dict(_scenes(section, source)),
+        section.failure,
+    )
+
+
+def _scenes(section: Section, source: Source) -> Iterator[tuple[str, str]]:
+    """The 3-D pages among the files of a section's runs; an archive has none."""
+    if source.archive is None:
+        for result in section.results:
+            path = source.store.artifact(str(result.run_id), SCENE)
+            if path is not None:
+                yield f"3-D view of run {str(result.run_id)[:ID_LENGTH]}", path.read_text(encoding="utf-8")
+
+
+def _table_files(
+    workspace: Path,
+    stem: str,
+    title: str,
+    frame: pd.DataFrame,
+    note: str,
+    captions: dict[str, str],
+    of: str = "",
+) -> ShownTable:
+    place = workspace / TABLES / stem
+    caption = ", ".join(filter(None, [of, title]))
+    files.write_text(place.with_name(f"{stem}.csv"), frame.to_csv(index=False, lineterminator="\n"))
+    files.write_text(place.with_name(f"{stem}.md"), markdown({title: frame}))
+    full = ". ".join(filter(None, [caption, note]))
+    files.write_text(place.with_name(f"{stem}.tex"), latex_table(frame, full, stem))
+    captions[stem] = caption
+    return ShownTable(title, frame, f"{TABLES}/{stem}", note)
+
+
+def slug(text: str) -> str:
+    """Write a text as a part of a file's name.
+
+    Parameters
+    ----------
+    text : str
+        The text.
+
+    Returns
+    -------
+    str
+        Small letters, digits and underscores.
+
+    Examples
+    --------
+    >>> slug("To the truth, simulated")
+    'to_the_truth_simulated'
+    """
+    plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode("ascii")
+    return re.sub(r"[^a-z0-9]+", "_", plain.lower()).strip("_") or "unnamed"
+
+
+def _stem(section: Section, taken: set[str]) -> str:
+    """What the files of a section begin with; two sections never share one."""
+    name = slug(" ".join(filter(None, [section.study, section.subject])))
+    for further in (section.preset, section.run_id[:ID_LENGTH]):
+        if name not in taken:
+            break
+        name = slug(f"{name} {further}")
+    taken.add(name)
+    return name
+
+
+def _remove_stale(out: Path, written: Sequence[str]) -> None:
+    """Remove what an earlier report left in the folder and this one does not write again."""
+    try:
+        before = json.loads((out / WRITTEN).read_text(encoding="utf-8"))["files"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return
+    for name in set(map(str, before)) - set(written):
+        path = (out / name).resolve()
+        # The list is a file like others: nothing outside the two folders is touched for it.
+        if path.parent in ((out / TABLES).resolve(), (out / FIGURES).resolve()):
+            path.unlink(missing_ok=True)
+
+
+def _counts(sections: Sequence[Section], values: pd.DataFrame) -> dict[str, float]:
+    return {
+        "sections": float(len(sections)),
+        "rows": float(len(values)),
+        "rows_without_run": float((values["comparable"] == NOT_MEASURED).sum()),
+        "sections_failed": float(sum(bool(section.failure) for section in sections)),
+    }
+
+
+def _describe(sections: Sequence[Section], values: pd.DataFrame, source: Source) -> Iterator[str]:
+    missing = values[values["comparable"] == NOT_MEASURED]
+    measured = len(values) - len(missing)
+    known = values.drop_duplicates(["study", "value", "published", "published_on"])
+    yield f"{measured} measurements beside {len(known)} published values, from {len(sections)} runs of {source.name}."
+    for section in sections:
+        if section.failure:
+            yield f"{section.title}, run {section.run_id[:ID_LENGTH]}, could not be summed up: {section.failure}"
+    for study, rows in missing.groupby("study", sort=False):
+        yield f"{study}: {len(rows)} published values have no run; {rows['command'].iloc[0]} makes it."
+    yield f"Open {PAGE}; {TABLES}/report.tex has every table."
+
+
+def _shown(values: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """The rows that were measured, as a terminal shows them."""
+    measured = values[values["comparable"] != NOT_MEASURED]
+    short = {name: measured[name].str.slice(0, width) for name, width in SHOWN.items()}
+    return {"published values and ours": measured.assign(**short)[list(SHOWN)]} if len(measured) else {}
