@@ -3,13 +3,20 @@ PY := .venv/bin/python
 # Two cores are the smallest machine the tests are meant for; more are used where there are more.
 WORKERS ?= $(shell nproc)
 
-.PHONY: setup demo test test-pages lint bench bench-cpd rigid-benchmark clean
+.PHONY: setup demo thesis test test-pages lint bench bench-cpd rigid-benchmark clean
 
 setup:
 	@./scripts/setup.sh
 
 demo: setup
 	@./scripts/demo.sh
+
+# Every study of conf/thesis.yaml that has no run yet, the runs exported, and the report (results/index.html).
+# trainer=smoke shows that all works, in results/smoke alone; data=FOLDER has carotid/ and usgra/.
+trainer ?= cpu
+data ?= $(wildcard ../shared/data)
+thesis: setup
+	OMP_WAIT_POLICY=PASSIVE $(PY) scripts/thesis.py --trainer $(trainer) --data "$(data)"
 
 test: lint
 	$(PY) -m pytest -n $(WORKERS) --dist worksteal --durations=40 tests

@@ -19,7 +19,7 @@ from experiments.running.run_job import (
 )
 from experiments.running.terminal import markdown
 from experiments.running.variants import Variant, hash_of, metrics_of, shown_metrics, variants_of
-from experiments.tracking import HASH_TAG, METRICS_FILE, PARENT_TAG, RunWriter, Store
+from experiments.tracking import HASH_TAG, METRICS_FILE, ORIGIN_TAG, PARENT_TAG, RunWriter, Store
 from experiments.tracking.headline import (
     LEVEL_TAG,
     NOTE_TAG,
@@ -29,6 +29,7 @@ from experiments.tracking.headline import (
     description,
     metrics_text,
 )
+from experiments.tracking.run_record import resumed_tags
 
 # The jobs of a call with what became of each: its report and its result, or none.
 Ended = Sequence[tuple[Job, Report | None, JobResult | None]]
@@ -52,6 +53,8 @@ class SweepRuns:
         ``result`` or ``repeat``, by the job's hash.
     resumed : bool, optional
         Whether the run of the call was there before.
+    store : Store or None, optional
+        The tracker.
     """
 
     sweep: RunWriter | None = None
@@ -60,6 +63,7 @@ class SweepRuns:
     parents: dict[str, str] = field(default_factory=dict)
     levels: dict[str, str] = field(default_factory=dict)
     resumed: bool = False
+    store: Store | None = None
 
     def log_summary(
         self,
@@ -114,8 +118,18 @@ class SweepRuns:
             bad = sum(result is None for _, _, result in ended)
             resumed = sum(report is not None and report.status == "resumed" for _, report, _ in ended)
             counts = {"jobs": len(ended), "jobs_failed": bad, "jobs_resumed": resumed}
-            log_results(self.sweep, Outcome(metrics=counts), Path(), ())
+            tags = resumed_tags(self._elsewhere(ended))
+            log_results(self.sweep, Outcome(metrics=counts, tags=tags), Path(), ())
             self._end(self.sweep, ended)
+
+    def _elsewhere(self, ended: Ended) -> list[str]:
+        """Runs of jobs that an earlier sweep had finished, which stand below that one, by their first ids."""
+        own, found = set(self.parents.values()), []
+        for report in (report for _, report, _ in ended if report is not None and report.status == "resumed"):
+            run = self.store.run(str(report.run_id)) if self.store is not None else None
+            if run is not None and run.data.tags.get(PARENT_TAG) not in own:
+                found.append(str(run.data.tags.get(ORIGIN_TAG, run.info.run_id)))
+        return found
 
     def fail(self) -> None:
         """End all runs as FAILED."""
@@ -153,7 +167,7 @@ def open_runs(store: Store, jobs: Sequence[Job]) -> SweepRuns:
     single = len(variants) == 1
     known = _known(store, jobs, "sweep") if jobs[0].config.get("resume") else None
     sweep = _opened(store, jobs, run_names.sweep_name(jobs), "sweep", RESULT if single else SWEEP, known)
-    runs = SweepRuns(sweep, single, resumed=known is not None)
+    runs = SweepRuns(sweep, single, resumed=known is not None, store=store)
     for variant in variants:
         above, repeated = sweep.run_id, len(variant.jobs) > 1
         if repeated and not single:

@@ -11,7 +11,7 @@ from experiments.errors import InputError
 from experiments.paths import project_root
 from experiments.tracking import ORIGIN_TAG, PARENT_TAG, Store
 from experiments.tracking.archive import read_archive
-from experiments.tracking.run_record import RunRecord, read_run
+from experiments.tracking.run_record import RunRecord, is_job, read_run, resumed_ids
 
 # Of so many runs an id may be the beginning before the rest is left out of the message.
 MOST_NAMED = 5
@@ -43,15 +43,19 @@ class Family:
 
     @property
     def jobs(self) -> tuple[RunRecord, ...]:
-        """The runs that computed something: those with no run below them."""
+        """The runs that computed something: those with no run below them.
+
+        A run over others whose jobs an earlier sweep had all finished has none below it and is no job.
+        """
         parents = {run.parent_id for run in self.below}
-        return tuple(run for run in (self.run, *self.below) if run.run_id not in parents)
+        every = (self.run, *self.below)
+        return tuple(run for run in every if run.run_id not in parents and is_job(run.tags))
 
     @property
     def above(self) -> tuple[RunRecord, ...]:
         """The runs that sum up others."""
-        parents = {run.parent_id for run in self.below}
-        return tuple(run for run in (self.run, *self.below) if run.run_id in parents)
+        jobs = {run.run_id for run in self.jobs}
+        return tuple(run for run in (self.run, *self.below) if run.run_id not in jobs)
 
 
 def find_family(reference: str, store: Store, archive: Path | None = None, setting: str = "run") -> Family:
@@ -90,7 +94,9 @@ def _archived(reference: str, archive: Path, setting: str) -> Family:
     found = {key: record for key, record in records.items() if key.startswith(reference)}
     titles = {key: f"{record.experiment}, {record.name}" for key, record in found.items()}
     top = found[_only(reference, titles, f"the archive {archive}", setting)]
-    return Family(top, _sorted(_below(top.run_id, records.values())))
+    below = {run.run_id: run for run in _below(top.run_id, records.values())}
+    below |= {key: records[key] for key in resumed_ids(top.tags) if key in records}
+    return Family(top, _sorted(below.values()))
 
 
 def _below(run_id: str, records: Iterable[RunRecord]) -> list[RunRecord]:
@@ -103,8 +109,10 @@ def _stored(reference: str, store: Store, setting: str) -> Family:
     names = {each.experiment_id: each.name for each in store.client().search_experiments()}
     # Newest first: of two runs with one origin, the newer is seen first and kept.
     found: dict[str, Any] = {}
+    origins: dict[str, Any] = {}
     for run in store.runs():
         origin = str(run.data.tags.get(ORIGIN_TAG, run.info.run_id))
+        origins.setdefault(origin, run)
         if origin.startswith(reference) or run.info.run_id.startswith(reference):
             found.setdefault(origin, run)
     titles = {key: f"{names[run.info.experiment_id]}, {run.info.run_name}" for key, run in found.items()}
@@ -115,6 +123,11 @@ def _stored(reference: str, store: Store, setting: str) -> Family:
         record = read_run(store, run.info.run_id, names[run.info.experiment_id])
         below.append(record)
         waiting += store.runs(None, f"tags.`{PARENT_TAG}` = '{run.info.run_id}'")
+    known = {record.run_id for record in below}
+    for run_id in resumed_ids(top.data.tags):
+        run = None if run_id in known else origins.get(run_id)
+        if run is not None:
+            below.append(read_run(store, run.info.run_id, names[run.info.experiment_id]))
     return Family(below[0], _sorted(below[1:]))
 
 

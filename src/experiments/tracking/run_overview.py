@@ -9,6 +9,7 @@ from typing import Any
 
 from experiments.tracking import ORIGIN_TAG, PARENT_TAG, Store
 from experiments.tracking.archive import read_archive
+from experiments.tracking.run_record import is_job, resumed_ids
 
 FINISHED = "FINISHED"
 CONFIG = "config.yaml"
@@ -75,14 +76,13 @@ def top_runs(store: Store, archive: Path | None, experiments: Sequence[str]) -> 
 
 def _archived(archive: Path, experiments: Sequence[str]) -> Iterator[TopRun]:
     records = list(read_archive(archive, list(experiments)))
-    ids = {record.run_id for record in records}
+    by_id = {record.run_id: record for record in records}
     below: dict[str | None, list[Any]] = {}
     for record in records:
         below.setdefault(record.parent_id, []).append(record)
-    for top in (record for record in records if record.parent_id not in ids):
-        leaves = [
-            leaf for leaf in _leaves(top, lambda run: below.get(run.run_id, ())) if leaf.status == FINISHED
-        ]
+    for top in (record for record in records if record.parent_id not in by_id):
+        own = [*_leaves(top, lambda run: below.get(run.run_id, ())), *_resumed(top.tags, by_id)]
+        leaves = [leaf for leaf in own if leaf.status == FINISHED and is_job(leaf.tags)]
         first = min(leaves, key=lambda leaf: (leaf.start_ms, leaf.run_id), default=None)
         config = first.config if first is not None else ""
         told = (top.name, top.status, top.start_ms, top.tags)
@@ -94,12 +94,13 @@ def _stored(store: Store, experiments: Sequence[str]) -> Iterator[TopRun]:
     names = {each.experiment_id: each.name for each in client.search_experiments()}
     runs = list(store.runs(experiments, "attributes.status != 'RUNNING'"))
     ids = {run.info.run_id for run in runs}
+    origins = {_origin(run): run for run in runs}
     below: dict[str | None, list[Any]] = {}
     for run in runs:
         below.setdefault(run.data.tags.get(PARENT_TAG), []).append(run)
     for top in (run for run in runs if run.data.tags.get(PARENT_TAG) not in ids):
-        leaves = _leaves(top, lambda run: below.get(run.info.run_id, ()))
-        ended = [leaf for leaf in leaves if leaf.info.status == FINISHED]
+        own = [*_leaves(top, lambda run: below.get(run.info.run_id, ())), *_resumed(top.data.tags, origins)]
+        ended = [leaf for leaf in own if leaf.info.status == FINISHED and is_job(leaf.data.tags)]
         first = min(ended, key=lambda leaf: (leaf.info.start_time, _origin(leaf)), default=None)
         config = ""
         if first is not None and any(
@@ -110,6 +111,11 @@ def _stored(store: Store, experiments: Sequence[str]) -> Iterator[TopRun]:
         experiment = names[info.experiment_id]
         told = (info.run_name, info.status, info.start_time, tags)
         yield TopRun(_origin(top), experiment, *told, config, len(ended))
+
+
+def _resumed(tags: Mapping[str, str], known: Mapping[str, Any]) -> list[Any]:
+    """The jobs of an earlier sweep that a later one did not run again."""
+    return [known[run_id] for run_id in resumed_ids(tags) if run_id in known]
 
 
 def _origin(run: Any) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,10 @@ from experiments.provenance import process_tags
 from experiments.tracking import METRICS_FILE, ORIGIN_TAG, PARENT_TAG, RunWriter, Store, loggable
 from experiments.tracking.headline import NOTE_TAG, metrics_text, without_figures
 from experiments.tracking.run_writer import DIGEST_LENGTH
+
+RESUMED_TAG, KIND_TAG, KINDS_ABOVE = "ctus.resumed", "ctus.kind", ("sweep", "variant")
+# The tracker takes 8000 characters.
+_IDS_A_TAG = 200
 
 
 @dataclass(frozen=True)
@@ -70,6 +74,56 @@ class RunRecord:
     cases: pd.DataFrame | None
     metrics: dict[str, float] = field(default_factory=dict)
     inputs: tuple[InputData, ...] = ()
+
+
+def resumed_tags(run_ids: Sequence[str]) -> dict[str, str]:
+    """Tags by which a sweep names jobs that an earlier sweep had finished: their runs stand below that one.
+
+    Parameters
+    ----------
+    run_ids : Sequence[str]
+        Ids of these runs.
+
+    Returns
+    -------
+    dict[str, str]
+        Tags; several where one is too short for all.
+    """
+    parts = [run_ids[first : first + _IDS_A_TAG] for first in range(0, len(run_ids), _IDS_A_TAG)]
+    return {f"{RESUMED_TAG}.{number}": ",".join(part) for number, part in enumerate(parts)}
+
+
+def resumed_ids(tags: Mapping[str, str]) -> list[str]:
+    """Read what ``resumed_tags`` wrote.
+
+    Parameters
+    ----------
+    tags : Mapping[str, str]
+        Tags of a run.
+
+    Returns
+    -------
+    list[str]
+        Ids of runs of an earlier sweep that belong to this one as well.
+    """
+    named = sorted(name for name in tags if name.startswith(f"{RESUMED_TAG}."))
+    return [run_id for name in named for run_id in tags[name].split(",") if run_id]
+
+
+def is_job(tags: Mapping[str, str]) -> bool:
+    """Tell whether a run with no run below it computed something, or only stands above jobs of an earlier sweep.
+
+    Parameters
+    ----------
+    tags : Mapping[str, str]
+        Tags of the run.
+
+    Returns
+    -------
+    bool
+        Whether it is a job.
+    """
+    return tags.get(KIND_TAG) not in KINDS_ABOVE
 
 
 def last_metrics(record: RunRecord) -> dict[str, float]:

@@ -12,8 +12,10 @@ from run_families import job
 from experiments.cli import main
 from experiments.errors import InputError
 from experiments.tracking import ORIGIN_TAG, Store
-from experiments.tracking.archive import write_archive
+from experiments.tracking.archive import without_folders, write_archive
 from experiments.tracking.run_lookup import find_family
+from experiments.tracking.run_overview import top_runs
+from experiments.tracking.run_record import resumed_ids, resumed_tags
 
 OFF = Store(enabled=False)
 
@@ -68,3 +70,39 @@ def test_runs_of_a_store_are_found_by_their_own_and_by_their_first_id(
         assert again.run.run_id == top
         assert again.digests == found.digests
         assert [run.parent_id for run in again.jobs] == [top, top]
+
+
+def test_jobs_that_an_earlier_sweep_had_finished_belong_to_a_later_one_as_well(
+    counting_study: ModuleType, home: Path, store_template: Path, tmp_path: Path
+) -> None:
+    shutil.copy(store_template / "ctus.db", tmp_path / "other.db")
+    assert main(["study=counting", "parts=[1,2]"]) == 0
+    assert main(["study=counting", "parts=[1,2,3]", "resume=true"]) == 0
+    assert main(["study=counting", "parts=[2,1,2]", "resume=true"]) == 0
+    store = Store()
+    tops = top_runs(store, None, ["counting"])
+    expected = [["part 1", "part 2"], ["part 1", "part 2", "part 3"], ["part 1", "part 2"]]
+    found = [sorted(run.name for run in find_family(top.run_id, store).jobs) for top in tops]
+    assert sorted(found) == sorted(expected)
+    assert sorted(top.finished for top in tops) == [2, 2, 3]
+    assert all("part" in top.config for top in tops)
+    assert main(["study=export_runs"]) == 0
+    runs = home / "results" / "runs"
+    of_archive = top_runs(OFF, runs, ["counting"])
+    assert [(top.run_id, top.finished, top.config) for top in of_archive] == [
+        (top.run_id, top.finished, without_folders(top.config)) for top in tops
+    ]
+    found = [sorted(run.name for run in find_family(top.run_id, OFF, runs).jobs) for top in of_archive]
+    assert sorted(found) == sorted(expected)
+    other = Store(uri=f"sqlite:///{tmp_path / 'other.db'}")
+    assert main(["study=import_runs", f"tracking.uri={other.address}"]) == 0
+    restored = [find_family(top.run_id, other) for top in top_runs(other, None, ["counting"])]
+    assert sorted(sorted(run.name for run in each.jobs) for each in restored) == sorted(expected)
+
+
+def test_ids_of_many_resumed_jobs_are_kept_whole() -> None:
+    many = [f"{number:032x}" for number in range(501)]
+    tags = resumed_tags(many)
+    assert max(map(len, tags.values())) <= 8000
+    assert resumed_ids({**tags, "level": "sweep"}) == many
+    assert resumed_tags([]) == {}

@@ -127,7 +127,7 @@ def page(
         title=TITLE,
         made=made,
         counted=_counted(published.frame),
-        published=_table(published),
+        published=_published(published),
         sections=[_section(section) for section in sections],
         origin=_table(origin),
         runs=_table(runs),
@@ -146,6 +146,32 @@ def _counted(published: pd.DataFrame) -> str:
         f"{len(comparable)} of which on comparable data, {reached} of these in the published range. A row without a "
         "run names the command that makes it."
     )
+
+
+def _published(one: ShownTable) -> dict[str, Any]:
+    """The published values in few columns, each with its details in a second line."""
+    rows = []
+    for row in one.frame.to_dict("records"):
+        command = row["command"] if row["comparable"] == NOT_MEASURED else ""
+        rows.append(
+            [
+                _cell(f"{row['study']}: {row['value']}".replace("_", " "), row["place"]),
+                _cell(row["published"], row["published_on"]),
+                _cell(row["ours"], row["interval"]),
+                _cell(row["measured_on"] or command, row["n"], code=bool(command)),
+                _cell(row[BADGE_COLUMN], row["difference"], badge=_badge(BADGE_COLUMN, row[BADGE_COLUMN])),
+                _cell(row["said"]),
+                _cell(row["run"], row["budget"], code=True),
+            ]
+        )
+    columns = ["value", "published", "ours", "measured on, or command", "comparable", "in words", "run"]
+    return {**_table(one), "columns": columns, "rows": rows}
+
+
+def _cell(
+    text: str, below: str = "", badge: str = "", *, code: bool = False, number: bool = False
+) -> dict[str, Any]:
+    return {"text": text, "below": below, "badge": badge, "code": code, "number": number}
 
 
 def _section(section: ShownSection) -> dict[str, Any]:
@@ -179,7 +205,7 @@ def _table(one: ShownTable) -> dict[str, Any]:
         "columns": [name.replace("_", " ") for name in names],
         "rows": [
             [
-                {"text": cell_text(value), "number": number, "badge": _badge(name, cell_text(value))}
+                _cell(cell_text(value), badge=_badge(name, cell_text(value)), number=number)
                 for name, value, number in zip(names, row, numeric, strict=True)
             ]
             for row in one.frame.itertuples(index=False)

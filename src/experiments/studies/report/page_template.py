@@ -28,8 +28,9 @@ th button::after { content: " \\2195"; color: #8894a3; }
 td.number { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
 tbody tr:last-child td { border-bottom: 0; }
 code, .run { font: 12px/1.4 ui-monospace, monospace; }
+.below { color: #4a5563; font-size: 12px; }
 .note { color: #4a5563; font-size: 13px; margin: 2px 0 0; }
-.badge { display: inline-block; border-radius: 10px; padding: 1px 9px; font-size: 12px; white-space: nowrap; }
+.badge { display: inline-block; border-radius: 10px; padding: 1px 9px; font-size: 12px; }
 .yes { background: #d9f2e3; color: #0d5a2c; } .no { background: #fdeccf; color: #6d4300; }
 .none { background: #e9edf2; }
 figure { margin: 12px 0; } figure img { max-width: 100%; height: auto; border: 1px solid var(--line); }
@@ -107,7 +108,9 @@ TABLE = """<div class="wide" tabindex="0" role="region" aria-label="{{ one.title
 {%- for name in one.columns %}<th scope="col"><button type="button">{{ name }}</button></th>{% endfor -%}
 </tr></thead><tbody>
 {%- for row in one.rows %}<tr>{% for cell in row %}<td{% if cell.number %} class="number"{% endif %}>
-{%- if cell.badge %}<span class="badge {{ cell.badge }}">{{ cell.text }}</span>{% else %}{{ cell.text }}{% endif -%}
+{%- if cell.badge %}<span class="badge {{ cell.badge }}">{{ cell.text }}</span>
+{%- elif cell.code %}<code>{{ cell.text }}</code>{% else %}{{ cell.text }}{% endif -%}
+{% if cell.below %}<div class="below">{{ cell.below }}</div>{% endif -%}
 </td>{% endfor %}</tr>{% endfor -%}
 </tbody></table></div>
 <p class="note">{% for kind in one.files %}<a href="{{ one.stem }}.{{ kind }}">{{ kind }}</a> {% endfor %}

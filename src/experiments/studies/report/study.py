@@ -107,7 +107,7 @@ def _write(sections: Sequence[Section], values: pd.DataFrame, source: Source, wo
     places = _table_files(workspace, "provenance", "Where the numbers come from", origin, "", captions)
     every = _table_files(workspace, "jobs", "Runs", jobs, "", captions)
     files.write_text(workspace / TABLES / "report.tex", latex_document(captions))
-    made = f"Made by ctus study=report from {len(jobs)} jobs of {len(sections)} runs."
+    made = f"Made by ctus study=report from {counted(len(sections), 'run')} with {counted(len(jobs), 'job')}."
     files.write_text(workspace / PAGE, page(published, shown, places, every, made))
     written = [name for name in files.names_in(workspace) if name != WRITTEN]
     files.write_text(workspace / WRITTEN, json.dumps({"files": written}, indent=1))
@@ -133,7 +133,7 @@ def _section_files(
     return ShownSection(
         section.title,
         stem,
-        f"Run {section.run_id}, {run.name}; {len(section.results)} jobs"
+        f"Run {section.run_id}, {run.name}; {counted(len(section.results), 'job')}"
         + (f", {left} left out (failed, or folds of an incomplete training)" if left else ""),
         tables,
         tuple(figures),
@@ -169,6 +169,29 @@ def _table_files(
     files.write_text(place.with_name(f"{stem}.tex"), latex_table(frame, full, stem))
     captions[stem] = caption
     return ShownTable(title, frame, f"{TABLES}/{stem}", note)
+
+
+def counted(count: int, what: str) -> str:
+    """Write a number of things.
+
+    Parameters
+    ----------
+    count : int
+        How many.
+    what : str
+        Name of one.
+
+    Returns
+    -------
+    str
+        The number with the name in the right form.
+
+    Examples
+    --------
+    >>> counted(1, "run"), counted(2, "run")
+    ('1 run', '2 runs')
+    """
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
 
 
 def slug(text: str) -> str:
@@ -230,12 +253,13 @@ def _describe(sections: Sequence[Section], values: pd.DataFrame, source: Source)
     missing = values[values["comparable"] == NOT_MEASURED]
     measured = len(values) - len(missing)
     known = values.drop_duplicates(["study", "value", "published", "published_on"])
-    yield f"{measured} measurements beside {len(known)} published values, from {len(sections)} runs of {source.name}."
+    shown = counted(len(sections), "run")
+    yield f"{measured} measurements beside {len(known)} published values, from {shown} of {source.name}."
     for section in sections:
         if section.failure:
             yield f"{section.title}, run {section.run_id[:ID_LENGTH]}, could not be summed up: {section.failure}"
     for study, rows in missing.groupby("study", sort=False):
-        yield f"{study}: {len(rows)} published values have no run; {rows['command'].iloc[0]} makes it."
+        yield f"{study}: {counted(len(rows), 'published value')} without a run; to measure: {rows['command'].iloc[0]}"
     yield f"Open {PAGE}; {TABLES}/report.tex has every table."
 
 
