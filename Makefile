@@ -3,7 +3,7 @@ PY := .venv/bin/python
 # Two cores are the smallest machine the tests are meant for; more are used where there are more.
 WORKERS ?= $(shell nproc)
 
-.PHONY: setup demo thesis test test-pages lint bench bench-cpd rigid-benchmark clean
+.PHONY: setup demo thesis test test-pages test-services lint bench bench-cpd rigid-benchmark clean
 
 setup:
 	@./scripts/setup.sh
@@ -25,6 +25,12 @@ test: lint
 PAGES ?= outputs/pages
 test-pages: setup
 	CTUS_SCREENSHOTS=$(PAGES) $(PY) -m pytest -m pages tests
+
+# What needs programs of the system, which this installs on Debian as root: LaTeX.
+test-services: setup
+	command -v pdflatex >/dev/null || apt-get install -y --no-install-recommends \
+		texlive-latex-base texlive-latex-recommended
+	$(PY) -m pytest -m services tests
 
 lint: setup
 	$(PY) -m ruff check .

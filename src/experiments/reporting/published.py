@@ -237,6 +237,32 @@ def matching(
     )
 
 
+def name_of(study: str, value: Published) -> str:
+    """Give the name of a published value in its study's list.
+
+    Parameters
+    ----------
+    study : str
+        Name of the study.
+    value : Published
+        The value.
+
+    Returns
+    -------
+    str
+        Its name.
+
+    Raises
+    ------
+    InputError
+        If the study has no such value.
+    """
+    for name, known in published_values().get(study, {}).items():
+        if known == value:
+            return name
+    raise InputError(f"published: expected a value of {study}, received {value.text_with_unit!r}")
+
+
 def _read(name: str, record: Mapping[str, Any]) -> Published:
     return Published(**{"value": math.nan, "metric": name, **record})
 

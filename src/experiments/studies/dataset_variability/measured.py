@@ -8,7 +8,7 @@ from experiments.analysis.segmentation.levels import compare_levels, levels, pla
 from experiments.analysis.segmentation.measured import measured_difference, measured_dsc
 from experiments.outcome import JobResult
 from experiments.reporting.measured import Measured
-from experiments.reporting.published import published_values
+from experiments.reporting.published import name_of
 from experiments.studies.dataset_variability.report import FACTOR, STUDY, common_test, own_cases, published_of
 
 PUBLISHED_PAIRS = {"dsc": {"pruned", "full"}, "hd95": {"single_session", "full"}}
@@ -28,9 +28,8 @@ def measured(results: Sequence[JobResult]) -> list[Measured]:
         Values on the common test subjects and on each configuration's own cases.
     """
     test = common_test(results)
-    names = {value: name for name, value in published_values()[STUDY].items()}
     found = [
-        measured_dsc(names[value], f"{model} trained on {level[FACTOR]}, {place}", part)
+        measured_dsc(name_of(STUDY, value), f"{model} trained on {level[FACTOR]}, {place}", part)
         for place, cases in (("common test subjects", test), ("own unseen cases", own_cases(results)))
         for level, model, part in levels(cases, [FACTOR])
         for value in published_of({FACTOR: level[FACTOR], "model": plain_name(model)})

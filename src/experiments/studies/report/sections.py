@@ -145,7 +145,8 @@ def chosen(source: Source, studies: Sequence[str], runs: Sequence[str]) -> list[
                 newest[key] = run
         ordered = sorted(newest.items(), key=lambda item: (studies.index(item[0][0]), item[0][1:]))
         ids = [run.run_id for _, run in ordered]
-    return [find_family(each, source.store, source.archive, "runs") for each in ids]
+    found = [find_family(each, source.store, source.archive, "runs") for each in ids]
+    return list({family.run.run_id: family for family in found}.values())
 
 
 def _worth(run: TopRun) -> tuple[bool, int]:

@@ -9,7 +9,7 @@ from experiments.analysis.segmentation.levels import compare_levels, levels, pla
 from experiments.analysis.segmentation.measured import measured_difference, measured_dsc
 from experiments.outcome import JobResult
 from experiments.reporting.measured import Measured
-from experiments.reporting.published import published_values
+from experiments.reporting.published import name_of
 from experiments.studies.vessel_type.report import FACTORS, STUDY, by_condition, published_of
 
 
@@ -27,9 +27,8 @@ def measured(results: Sequence[JobResult]) -> list[Measured]:
         Values for the published ones.
     """
     shown = by_condition(with_data_choices(pool(results, factors=("vessels", "districts"))))
-    names = {value: name for name, value in published_values()[STUDY].items()}
     found = [
-        measured_dsc(names[value], f"{model}, {level['vessel']}, districts aggregated", part)
+        measured_dsc(name_of(STUDY, value), f"{model}, {level['vessel']}, districts aggregated", part)
         for level, model, part in levels(shown, FACTORS)
         for value in published_of(level | {"model": plain_name(model)})
     ]

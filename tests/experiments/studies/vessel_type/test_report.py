@@ -2,50 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
 import pytest
-from scored_cases import scored_cases
+from vessel_type_results import cases, results
 
-from experiments.outcome import JobResult
 from experiments.studies.vessel_type.report import by_condition, published_of, summary_of
-
-# Arteries are easier; aggregation helps them and harms veins.
-GAINS = {
-    ("artery", "carotid"): 0.10,
-    ("artery", "femoral"): 0.10,
-    ("artery", "aggregated"): 0.15,
-    ("vein", "carotid"): -0.10,
-    ("vein", "femoral"): -0.10,
-    ("vein", "aggregated"): -0.20,
-}
-
-
-def cases(vessel: str, trained: str, data: str = "") -> pd.DataFrame:
-    districts = ("carotid", "femoral") if trained == "aggregated" else (trained,)
-    parts = [
-        scored_cases({"unet": GAINS[vessel, trained]}, dataset=district, groups=10).assign(district=district)
-        for district in districts
-    ]
-    # Names of cases hold the district, as sequences of different districts do; groups are those of volunteers.
-    return pd.concat(parts, ignore_index=True).assign(
-        vessel=vessel, trained_on=trained, dataset=f"musv_{vessel}_{trained}", data=data, part="out_of_fold"
-    )
-
-
-def results(data: str = "", simulated: bool = False, trained: tuple[str, ...] = ()) -> list[JobResult]:
-    return [
-        JobResult(
-            {"vessels": [vessel], "districts": [place]},
-            {},
-            cases(vessel, place, data).assign(simulated=simulated),
-            Path(),
-        )
-        for vessel, place in GAINS
-        if not trained or place in trained
-    ]
 
 
 def test_networks_of_their_own_district_count_for_both_where_there_are_some_of_each() -> None:

@@ -1,0 +1,139 @@
+"""The report end to end on an archive: tables, figures, one page, and the same bytes from another store."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from run_families import job, segmented
+
+from experiments.cli import main
+from experiments.errors import InputError
+from experiments.outcome import InputData, Silent
+from experiments.studies.report import run
+from experiments.studies.report.study import slug
+from experiments.tracking import Store
+from experiments.tracking.archive import write_archive
+from experiments.tracking.run_record import RunRecord
+
+HOSTILE = "<script>alert(1)</script> & 50 % $x$"
+
+
+def runs() -> list[RunRecord]:
+    import dataclasses
+
+    config = {
+        "dataset": {"_target_": "x.Carotid"},
+        "call": {
+            "options": {"dataset": "carotid", "trainer": "cpu"},
+            "command": "ctus -m study=segmentation",
+        },
+        "trainer": {"_target_": "x.T"},
+    }
+    tags = {"ctus.command": "ctus -m study=segmentation", "ctus.config_hash": "c" * 64}
+    used = (InputData("carotid", "d" * 36, "/home/someone/carotid"),)
+    top = job("top00000", None, config, tags={**tags, "ctus.kind": "sweep"})
+    models = {"unet": [0.9, 0.92, 0.94, 0.91, 0.9], HOSTILE: [0.8, 0.82, 0.84, 0.81, 0.8]}
+    jobs = [
+        job(
+            f"job{number}",
+            segmented(dsc, model).assign(dataset="carotid"),
+            config,
+            {"dsc_mean": 0.9},
+            parent="top00000",
+            tags=tags,
+        )
+        for number, (model, dsc) in enumerate(models.items())
+    ]
+    return [top, *(dataclasses.replace(one, inputs=used) for one in jobs)]
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("report")
+    write_archive(runs(), folder / "runs")
+    (folder / "out").mkdir()
+    run(
+        runs=[],
+        archive=str(folder / "runs"),
+        out=None,
+        store=Store(enabled=False),
+        workspace=folder / "out",
+        progress=Silent(),
+    )
+    return folder
+
+
+def test_every_table_and_figure_is_there_in_all_formats(report: Path) -> None:
+    out = report / "out"
+    stems = {path.stem for path in (out / "tables").glob("*.csv")}
+    assert {"published", "provenance", "jobs", "segmentation_carotid_segmentation"} <= stems
+    assert {path.stem for path in (out / "tables").glob("*.md")} == stems
+    assert {path.stem for path in (out / "tables").glob("*.tex")} == stems | {"report"}
+    assert {path.name for path in (out / "figures").glob("*")} == {
+        f"segmentation_carotid_spread.{kind}" for kind in ("png", "svg", "pdf")
+    }
+    written = json.loads((out / "report.json").read_text())["files"]
+    assert "index.html" in written and all((out / name).is_file() for name in written)
+
+
+def test_each_number_leads_to_its_run_code_and_data(report: Path) -> None:
+    published = pd.read_csv(report / "out" / "tables" / "published.csv").fillna("")
+    (row,) = published[published["measured_on"] == "unet on carotid"].to_dict("records")
+    assert (row["ours"], row["difference"], row["run"]) == ("91.4 %", "in range", "top00000")
+    (origin,) = pd.read_csv(report / "out" / "tables" / "provenance.csv").to_dict("records")
+    assert (origin["run"], origin["jobs"], origin["data"]) == ("top00000", "2 of 2", f"carotid {'d' * 12}")
+    assert origin["config_hash"] == "c" * 12 and origin["commit"] == "a" * 12
+
+
+def test_the_page_stands_alone_and_shows_hostile_names_as_text(report: Path) -> None:
+    page = (report / "out" / "index.html").read_text()
+    assert "<script>alert" not in page and "&lt;script&gt;alert(1)" in page
+    assert "http://" not in page and "https://" not in page and 'src="data:image/png;base64,' in page
+    assert "/home/someone" not in page
+
+
+def test_the_same_runs_imported_elsewhere_give_the_same_tables(
+    report: Path, home: Path, tmp_path: Path
+) -> None:
+    assert main(["study=import_runs", f"archive={report / 'runs'}"]) == 0
+    out = tmp_path / "again"
+    assert main(["study=report", f"out={out}"]) == 0
+    tables = sorted((report / "out" / "tables").iterdir())
+    assert [path.name for path in sorted((out / "tables").iterdir())] == [path.name for path in tables]
+    for path in tables:
+        assert (out / "tables" / path.name).read_bytes() == path.read_bytes(), path.name
+    # A report of other runs leaves none of these behind, and nothing that it has not written.
+    (out / "tables" / "mine.csv").write_text("kept")
+    outside = tmp_path / "outside.csv"
+    outside.write_text("kept")
+    listed = json.loads((out / "report.json").read_text())
+    listed["files"] += ["../outside.csv", "tables/../../outside.csv"]
+    (out / "report.json").write_text(json.dumps(listed))
+    shutil.rmtree(home / "mlruns")
+    write_archive(
+        [job("alone", None, {"study": "pipeline"}, {"tre_mm": 1.0}, experiment="pipeline")], tmp_path / "few"
+    )
+    assert main(["study=report", f"archive={tmp_path / 'few'}", f"out={out}"]) == 0
+    assert not (out / "tables" / "segmentation_carotid_segmentation.csv").exists()
+    assert (out / "tables" / "mine.csv").is_file() and outside.is_file()
+
+
+def test_runs_are_a_list(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"runs: expected a list of ids"):
+        run(
+            runs="abc",
+            archive=None,
+            out=None,
+            store=Store(enabled=False),
+            workspace=tmp_path,
+            progress=Silent(),
+        )
+
+
+def test_names_of_files_are_plain() -> None:
+    assert slug("To the truth, simulated (Å)") == "to_the_truth_simulated_a"
+    assert slug("血管") == "unnamed"
