@@ -133,12 +133,14 @@ def _difference(row: Mapping[Any, Any]) -> str:
     model = f" ({row['model']})" if row["model"] else ""
     value = float(row["median_difference"])
     unit = "" if row["measure"] == "dsc" else " mm"
-    by = f"{abs(value):.{DIGITS.get(str(row['measure']), 2)}f}{unit}" if np.isfinite(value) else "failures"
+    by = f" by {abs(value):.{DIGITS.get(str(row['measure']), 2)}f}{unit}"
+    if not np.isfinite(value):
+        by = ", which failed on half of the vessels or more"
     # The test says which; its median may be of the other sign.
     lower, higher = row["first"], row["second"]
     if row["rank_biserial"] > 0:
         lower, higher = higher, lower
-    return f"{IN_WORDS[str(row['measure'])]} of {lower} below that of {higher} by {by}{model}"
+    return f"{IN_WORDS[str(row['measure'])]} of {lower} below that of {higher}{by}{model}"
 
 
 def _count(count: int, what: str) -> str:

@@ -53,3 +53,15 @@ def test_smoke_and_single_configurations_are_compared_with_nothing() -> None:
     assert "a single configuration is compared with nothing" in sentences(propagation_rows({"full": 0.8}))[-1]
     alone = sentences(propagation_rows({"reference": 1.0}))
     assert alone[1].startswith("DSC is correlated with nothing")
+
+
+def test_the_configuration_that_is_below_is_named_also_where_the_other_failed() -> None:
+    cases = propagation_rows({"full": 0.7, "full_as_pruned": 0.8})
+    for sweep in range(1000, 1006):
+        cases = fail(cases, "full", sweep)
+    claim = sentences(cases)[-1]
+    assert (
+        "TRE after the deformable stage of full_as_pruned below that of full, which failed on half of the vessels or "
+        "more" in claim
+    )
+    assert "DSC of full below that of full_as_pruned by 0." in claim
