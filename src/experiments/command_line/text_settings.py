@@ -49,6 +49,7 @@ PATHS = frozenset(
         "archive",
         "uri",
         "model_path",
+        "model_paths",
         "sweep",
         "prediction",
         "masks",

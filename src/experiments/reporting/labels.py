@@ -16,6 +16,7 @@ LABELS = {
     "angle_deg": "Rotation (deg)",
     "beta_mm": "Kernel width beta (mm)",
     "column_px": "Column (px)",
+    "deformed_tre_mm": "TRE, deformable stage (mm)",
     "dsc": "DSC",
     "error_mm": "Error (mm)",
     "hd95_mm": "HD95 (mm)",
@@ -36,6 +37,8 @@ LABELS = {
     "runtime_s": "Runtime (s)",
     "success_rate": f"Success rate, RMSE <= {SUCCESS_RMSE_MM:g} mm",
     "success_tre_rate": f"Success rate, TRE <= {SUCCESS_TRE_MM:g} mm",
+    "surface_hd95_mm": "HD95 of the surface (mm)",
+    "surface_rmse_mm": "RMSE of the surface (mm)",
     "time_s": "Time (s)",
     "train_loss": "Training loss",
     "translation_mm": "Translation (mm)",
@@ -73,6 +76,12 @@ METHODS = {
     "efficientnet_unet": "EfficientNet-Lite0 U-Net",
     "unet": "U-Net",
     "unet3plus": "UNet 3+",
+    "reference": "Reference masks",
+    "single_session": "Single session",
+    "full": "Full",
+    "pruned": "Pruned",
+    "full_as_single_session": "Full, as many as single session",
+    "full_as_pruned": "Full, as many as pruned",
 }
 UNITS = ("mm3", "mm2", "mm", "px", "deg", "ms", "s")
 # Told apart by colour-blind readers too (Okabe and Ito, Color Universal Design, 2008); the markers repeat it.

@@ -23,7 +23,9 @@ MOST_PARAMETERS = 14
 MOST_NAMED = 4
 MOST_LISTED = 8
 MOST_MAIN = 6
-_SINGULAR = {name: name[:-1] for name in ("overlaps", "places", "rotations", "phantoms", "factors")}
+_SINGULAR = {
+    name: name[:-1] for name in ("overlaps", "places", "rotations", "phantoms", "factors", "configurations")
+}
 _OTHER_NAMES = {"trainer": "budget"}
 _NO_OPTION = frozenset({"study", "none", "default"})
 _NOTHING = frozenset({"", "none", "None", "null", "[]", "{}", "False"})
@@ -86,7 +88,9 @@ def subject(config: Mapping[str, Any]) -> str:
     str
         The name; empty where there is none.
     """
-    if isinstance(dataset := config.get("dataset"), Mapping):
+    # A study of which a job does not use the data set says so.
+    used = _of_study(config).get("dataset") != ""
+    if isinstance(dataset := config.get("dataset"), Mapping) and used:
         simulated = " (simulated)" if dataset.get("simulate") is True else ""
         return f"{option(config, 'dataset')}{simulated}"
     if isinstance(config.get("first"), Mapping) and isinstance(config.get("second"), Mapping):
@@ -96,7 +100,8 @@ def subject(config: Mapping[str, Any]) -> str:
         return f"{files['moving']} to {files['fixed']}"
     if files:
         return ", ".join(list(files.values())[:2])
-    return next((option(config, name) for name in SUBJECTS if config.get(name)), "")
+    others = [name for name in SUBJECTS if config.get(name) and (used or name != "dataset")]
+    return next((option(config, name) for name in others), "")
 
 
 def thing(job: Job) -> str:
@@ -267,12 +272,13 @@ def _files(config: Mapping[str, Any]) -> dict[str, str]:
     return {
         name: PurePath(path).name or path
         for name, path in found.items()
-        if "." not in name and name not in ("model_path", "archive")
+        if "." not in name and name.split("[")[0] not in ("model_path", "model_paths", "archive")
     }
 
 
 def _methods(job: Job) -> str:
-    values = (option(job.config, name) for name in METHODS)
+    named = _of_study(job.config)
+    values = (_plain(named.get(name, option(job.config, name))) for name in METHODS)
     return " + ".join(value for value in values if value and value != "none")
 
 

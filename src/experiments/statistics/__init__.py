@@ -6,6 +6,7 @@ unit's cases, and every test and interval here takes such values.
 
 from experiments.statistics.bootstrap import Bootstrap
 from experiments.statistics.comparison import Equivalence, PairedComparison, PairedResult
+from experiments.statistics.correlation import Spearman
 from experiments.statistics.intervals import (
     Interval,
     Proportion,
@@ -26,6 +27,7 @@ __all__ = [
     "Proportion",
     "SignedRank",
     "SignedRankResult",
+    "Spearman",
     "by_unit",
     "holm",
     "mcnemar",

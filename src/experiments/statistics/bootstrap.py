@@ -114,7 +114,7 @@ class Bootstrap:
             if len(sums) == 1 or math.isnan(estimate):
                 return Interval(estimate, math.nan, math.nan, self.level, len(sums))
             resampled = np.sort(self._resample(sums, counts))
-        low, high = (resampled[place] for place in self._places(len(sums)))
+        low, high = (resampled[place] for place in self.places(len(sums)))
         return Interval(estimate, float(low), float(high), self.level, len(sums))
 
     def ratio(self, above: ArrayLike, below: ArrayLike, units: Sequence[Hashable] | None = None) -> Interval:
@@ -157,8 +157,32 @@ class Bootstrap:
         # Draws of units that all have 0 below have no ratio and rank last.
         with np.errstate(divide="ignore", invalid="ignore"):
             found = np.nan_to_num(first[drawn].mean(axis=1) / second[drawn].mean(axis=1), nan=math.inf)
-        low, high = (np.sort(found)[place] for place in self._places(count))
+        low, high = (np.sort(found)[place] for place in self.places(count))
         return Interval(estimate, float(low), float(high), self.level, count)
+
+    def places(self, units: int) -> tuple[int, int]:
+        """Give the places of the bounds among the sorted resamples.
+
+        They are order statistics, for infinities cannot be interpolated.
+
+        Parameters
+        ----------
+        units : int
+            Number of units that were drawn from, at least 2.
+
+        Returns
+        -------
+        tuple of int
+            Index of the lower and of the upper bound.
+        """
+        tail = (1 - self.level) / 2
+        if self.method == "expanded":
+            from scipy.special import stdtrit  # a tenth of the time that importing scipy.stats takes
+
+            students = float(stdtrit(units - 1, tail))
+            tail = NormalDist().cdf(math.sqrt(units / (units - 1)) * students)
+        low = max(0, math.ceil(tail * self.resamples) - 1)
+        return low, self.resamples - 1 - low
 
     def _resample(self, sums: np.ndarray, counts: np.ndarray) -> np.ndarray:
         random, units = np.random.default_rng(self.seed), len(sums)
@@ -179,17 +203,6 @@ class Bootstrap:
         else:
             found = np.median((sums / counts)[drawn], axis=1)
         return found
-
-    def _places(self, units: int) -> tuple[int, int]:
-        """Which of the sorted resamples are the bounds: an order statistic, for infinities can't be interpolated."""
-        tail = (1 - self.level) / 2
-        if self.method == "expanded":
-            from scipy.special import stdtrit  # a tenth of the time that importing scipy.stats takes
-
-            students = float(stdtrit(units - 1, tail))
-            tail = NormalDist().cdf(math.sqrt(units / (units - 1)) * students)
-        low = max(0, math.ceil(tail * self.resamples) - 1)
-        return low, self.resamples - 1 - low
 
 
 def _sums_of_units(cases: np.ndarray, units: Sequence[Hashable] | None) -> tuple[np.ndarray, np.ndarray]:

@@ -41,6 +41,7 @@ OF_STUDIES = {
         *("moving_centerline", "fixed_centerline", "truth", "carry"),
     },
     "export_model": {"model_path"},
+    "propagation": {"model_paths"},
     "runtime": {"model_path"},
     "segment": {"model_path", "input"},
     "robustness": {"target", "moving", "moving_truth", "target_centerline"},

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.errors import InputError
+from registration import transforms
+from registration.geometry.shapes import Mesh
 from registration.metrics.targets import target_points
 
 if TYPE_CHECKING:
@@ -35,6 +37,27 @@ def targets_of(truth: SimulatedSweep) -> np.ndarray:
         Points in the ct frame in mm.
     """
     return target_points(truth.anatomy, truth.centerline)
+
+
+def surface_in_ct(truth: SimulatedSweep, surface: Mesh) -> tuple[Mesh, Mesh]:
+    """Bring a reconstructed surface to where the CT shows the tissue, by the known pose and deformation.
+
+    Parameters
+    ----------
+    truth : SimulatedSweep
+        Simulated sweep with its truth.
+    surface : Mesh
+        Surface in the world frame in mm.
+
+    Returns
+    -------
+    seen : Mesh
+        The surface as tracked, in the ct frame in mm.
+    material : Mesh
+        The same with the known deformation taken out.
+    """
+    seen_mm = transforms.apply(truth.ct_T_world, surface.vertices_mm)
+    return Mesh(seen_mm, surface.triangles), Mesh(truth.deformation.material(seen_mm), surface.triangles)
 
 
 def truth_record(truth: SimulatedSweep) -> dict[str, Any]:

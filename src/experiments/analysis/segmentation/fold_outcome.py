@@ -68,16 +68,8 @@ def fold_outcome(
     InputError
         If the data set cannot be read or divided.
     """
+    trained, frames, own = train_in_fold(one, dataset, split, workspace, progress)
     name = name_of(dataset)
-    progress.note(f"reading {name}")
-    frames = dataset()
-    splits = split(frames, **outside_groups(dataset))
-    splits.write(workspace / "splits.json")
-    own = splits.fold(one.fold, one.outer_fold)
-    own.write(workspace / "split.json")
-    write_report(dataset, workspace)
-    write_notes(workspace, dataset)
-    trained = one.train(dataset, frames, own, workspace, progress)
     every = _scored(one, trained, dataset, frames, own, workspace, progress, about)
     cases, masks = in_part(every), StoredMasks(StoredPredictions.open(workspace / FILE))
     found, notes = describe(cases), notes_of(dataset)
@@ -105,6 +97,52 @@ def fold_outcome(
         },
         inputs=(input_data(dataset, frames),),
     )
+
+
+def train_in_fold(
+    one: FoldRun, dataset: DataSet, split: GroupSplits, workspace: Path, progress: Progress
+) -> tuple[TrainedFold, LabelledFrames, Split]:
+    """Read a data set, divide it and train one fold.
+
+    Leaves ``model.pt``, ``split.json``, ``splits.json``, the data set's notes and the tables of what it left out in
+    ``workspace``.
+
+    Parameters
+    ----------
+    one : FoldRun
+        Settings of the training, and the fold.
+    dataset : DataSet
+        Data set.
+    split : GroupSplits
+        Division of the groups into training, validation and test.
+    workspace : Path
+        Folder of the run in which result files are left.
+    progress : Progress
+        Receives notes and progress.
+
+    Returns
+    -------
+    trained : TrainedFold
+        Training result with the path of the checkpoint.
+    frames : LabelledFrames
+        All frames of the data set.
+    own : Split
+        Division of the frames in this fold.
+
+    Raises
+    ------
+    InputError
+        If the data set cannot be read or divided.
+    """
+    progress.note(f"reading {name_of(dataset)}")
+    frames = dataset()
+    splits = split(frames, **outside_groups(dataset))
+    splits.write(workspace / "splits.json")
+    own = splits.fold(one.fold, one.outer_fold)
+    own.write(workspace / "split.json")
+    write_report(dataset, workspace)
+    write_notes(workspace, dataset)
+    return one.train(dataset, frames, own, workspace, progress), frames, own
 
 
 def _scored(

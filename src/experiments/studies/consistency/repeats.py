@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from experiments.analysis.registration.reconstruction_faults import mask_record, numbers, surface_record
+from experiments.analysis.registration.simulated_truth import surface_in_ct
 from experiments.errors import InputError
 from experiments.studies.consistency.report import COMMON, TRUTH
-from registration import transforms
 from registration.errors import InputError as RegistrationInputError
 from registration.geometry.shapes import Mesh
 from registration.metrics.surface_agreement import counterparts, surface_agreement
@@ -92,9 +92,7 @@ def _repeat(
 ) -> Repeat:
     posed = synchronise(truth.sweep, max_gap_s)
     found = chain(masks[posed.kept], posed.world_A_pixel)
-    seen_mm = transforms.apply(truth.ct_T_world, found.surface.vertices_mm)
-    seen = Mesh(seen_mm, found.surface.triangles)
-    material = Mesh(truth.deformation.material(seen_mm), found.surface.triangles)
+    seen, material = surface_in_ct(truth, found.surface)
     samples, seed = drawn
     offset_mm = _offset_mm(material, truth.anatomy, samples, seed)
     row = {

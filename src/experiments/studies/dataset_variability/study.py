@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments import registry
+from experiments.analysis.segmentation.configurations import CONFIGURATIONS, configured
 from experiments.analysis.segmentation.fold_outcome import fold_outcome
 from experiments.analysis.segmentation.fold_run import (
     FoldRun,
@@ -16,11 +17,12 @@ from experiments.analysis.segmentation.fold_run import (
     require_start,
 )
 from experiments.datasets.protocol import DataSet, require_root
-from experiments.datasets.san_raffaele import FULL, PRUNED, SINGLE, SUBSAMPLED, SanRaffaele
 from experiments.errors import InputError
 from experiments.outcome import JobResult, Outcome, Progress
 from experiments.splits.group_splits import GroupSplits
 from experiments.studies.dataset_variability.report import summary_of
+
+__all__ = ["CONFIGURATIONS", "check", "configured", "jobs", "run", "summarise"]
 
 if TYPE_CHECKING:
     from models.networks.registry import NetworkRecipe
@@ -29,15 +31,6 @@ if TYPE_CHECKING:
     from models.training.initialisation import Initialisation
     from models.training.losses import Loss
     from models.training.settings import TrainerSettings
-
-# What each configuration changes in the data set.
-CONFIGURATIONS: dict[str, dict[str, str]] = {
-    "single_session": {"subset": SINGLE},
-    "full": {"subset": FULL},
-    "pruned": {"subset": PRUNED},
-    "full_as_single_session": {"subset": SUBSAMPLED, "subsample_to": SINGLE},
-    "full_as_pruned": {"subset": SUBSAMPLED, "subsample_to": PRUNED},
-}
 
 
 def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -168,35 +161,6 @@ def run(
     own = configured(dataset, configurations)
     found = fold_outcome(one, own, split, workspace, progress, configuration=name)
     return replace(found, tags={**found.tags, "configuration": name})
-
-
-def configured(dataset: DataSet, configurations: Sequence[str]) -> SanRaffaele:
-    """Give the data set in one configuration.
-
-    Parameters
-    ----------
-    dataset : DataSet
-        San Raffaele in any configuration.
-    configurations : sequence of str
-        Name of one configuration.
-
-    Returns
-    -------
-    SanRaffaele
-        The data set.
-
-    Raises
-    ------
-    InputError
-        If it is another data set, or there is no such configuration.
-    """
-    if not isinstance(dataset, SanRaffaele):
-        raise InputError(f"dataset: expected san_raffaele, which has configurations, received {dataset!r}")
-    if len(configurations) != 1 or configurations[0] not in CONFIGURATIONS:
-        raise InputError(
-            f"configurations: expected each one of {', '.join(CONFIGURATIONS)}, received {list(configurations)}"
-        )
-    return replace(dataset, **CONFIGURATIONS[configurations[0]])  # type: ignore[arg-type]
 
 
 def summarise(results: list[JobResult]) -> Outcome:
