@@ -76,6 +76,9 @@ METHODS = {
     "efficientnet_unet": "EfficientNet-Lite0 U-Net",
     "unet": "U-Net",
     "unet3plus": "UNet 3+",
+}
+# What networks of a comparison were trained on, or what stands in their place.
+TRAINED_ON = {
     "reference": "Reference masks",
     "single_session": "Single session",
     "full": "Full",
@@ -139,7 +142,7 @@ def method_label(name: str) -> str:
     >>> method_label("fpfh_ransac"), method_label("my_method")
     ('FPFH + RANSAC', 'my method')
     """
-    return METHODS.get(name, name.replace("_", " "))
+    return (METHODS | TRAINED_ON).get(name, name.replace("_", " "))
 
 
 def method_styles(methods: Sequence[str]) -> dict[str, dict[str, Any]]:
