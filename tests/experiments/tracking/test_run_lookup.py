@@ -13,8 +13,8 @@ from experiments.cli import main
 from experiments.errors import InputError
 from experiments.tracking import ORIGIN_TAG, Store
 from experiments.tracking.archive import without_folders, write_archive
-from experiments.tracking.run_lookup import find_family
 from experiments.tracking.overview import top_runs
+from experiments.tracking.run_lookup import find_family
 from experiments.tracking.run_record import resumed_ids, resumed_tags
 
 OFF = Store(enabled=False)

@@ -20,8 +20,8 @@ from experiments.running.run_job import headline_names
 from experiments.running.run_names import option, subject
 from experiments.tracking import LABEL_TAG, Store
 from experiments.tracking.headline import headline
-from experiments.tracking.run_lookup import Family, find_family
 from experiments.tracking.overview import FINISHED, TopRun, top_runs
+from experiments.tracking.run_lookup import Family, find_family
 from experiments.tracking.run_record import RunRecord, last_metrics
 
 # Settings that say where files are and what else a call does: no part of what is measured.
