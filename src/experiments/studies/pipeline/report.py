@@ -152,10 +152,13 @@ def outcome(
     import pandas as pd
 
     from experiments.studies.pipeline.figures import figures
+    from experiments.studies.pipeline.scene import pipeline_scene
     from models.metrics.scoring import summarise
 
     scores = summarise({key: cases[key] for key in ("dsc", "hd95_mm", "missed", "false_alarm")})
     measured, registered = _measured(found.registered), found.registered
+    said = (_finding(registered, scores["dsc_mean"]), *_sentences(registered), *_gaps(found))
+    scene = pipeline_scene(truth, found, (said[1], said[0], *said[2:]))
     return Outcome(
         metrics={
             **scores,
@@ -171,7 +174,8 @@ def outcome(
             "Seconds by stage": pd.DataFrame([seconds]),
         },
         figures=figures(truth, masks, found.cloud_mm, registered),
-        findings=(_finding(registered, scores["dsc_mean"]), *_sentences(registered), *_gaps(found)),
+        findings=(*said, "scene.html is the page to look at: contours on the model, by their distance."),
+        files={"scene.html": scene.write},
         tags={
             "rigid": registered.rigid,
             "deformable": registered.deformed.name if registered.deformed else "none",

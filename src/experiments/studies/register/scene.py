@@ -8,20 +8,17 @@ from typing import Any
 import numpy as np
 
 from experiments.analysis.registration.deformed_model import Deformed
-from experiments.reporting.scene import CloudLayer, LineLayer, Scene, SurfaceLayer
-from experiments.reporting.scene_layers import BLUE, GREEN, GREY, ORANGE, RED
+from experiments.analysis.registration.registered_scene import color_range_mm, deformed_layers, shape_layer
+from experiments.reporting.scene import CloudLayer, LineLayer, Scene
+from experiments.reporting.scene_layers import BLUE, GREY, ORANGE, RED
 from experiments.studies.register.pair import Pair
 from registration import transforms
-from registration.geometry.shapes import Mesh, Surface, diagonal_mm, points_of, with_points
+from registration.geometry.shapes import diagonal_mm, points_of, with_points
 from registration.metrics.surface_distance import SurfaceDistance
 
 # What lies farther away before registration than this many times the fixed surface's size would shrink all else to a
 # speck.
 FAR_SIZES = 5.0
-# The displacement is drawn at so many points of the model.
-ARROWS = 300
-# The colours end where this share of the distances does, so that a few far points do not bleach the others.
-COLOR_PERCENTILE = 99.0
 
 
 def register_scene(
@@ -60,46 +57,36 @@ def register_scene(
     fixed, moving = pair.fixed.surface, pair.moving.surface
     after_mm = transforms.apply(fixed_T_moving, points_of(moving))
     distance_mm = SurfaceDistance(fixed)(after_mm)
-    layers: list[Any] = [_layer("fixed", fixed, GREY, 0.35)]
+    layers: list[Any] = [shape_layer("fixed", fixed, GREY, 0.35)]
     notes = list(findings)
     away_mm = float(np.linalg.norm(points_of(moving).mean(axis=0) - points_of(fixed).mean(axis=0)))
     if away_mm <= FAR_SIZES * diagonal_mm(points_of(fixed)):
-        layers.append(_layer("moving, before", moving, ORANGE, 0.35, shown=False))
+        layers.append(shape_layer("moving, before", moving, ORANGE, 0.35, shown=False))
     else:
         notes.append(
             f"Before registration the moving file lies {away_mm:.0f} mm away; it is not shown there."
         )
-    layers.append(_layer("moving, after", with_points(moving, after_mm), BLUE, 0.9, values_mm=distance_mm))
+    layers.append(
+        shape_layer("moving, after", with_points(moving, after_mm), BLUE, 0.9, values_mm=distance_mm)
+    )
     if rival_fixed_T_moving is not None:
         rival_mm = transforms.apply(rival_fixed_T_moving, points_of(moving))
-        layers.append(_layer("moving, rival pose", with_points(moving, rival_mm), ORANGE, 0.35))
+        layers.append(shape_layer("moving, rival pose", with_points(moving, rival_mm), ORANGE, 0.35))
     if deformed is not None:
-        layers += _deformed_layers(deformed)
+        layers += deformed_layers(deformed)
     layers += _lines(pair, fixed_T_moving)
     if pair.landmarks is not None:
         brought_mm = transforms.apply(fixed_T_moving, pair.landmarks.moving_mm)
         layers.append(CloudLayer("landmarks, fixed", pair.landmarks.fixed_mm, RED, 6.0))
         layers.append(CloudLayer("landmarks, moving after", brought_mm, BLUE, 6.0))
-    top_mm = float(np.percentile(distance_mm, COLOR_PERCENTILE))
     return Scene(
         layers=layers,
         title=f"{pair.moving.path.name} on {pair.fixed.path.name} by {method}",
         notes=notes,
         space="fixed (LPS)",
         values_name="Distance to fixed (mm)",
-        values_range_mm=(0.0, max(top_mm, 1e-3)),
+        values_range_mm=color_range_mm(distance_mm),
     )
-
-
-def _deformed_layers(found: Deformed) -> list[Any]:
-    """What moves after both stages, the model where it was swept, and by how much the model's points are displaced."""
-    ends_mm = np.stack([points_of(found.model), points_of(found.model_deformed)], axis=1)
-    arrows = list(ends_mm[:: max(1, len(ends_mm) // ARROWS)])
-    return [
-        _layer("moving, deformed", found.moved, GREEN, 0.9, shown=False),
-        _layer("model, deformed", found.model_deformed, RED, 0.35, shown=False),
-        LineLayer("displacement of the model", arrows, RED, shown=False),
-    ]
 
 
 def _lines(pair: Pair, fixed_T_moving: np.ndarray) -> list[LineLayer]:
@@ -111,17 +98,3 @@ def _lines(pair: Pair, fixed_T_moving: np.ndarray) -> list[LineLayer]:
         places = [transforms.apply(fixed_T_moving, line.points_mm) for line in pair.moving.centerline.lines]
         lines.append(LineLayer("centerline, moving after", places, BLUE))
     return lines
-
-
-def _layer(
-    name: str,
-    surface: Surface,
-    color: str,
-    opacity: float,
-    *,
-    values_mm: np.ndarray | None = None,
-    shown: bool = True,
-) -> SurfaceLayer | CloudLayer:
-    if isinstance(surface, Mesh):
-        return SurfaceLayer(name, surface, color, opacity, values_mm, shown)
-    return CloudLayer(name, surface, color, values_mm=values_mm, shown=shown)

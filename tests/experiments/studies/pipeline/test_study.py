@@ -133,6 +133,12 @@ def test_surface_and_centerline_come_with_the_registration(oracle: dict[str, Any
     stages = [f"{stage}_s" for stage in ("contours", "filters", "surface", "smoothing", "centerline")]
     assert sum(outcome.metrics[stage] for stage in stages) <= outcome.metrics["reconstruction_s"]
     assert not any("There is no" in finding for finding in outcome.findings)
+    # The page shows both in the frame of the CT, the verdict first.
+    outcome.files["scene.html"](tmp_path / "scene.html")
+    page = (tmp_path / "scene.html").read_text(encoding="utf-8")
+    for name in ("model from CT", "contours, registered", "reconstructed surface, registered", "at the true pose"):
+        assert name in page
+    assert page.index("ccepted") < page.index("RMSE to the model")
 
 
 def test_points_without_a_surface_are_registered_all_the_same(oracle: dict[str, Any], tmp_path: Path) -> None:
@@ -145,6 +151,8 @@ def test_points_without_a_surface_are_registered_all_the_same(oracle: dict[str, 
     assert np.isnan(outcome.metrics["centerline_s"])
     assert "There is no surface: cloud: expected points that a surface fits, received 12." in outcome.findings
     assert not (tmp_path / "surface.ply").exists()
+    outcome.files["scene.html"](tmp_path / "scene.html")
+    assert "reconstructed surface" not in (tmp_path / "scene.html").read_text(encoding="utf-8")
 
 
 def test_the_filters_thin_the_cloud(oracle: dict[str, Any], tmp_path: Path) -> None:

@@ -1,0 +1,66 @@
+"""The page of the pipeline: the model from CT, the contours of the sweep on it by their distance, and what deformed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from experiments.analysis.registration.registered_scene import (
+    color_range_mm,
+    deformed_layers,
+    shape_layer,
+)
+from experiments.reporting.scene import LineLayer, Scene
+from experiments.reporting.scene_layers import BLUE, GREEN, GREY, ORANGE
+from registration import transforms
+from registration.geometry.shapes import points_of, with_points
+from registration.metrics.surface_distance import SurfaceDistance
+
+if TYPE_CHECKING:
+    from experiments.studies.pipeline.report import Registered
+    from registration.phantom.scan import SimulatedSweep
+
+
+def pipeline_scene(truth: SimulatedSweep, found: Registered, findings: Sequence[str]) -> Scene:
+    """Make the scene of one registered sweep, in the frame of the CT in mm.
+
+    Parameters
+    ----------
+    truth : SimulatedSweep
+        Simulated sweep and its truth.
+    found : Registered
+        What the geometric half of the chain found.
+    findings : sequence of str
+        Sentences next to the scene, the verdict first.
+
+    Returns
+    -------
+    Scene
+        The scene: contours have the colour of their distance to the model. The reconstructed surface, the contours at
+        the true pose and what the deformable stage made are at first hidden.
+    """
+    registered, pose = found.registered, found.registered.result.fixed_T_moving
+    after_mm = transforms.apply(pose, found.cloud_mm)
+    distance_mm = SurfaceDistance(truth.model)(after_mm)
+    layers: list[Any] = [
+        shape_layer("model from CT", truth.model, GREY, 0.35),
+        shape_layer("contours, registered", after_mm, BLUE, 0.9, values_mm=distance_mm),
+    ]
+    if found.built is not None:
+        moved = with_points(found.built.surface, transforms.apply(pose, points_of(found.built.surface)))
+        layers.append(shape_layer("reconstructed surface, registered", moved, ORANGE, 0.6, shown=False))
+        if found.built.centerline is not None:
+            places = [transforms.apply(pose, line.points_mm) for line in found.built.centerline.lines]
+            layers.append(LineLayer("centerline, registered", places, ORANGE))
+    true_mm = transforms.apply(truth.ct_T_world, found.cloud_mm)
+    layers.append(shape_layer("contours at the true pose", true_mm, GREEN, 0.9, shown=False))
+    if registered.deformed is not None:
+        layers += deformed_layers(registered.deformed)
+    methods = [registered.rigid, *([registered.deformed.name] if registered.deformed else [])]
+    return Scene(
+        layers=layers,
+        title=f"A simulated sweep on its model from CT by {', '.join(methods)}",
+        notes=findings,
+        values_name="Distance to the model (mm)",
+        values_range_mm=color_range_mm(distance_mm),
+    )
