@@ -25,7 +25,7 @@ step robustness.txt -m study=robustness target=$out/pipeline/model.ply moving=$o
   perturbation.angle_max_deg=45,90,180 out=$out/robustness
 
 echo
-cat "$out/pipeline.txt" "$out/segmentation.txt" "$out/robustness.txt" | grep -v -e '^Files:' -e '^Dashboard:'
-echo "All numbers above are of simulated data."
-echo "Files: $out (masks' scores, clouds, figures)"
+.venv/bin/python scripts/demo_summary.py "$out"
+echo "All numbers are of simulated data; $out/summary.md has all of them."
+echo "Open:      $out/pipeline/scene.html"
 echo "Dashboard: .venv/bin/$(sed -n 's/^Dashboard: //p' "$out/robustness.txt")"

@@ -47,6 +47,8 @@ def run_one(job: Job, plan: Plan, progress: TerminalProgress) -> tuple[Report, O
         number = list(plan.labels).index(job.hash) + 1
         progress.note(f"{plan.study}: {job.label} ({number} of {len(plan.labels)})")
     report, outcome = run_job.run_job(job, plan, store_of(job.config), progress)
+    if report.status == "resumed":
+        progress.note(f"{job.label or plan.study}: already finished, run {str(report.run_id)[:8]}")
     if report.message:
         print(report.message if alone else f"{job.label or plan.study}: {report.message}", file=sys.stderr)
     return report, outcome

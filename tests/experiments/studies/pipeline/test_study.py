@@ -136,7 +136,12 @@ def test_surface_and_centerline_come_with_the_registration(oracle: dict[str, Any
     # The page shows both in the frame of the CT, the verdict first.
     outcome.files["scene.html"](tmp_path / "scene.html")
     page = (tmp_path / "scene.html").read_text(encoding="utf-8")
-    for name in ("model from CT", "contours, registered", "reconstructed surface, registered", "at the true pose"):
+    for name in (
+        "model from CT",
+        "contours, registered",
+        "reconstructed surface, registered",
+        "at the true pose",
+    ):
         assert name in page
     assert page.index("ccepted") < page.index("RMSE to the model")
 
