@@ -25,6 +25,8 @@ from experiments.reporting.scene_layers import (
 # What one page holds of each kind. With the script of plotly.js (5 MB) this stays under 8 MB.
 MAX_SIZES = {"triangles": 80_000, "points": 35_000, "points of lines": 10_000}
 _COLORS = "Viridis"
+# The look of a verdict; whatever is neither good nor failed is in doubt.
+_BADGES = {"accepted": "good", "failed": "bad"}
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,8 @@ class Scene:
         Label of the colour scale of all layers with values.
     values_range_mm : tuple of float or None, optional
         Lower and upper end of the colour scale; None takes those of the values.
+    verdict : str, optional
+        Verdict of a registration, shown as a badge beside the title; empty for none.
 
     Raises
     ------
@@ -60,6 +64,7 @@ class Scene:
     space: str = "ct (LPS)"
     values_name: str = "Distance (mm)"
     values_range_mm: tuple[float, float] | None = None
+    verdict: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "layers", tuple(self.layers))
@@ -97,12 +102,17 @@ class Scene:
         figure = go.Figure([layer.trace(self._max_size(layer)) for layer in self.layers], self._layout())
         return _PAGE.substitute(
             title=escape(self.title),
+            badge=self._badge(),
             space=escape(self.space),
             notes="\n".join(f"<p>{escape(note)}</p>" for note in (*self.notes, *self._decimation_notes())),
             view=figure.to_html(
                 {"responsive": True, "displaylogo": False}, full_html=False, div_id="scene", validate=False
             ),
         )
+
+    def _badge(self) -> str:
+        kind = _BADGES.get(self.verdict, "doubt")
+        return f' <span class="badge {kind}">{escape(self.verdict)}</span>' if self.verdict else ""
 
     def _max_size(self, layer: Layer) -> int:
         """A layer's share of what the page may hold of its kind."""
@@ -165,11 +175,20 @@ html, body { height: 100%; } body { display: flex; flex-direction: column; margi
 h1 { font-size: 1.2rem; margin: .7rem 1rem .2rem; }
 /* The notes come first in the text, so that the view is drawn at the height that they leave. */
 #view { flex: 1; min-height: 420px; order: 1; } #view > div { height: 100%; }
+.badge { border-radius: 10px; padding: 2px 10px; font-size: .85rem; font-weight: 600; white-space: nowrap; }
+.good { background: #d9f2e3; color: #0d5a2c; } .doubt { background: #fdeccf; color: #6d4300; }
+.bad { background: #f9d9d7; color: #7d1611; }
+@media (max-width: 600px) { h1 { font-size: 1rem; } #notes { font-size: .8rem; } }
 #notes { order: 2; margin: 0 1rem .6rem; font-size: .85rem; } #notes p { margin: .15rem 0; }
 </style></head><body>
-<h1>$title</h1>
+<h1>$title$badge</h1>
 <div id="notes">$notes<p>Axes: $space, in mm. Drag to turn, scroll to zoom; a click in the legend switches a
 layer, a double click leaves it alone.</p></div>
 <div id="view">$view</div>
+<script>
+// On a narrow screen the legend would cover the view: it goes below.
+if (window.innerWidth < 600) Plotly.relayout("scene", {
+  "legend.orientation": "h", "legend.x": 0, "legend.y": -0.02, "legend.yanchor": "top", "font.size": 11});
+</script>
 </body></html>
 """)

@@ -53,7 +53,7 @@ def test_the_page_holds_everything_it_needs(tmp_path: Path) -> None:
     text = (tmp_path / "scene.html").read_text(encoding="utf-8")
     page = Parsed(text)
     assert not [attributes for _, attributes in page.elements if "src" in attributes or "href" in attributes]
-    assert len(page.scripts) == 3
+    assert len(page.scripts) == 4
     assert "plotly.js v" in page.scripts[1][:200]
     assert "scene" in [attributes.get("id") for tag, attributes in page.elements if tag == "div"]
     assert [trace["name"] for trace in figure_of(text, "scene")["data"]] == ["CT", "centerline"]
@@ -106,6 +106,16 @@ def test_names_and_notes_can_not_break_the_page() -> None:
     assert figure_of(text, "scene")["data"][0]["name"] == nasty
     assert page.text.count(nasty) == 4
     assert "b" not in [tag for tag, _ in page.elements]
+
+
+@pytest.mark.parametrize(
+    ("verdict", "kind"), [("accepted", "good"), ("ambiguous", "doubt"), ("failed", "bad")]
+)
+def test_a_verdict_is_a_badge_beside_the_title(verdict: str, kind: str) -> None:
+    layer = CloudLayer("a", np.zeros((3, 3)), "#000000")
+    assert f'<span class="badge {kind}">{verdict}</span>' in Scene([layer], "t", verdict=verdict).html()
+    assert "&lt;i&gt;</span>" in Scene([layer], "t", verdict="<i>").html()
+    assert '<span class="badge' not in Scene([layer], "t").html()
 
 
 def test_a_large_scene_stays_small_and_says_what_it_left_out(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -63,4 +63,5 @@ def pipeline_scene(truth: SimulatedSweep, found: Registered, findings: Sequence[
         notes=findings,
         values_name="Distance to the model (mm)",
         values_range_mm=color_range_mm(distance_mm),
+        verdict=registered.result.verdict,
     )

@@ -56,7 +56,8 @@ def write(found: Registered, workspace: Path) -> None:
         write_carried(found.carried, found.deformed, found.pair, pose, workspace)
     residual, verdict, *more = _findings(found)
     rival = found.result.rival_fixed_T_moving if found.result.verdict == AMBIGUOUS else None
-    scene = register_scene(found.pair, pose, found.name, (verdict, *more, residual), rival, found.deformed)
+    notes, judged = (verdict, *more, residual), found.result.verdict
+    scene = register_scene(found.pair, pose, found.name, notes, rival, found.deformed, judged)
     scene.write(workspace / "scene.html")
 
 

@@ -28,6 +28,7 @@ def register_scene(
     findings: Sequence[str],
     rival_fixed_T_moving: np.ndarray | None = None,
     deformed: Deformed | None = None,
+    verdict: str = "",
 ) -> Scene:
     """Make the scene in the frame of the fixed file, in mm.
 
@@ -48,6 +49,8 @@ def register_scene(
         Another pose that explains the clouds as well, shown beside the result; None shows none.
     deformed : Deformed or None, optional
         Result of the deformable stage, at first hidden; None for none.
+    verdict : str, optional
+        Verdict of the rigid stage, shown as a badge.
 
     Returns
     -------
@@ -86,6 +89,7 @@ def register_scene(
         space="fixed (LPS)",
         values_name="Distance to fixed (mm)",
         values_range_mm=color_range_mm(distance_mm),
+        verdict=verdict,
     )
 
 
