@@ -25,6 +25,8 @@ from experiments.reporting.scene_layers import (
 # What one page holds of each kind. With the script of plotly.js (5 MB) this stays under 8 MB.
 MAX_SIZES = {"triangles": 80_000, "points": 35_000, "points of lines": 10_000}
 _COLORS = "Viridis"
+# Direction that the view is taken from, and its distance in radii of the sphere around all layers.
+_DIRECTION, _DISTANCE = np.array([1.7, -1.9, 0.8]), 3.0
 # The look of a verdict; whatever is neither good nor failed is in doubt.
 _BADGES = {"accepted": "good", "failed": "bad"}
 
@@ -144,7 +146,11 @@ class Scene:
         }
         layout: dict[str, Any] = {
             # The same length for a millimetre on every axis; layers that are switched off leave the view as it is.
-            "scene": {"aspectmode": "data", **axes, "camera": {"eye": {"x": 1.7, "y": -1.9, "z": 0.8}}},
+            "scene": {
+                "aspectmode": "data",
+                **axes,
+                "camera": {"eye": _eye(high_mm - low_mm + 2 * margin_mm)},
+            },
             "margin": {"l": 0, "r": 0, "t": 0, "b": 0},
             "legend": {"x": 0.01, "y": 0.99, "bgcolor": "rgba(255,255,255,0.8)", "itemsizing": "constant"},
             "paper_bgcolor": "#ffffff",
@@ -162,6 +168,16 @@ class Scene:
                 scale |= {"cmin": self.values_range_mm[0], "cmax": self.values_range_mm[1]}
             layout[COLOR_AXIS] = scale
         return layout
+
+
+def _eye(extent_mm: np.ndarray) -> dict[str, float]:
+    """Where the view is taken from, so far away that all of a box is in it.
+
+    Plotly scales the box to a volume of 1 and measures the distance in that scale.
+    """
+    box = extent_mm / np.cbrt(extent_mm.prod())
+    place = _DIRECTION / np.linalg.norm(_DIRECTION) * _DISTANCE * float(np.linalg.norm(box)) / 2
+    return dict(zip("xyz", map(float, place), strict=True))
 
 
 __all__ = ["CloudLayer", "Layer", "LineLayer", "Scene", "SurfaceLayer"]

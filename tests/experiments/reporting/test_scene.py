@@ -87,6 +87,17 @@ def test_axes_are_in_mm_at_one_scale_and_hold_every_layer() -> None:
     assert "coloraxis" not in layout
 
 
+def test_the_view_is_so_far_away_that_a_long_vessel_is_in_it() -> None:
+    def distance(length_mm: float) -> float:
+        ends = np.array([[0.0, 0, 0], [10, 10, length_mm]])
+        eye = Scene([CloudLayer("a", ends, "#000000")], "t")._layout()["scene"]["camera"]["eye"]
+        return float(np.linalg.norm(list(eye.values())))
+
+    # In plotly's scale, a box of volume 1: with the margin |(16, 16, 106)| / (16 * 16 * 106)^(1/3), over sqrt(3).
+    assert distance(10.0) == pytest.approx(3.0 * np.sqrt(3) / 2)
+    assert distance(100.0) / distance(10.0) == pytest.approx(2.08, abs=0.01)
+
+
 def test_layers_with_values_share_one_scale() -> None:
     values_mm = TUBE.vertices_mm[:, 2]
     layers = [
