@@ -8,53 +8,22 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from run_families import job, segmented
+from report_runs import runs as recorded
+from run_families import job
 
 from experiments.cli import main
 from experiments.errors import InputError
-from experiments.outcome import InputData, Silent
+from experiments.outcome import Silent
 from experiments.studies.report import run
 from experiments.studies.report.study import slug
 from experiments.tracking import Store
 from experiments.tracking.archive import write_archive
-from experiments.tracking.run_record import RunRecord
-
-HOSTILE = "<script>alert(1)</script> & 50 % $x$"
-
-
-def runs() -> list[RunRecord]:
-    import dataclasses
-
-    config = {
-        "dataset": {"_target_": "x.Carotid"},
-        "call": {
-            "options": {"dataset": "carotid", "trainer": "cpu"},
-            "command": "ctus -m study=segmentation",
-        },
-        "trainer": {"_target_": "x.T"},
-    }
-    tags = {"ctus.command": "ctus -m study=segmentation", "ctus.config_hash": "c" * 64}
-    used = (InputData("carotid", "d" * 36, "/home/someone/carotid"),)
-    top = job("top00000", None, config, tags={**tags, "ctus.kind": "sweep"})
-    models = {"unet": [0.9, 0.92, 0.94, 0.91, 0.9], HOSTILE: [0.8, 0.82, 0.84, 0.81, 0.8]}
-    jobs = [
-        job(
-            f"job{number}",
-            segmented(dsc, model).assign(dataset="carotid"),
-            config,
-            {"dsc_mean": 0.9},
-            parent="top00000",
-            tags=tags,
-        )
-        for number, (model, dsc) in enumerate(models.items())
-    ]
-    return [top, *(dataclasses.replace(one, inputs=used) for one in jobs)]
 
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("report")
-    write_archive(runs(), folder / "runs")
+    write_archive(recorded(), folder / "runs")
     (folder / "out").mkdir()
     run(
         runs=[],
