@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from registration.errors import InputError
+from registration.input_files import LARGEST_TEXT_BYTES, beside, guarded
 from registration.io.stored_data import Encoding, numbered_files, read_numbers, whole_number
 
 TYPES = {
@@ -46,6 +47,7 @@ class MetaImageFile:
     values: np.ndarray
 
 
+@guarded("a MetaImage file")
 def read_metaimage_file(path: Path) -> MetaImageFile:
     """Read header and numbers of a MetaImage file.
 
@@ -92,7 +94,7 @@ def _read_header(path: Path) -> tuple[dict[str, str], int, list[str]]:
     fields: dict[str, str] = {}
     try:
         with path.open("rb") as stream:
-            while "ElementDataFile" not in fields:
+            while "ElementDataFile" not in fields and stream.tell() < LARGEST_TEXT_BYTES:
                 line = stream.readline(_LONGEST_HEADER_LINE)
                 key, equals, value = line.decode("latin-1").partition("=")
                 if not equals:
@@ -102,7 +104,7 @@ def _read_header(path: Path) -> tuple[dict[str, str], int, list[str]]:
                 fields[key.strip()] = value.strip()
             begin = stream.tell()
             listed = fields["ElementDataFile"].upper().split()[:1] == ["LIST"]
-            rest = stream.read().decode("latin-1").splitlines() if listed else []
+            rest = stream.read(LARGEST_TEXT_BYTES).decode("latin-1").splitlines() if listed else []
     except OSError as failure:
         raise InputError(
             f"{path}: expected a readable file, found {failure.strerror or failure}"
@@ -133,7 +135,7 @@ def _data_files(where: str, rest: list[str], path: Path) -> list[Path]:
     if where.upper() == "LOCAL":
         return [path]
     if words[:1] and words[0].upper() == "LIST":
-        return [path.parent / name for name in rest]
+        return [beside(path, name) for name in rest]
     if words and "%" in words[0]:
         return numbered_files(words[0], words[1:], path)
-    return [path.parent / where]
+    return [beside(path, where)]

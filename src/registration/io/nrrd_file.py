@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from registration.errors import InputError
+from registration.input_files import beside, guarded
 from registration.io.stored_data import Encoding, numbered_files, read_numbers, whole_number
 from registration.io.truncation import read_bytes
 
@@ -74,6 +75,7 @@ class NrrdFile:
         return self.fields.get(field, "").split()
 
 
+@guarded("an NRRD file")
 def read_nrrd_file(path: Path) -> NrrdFile:
     """Read header and numbers of a NRRD file.
 
@@ -188,10 +190,10 @@ def _header(text: str) -> tuple[dict[str, str], dict[str, str], list[str]]:
 def _data_files(where: str, listed: list[str], path: Path) -> list[Path]:
     words = where.split()
     if words[:1] == ["LIST"]:
-        return [path.parent / name for name in listed]
+        return [beside(path, name) for name in listed]
     if words and "%" in words[0]:
         return numbered_files(words[0], words[1:], path)
-    return [path.parent / where] if where and where.upper() != "LOCAL" else []
+    return [beside(path, where)] if where and where.upper() != "LOCAL" else []
 
 
 def _escaped(text: str) -> str:

@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from registration.errors import InputError
+from registration.input_files import guarded, require_unpacked_size
 from registration.io.length_units import MM_PER_UNIT, quoted, stated_units
 from registration.io.metaimage_file import read_metaimage_file
 from registration.io.nifti_header import FORMS, NiftiHeader, read_nifti_header
@@ -38,6 +39,8 @@ READERS = {
 }
 # Under this name the image carries the unit that the file states, empty where it states none.
 UNITS_KEY = "stated units"
+# Programs may write a little after the voxels; what is more is none of theirs.
+_NIFTI_HEAD, _BLOCK, _AFTER_VOXELS = 544, 1 << 20, 1 << 16
 _DETACHED = {"ElementDataFile", "CompressedData", "CompressedDataSize", "HeaderSize", "BinaryData"}
 _DETACHED |= {"BinaryDataByteOrderMSB", "ElementByteOrderMSB"}
 
@@ -72,6 +75,7 @@ def volume_suffix(path: Path) -> str:
     return next((suffix for suffix in sorted(READERS, key=len, reverse=True) if name.endswith(suffix)), "")
 
 
+@guarded("a volume")
 def read_volume(path: Path, units: str | None = None, nifti_form: str | None = None) -> Any:
     """Read a volume by SimpleITK, its lengths in millimetres.
 
@@ -233,9 +237,20 @@ def _keep_form(path: Path, header: NiftiHeader, name: str) -> None:
 
 
 def _unpack(path: Path, target: Path) -> None:
+    """Unpack no more than the header asks for, and to the end, where the sum is checked."""
     try:
         with gzip.open(path) as packed, target.open("wb") as stream:
-            shutil.copyfileobj(packed, stream, 1 << 20)
+            head = packed.read(_NIFTI_HEAD)
+            stream.write(head)
+            stream.flush()
+            size = read_nifti_header(target, path).bytes
+            require_unpacked_size(size, path.stat().st_size, path)
+            left = size + _AFTER_VOXELS - len(head)
+            while block := packed.read(min(_BLOCK, left + 1)):
+                left -= len(block)
+                if left < 0:
+                    raise InputError(f"{path}: expected {size} bytes, as its header says, found more")
+                stream.write(block)
     except (EOFError, gzip.BadGzipFile, zlib.error) as refusal:
         raise InputError(
             f"{path}: expected a complete gzip file, received one that breaks off ({refusal})"
