@@ -52,7 +52,7 @@ def test_pixels_that_end_early_or_are_too_many_are_refused(size: int) -> None:
 def test_a_changed_byte_anywhere_but_in_the_first_eight_is_refused() -> None:
     data = stored("L")
     for at in range(8, len(data) - 12):
-        with pytest.raises(InputError, match="^a: expected "):
+        with pytest.raises(InputError, match=r"^a: expected "):
             require_whole_png(data[:at] + bytes([data[at] ^ 16]) + data[at + 1 :], "a")
 
 
