@@ -3,7 +3,7 @@ PY := .venv/bin/python
 # Two cores are the smallest machine the tests are meant for; more are used where there are more.
 WORKERS ?= $(shell nproc)
 
-.PHONY: setup demo thesis test test-pages test-services lint bench bench-cpd rigid-benchmark clean
+.PHONY: setup demo thesis test test-pages test-services lint bench bench-cpd rigid-benchmark fuzz clean
 
 setup:
 	@./scripts/setup.sh
@@ -65,6 +65,11 @@ rigid-benchmark: setup
 	.venv/bin/ctus study=rigid_benchmark subset=test "blocks=[$(BLOCKS)]" "rigid=[$(BLOCK_METHODS)]" \
 		workers=$(WORKERS) out=outputs/rigid_benchmark/blocks
 	$(PY) scripts/rigid_benchmark.py outputs/rigid_benchmark
+
+# Damaged files for every reader, each in a process that may die; FUZZ_COUNT files a reader.
+FUZZ_COUNT ?= 10000
+fuzz: setup
+	$(PY) scripts/fuzz_readers.py --count $(FUZZ_COUNT) --out outputs/fuzz.md
 
 clean:
 	rm -rf .venv .cache outputs build dist

@@ -11,10 +11,12 @@ import shlex
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments.command_line import words as cli_words
 from experiments.command_line.call_options import CallOptions, read_options
+from experiments.command_line.foreign_folder import require_harmless_folder
 from experiments.command_line.text_settings import loader_with_text, quoted_override
 from experiments.errors import InputError
 from experiments.paths import conf_dir, project_root
@@ -55,6 +57,8 @@ def main(argv: list[str] | None = None) -> int:
             return _print_help(words)
         asked = read_options(words)
         overrides, folder = list(asked.overrides), asked.config_dir
+        if folder:
+            require_harmless_folder(Path(folder))
         if asked.hydra_help or asked.shell_completion:
             _call_hydra(words)
             return 0
@@ -176,6 +180,8 @@ def _composed(
     for word in overrides:
         cli_words.refuse_bare_word(word)
         _refuse_launcher(word)
+    if config_dir:
+        require_harmless_folder(Path(config_dir))
     more = [f"hydra.searchpath=[file://{config_dir}]"] if config_dir else []
     _find_plugin_configs()
     with (

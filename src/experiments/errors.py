@@ -3,14 +3,39 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
-from registration import checks
+from registration import checks, input_files
 from registration import errors as registration_errors
 
 
 class InputError(ValueError):
     """An argument or a file is not what it must be; the message names it, what was expected and what was found."""
+
+
+@contextmanager
+def reading(path: Path, kind: str) -> Iterator[None]:
+    """Turn whatever a library raises over a file into one sentence that names the file.
+
+    Parameters
+    ----------
+    path : Path
+        File that is read.
+    kind : str
+        What it must be, with its article.
+
+    Raises
+    ------
+    InputError
+        In place of every other exception but those that speak of this machine (a full disk) or of a stop.
+    """
+    try:
+        with input_files.refusing(path, kind, InputError, _refusals()):
+            yield
+    except _refusals()[1:] as refusal:
+        raise InputError(str(refusal)) from refusal
 
 
 def require_count(name: str, value: object, minimum: int = 1) -> None:
@@ -34,6 +59,12 @@ def require_count(name: str, value: object, minimum: int = 1) -> None:
         checks.require_count(name, value, minimum)
     except registration_errors.InputError as refusal:
         raise InputError(str(refusal)) from refusal
+
+
+def _refusals() -> tuple[type[Exception], ...]:
+    from models import errors as models_errors
+
+    return InputError, registration_errors.InputError, models_errors.InputError
 
 
 def did_you_mean(word: str, known: Iterable[str], prefix: str = "") -> str:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from registration.io.atomic import atomic_write
+from registration.io.atomic import atomic_write, partial_name, remove_leftovers
 
 
 def write_text(path: Path, text: str) -> None:
@@ -43,7 +43,8 @@ def staged(folder: Path) -> Iterator[Path]:
         Temporary folder next to ``folder``.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
-    stage = Path(tempfile.mkdtemp(prefix=f".{folder.name}.partial-", dir=folder.parent))
+    remove_leftovers(folder.parent)
+    stage = Path(tempfile.mkdtemp(prefix=f"{partial_name(folder.name)}-", dir=folder.parent))
     try:
         yield stage
         for source in sorted(stage.rglob("*")):

@@ -1,8 +1,11 @@
-"""Processes that share the cores of one machine."""
+"""Processes that share the cores of one machine, and end with the one that started them, however that ends."""
 
 from __future__ import annotations
 
 import os
+import signal
+import threading
+import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
@@ -11,6 +14,8 @@ from multiprocessing import get_context
 # Kernels of OpenBLAS for x86-64 with AVX2, which newer processors run too; other kernels round differently.
 KERNELS = "Haswell"
 _KERNEL_SETTING = "OPENBLAS_CORETYPE"
+LOOK_EVERY_S = 0.5
+TIME_TO_END_S = 20.0
 
 
 def process_pool(workers: int) -> ProcessPoolExecutor:
@@ -31,7 +36,39 @@ def process_pool(workers: int) -> ProcessPoolExecutor:
     Forking after Open3D or torch has started its threads can hang. Threads of several processes that compete
     for the same cores make each of them take several times as long.
     """
-    return ProcessPoolExecutor(workers, get_context("spawn"), initializer=_take_one_thread)
+    return ProcessPoolExecutor(workers, get_context("spawn"), initializer=_begin, initargs=(os.getpid(),))
+
+
+def end_with_parent(parent: int, *, gently: bool) -> None:
+    """End this process once its parent is gone: a parent that is killed cannot take its children with it.
+
+    Parameters
+    ----------
+    parent : int
+        Number of the parent's process.
+    gently : bool
+        Whether SIGTERM comes first, so that a run ends as FAILED; what has not ended some seconds later is killed.
+
+    Notes
+    -----
+    Linux could send a signal of its own accord, but it does so when the *thread* that started the process ends, which
+    in a pool may be any.
+    """
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(LOOK_EVERY_S)
+        if gently:
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(TIME_TO_END_S)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    threading.Thread(target=watch, daemon=True, name="parent watch").start()
+
+
+def _begin(parent: int) -> None:
+    end_with_parent(parent, gently=False)
+    _take_one_thread()
 
 
 def _take_one_thread() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import zipfile
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import SupportsIndex
 
 import numpy as np
 
+from models.archives import require_whole_archive
 from models.array_types import Bool, UInt8
 from models.atomic import atomic_write
 from models.errors import InputError
@@ -146,6 +146,7 @@ class LabelledFrames:
             If the file is missing, damaged or of another kind.
         """
         try:
+            require_whole_archive(Path(path))
             with np.load(path, allow_pickle=False) as content:
                 spacings = content["spacing_mm"].tolist()
                 count = range(len(spacings))
@@ -157,7 +158,7 @@ class LabelledFrames:
                     spacing_mm=tuple((v, h) if v == v else None for v, h in spacings),
                     simulated=bool(content["simulated"]),
                 )
-        except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
+        except Exception as error:  # of NumPy, of the archive, of what it unpacks with
             raise InputError(
                 f"{path}: expected a file of labelled frames, received none that can be read ({error})"
             ) from error

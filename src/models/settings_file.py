@@ -13,6 +13,9 @@ import yaml
 
 from models.errors import InputError
 
+# A training's settings are some hundred lines.
+_LONGEST, _MOST_VALUES = 1 << 20, 100_000
+
 
 class _CoreLoader(yaml.SafeLoader):
     """The core schema of YAML 1.2 (section 10.3.2) in PyYAML's safe loader; no tag can run any code."""
@@ -55,8 +58,32 @@ def parse_settings(text: str) -> Any:
     -------
     Any
         Its content as plain data.
+
+    Raises
+    ------
+    InputError
+        If the text is too long, nested too deep, or its aliases stand for too much.
     """
-    return yaml.load(text, Loader=_CoreLoader)
+    if len(text) > _LONGEST:
+        raise InputError(f"expected YAML of at most {_LONGEST} characters, received {len(text)}")
+    try:
+        root = yaml.compose(text, Loader=_CoreLoader)
+        if root is not None and _expanded(root, {}) > _MOST_VALUES:
+            raise InputError(
+                f"expected YAML whose aliases stand for at most {_MOST_VALUES} values, received more"
+            )
+        return yaml.load(text, Loader=_CoreLoader)
+    except RecursionError as error:
+        raise InputError("expected YAML of a few levels, received aliases or levels without end") from error
+
+
+def _expanded(node: yaml.Node, known: dict[int, int]) -> int:
+    """How many values a node stands for if every alias is written out."""
+    if id(node) not in known:
+        below = [each for pair in node.value for each in pair] if isinstance(node, yaml.MappingNode) else []
+        below += node.value if isinstance(node, yaml.SequenceNode) else []
+        known[id(node)] = 1 + sum(_expanded(each, known) for each in below)
+    return known[id(node)]
 
 
 def read_settings(path: Path) -> dict[str, Any]:
@@ -78,9 +105,13 @@ def read_settings(path: Path) -> dict[str, Any]:
         If the file can't be read, holds something else, or has a setting twice.
     """
     try:
+        if not path.is_file():
+            raise OSError("no file")
         text = path.read_text(encoding="utf-8")
         content, root = parse_settings(text), yaml.compose(text, Loader=_CoreLoader)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+    except InputError as refusal:
+        raise InputError(f"{path}: {refusal}") from refusal
+    except (OSError, ValueError, yaml.YAMLError) as error:
         raise InputError(f"{path}: expected a YAML file with a training's settings, found none") from error
     if not isinstance(content, dict) or root is None:
         raise InputError(f"{path}: expected a YAML mapping, received {type(content).__name__}")

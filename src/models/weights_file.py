@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,19 +9,12 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from models.archives import require_whole_archive
 from models.errors import InputError
 from models.networks.registry import NetworkRecipe
 
-# What torch raises for a file that it can't read, by how far it gets.
-UNREADABLE = (
-    pickle.UnpicklingError,
-    zipfile.BadZipFile,
-    RuntimeError,
-    EOFError,
-    OSError,
-    ValueError,
-    KeyError,
-)
+# Torch raises anything for a file that it can't read.
+UNREADABLE = (Exception,)
 
 
 def read_weights_file(path: Path, versions: Mapping[str, int], kind: str) -> dict[str, Any]:
@@ -51,7 +42,7 @@ def read_weights_file(path: Path, versions: Mapping[str, int], kind: str) -> dic
     if not path.is_file():
         raise InputError(f"{path}: expected a {kind} file, found none")
     try:
-        _require_undamaged(path)
+        require_whole_archive(path)
         content = torch.load(path, map_location="cpu", weights_only=True)
     except UNREADABLE as error:
         raise InputError(
@@ -130,14 +121,6 @@ def network_with(recipe: NetworkRecipe, weights: Mapping[str, Tensor]) -> nn.Mod
     network = _without_weights(recipe)
     network.load_state_dict({name: tensor.clone() for name, tensor in weights.items()}, assign=True)
     return network.eval()
-
-
-def _require_undamaged(path: Path) -> None:
-    """Raise BadZipFile if a checksum in the file doesn't fit: torch writes them but doesn't look at them."""
-    with zipfile.ZipFile(path) as archive:
-        damaged = archive.testzip()
-    if damaged is not None:
-        raise zipfile.BadZipFile(damaged)
 
 
 def _without_weights(recipe: NetworkRecipe) -> nn.Module:

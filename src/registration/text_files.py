@@ -6,6 +6,7 @@ import codecs
 from pathlib import Path
 
 from registration.errors import InputError
+from registration.input_files import LARGEST_TEXT_BYTES, read_regular
 
 _UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
@@ -28,13 +29,7 @@ def read_text(path: Path) -> str:
     InputError
         If the file cannot be read or is not text in either encoding.
     """
-    path = Path(path)
-    try:
-        content = path.read_bytes()
-    except OSError as refusal:
-        raise InputError(
-            f"{path}: expected a readable file, found {refusal.strerror or refusal}"
-        ) from refusal
+    content = read_regular(Path(path), LARGEST_TEXT_BYTES)
     encoding = "utf-16" if content.startswith(_UTF16_MARKS) else "utf-8-sig"
     try:
         return content.decode(encoding)

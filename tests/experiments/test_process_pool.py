@@ -3,11 +3,56 @@
 from __future__ import annotations
 
 import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import numpy as np
+import pytest
 from threadpoolctl import threadpool_info
 
 from experiments.process_pool import one_open3d_thread, process_pool
+
+CHILD = """
+import os, sys, time
+from experiments import process_pool
+process_pool.LOOK_EVERY_S = 0.05
+process_pool.TIME_TO_END_S = 0.3
+if {stubborn}:
+    import signal
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+process_pool.end_with_parent(os.getppid(), gently={gently})
+open(sys.argv[1], "w").write(str(os.getpid()))
+time.sleep(60)
+"""
+PARENT = "import subprocess, sys; subprocess.Popen([sys.executable, '-c', sys.argv[1], sys.argv[2]]).wait()"
+
+
+@pytest.mark.parametrize(("gently", "stubborn"), [(True, False), (True, True), (False, True)])
+def test_a_child_ends_when_its_parent_is_killed(tmp_path: Path, gently: bool, stubborn: bool) -> None:
+    child = CHILD.format(gently=gently, stubborn=stubborn)
+    parent = subprocess.Popen([sys.executable, "-c", PARENT, child, str(tmp_path / "pid")])
+    deadline = time.monotonic() + 20
+    while not (tmp_path / "pid").exists() or not (tmp_path / "pid").read_text():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    pid = int((tmp_path / "pid").read_text())
+    os.kill(pid, 0)
+    parent.send_signal(signal.SIGKILL)
+    parent.wait()
+    while lives(pid):
+        assert time.monotonic() < deadline, "the child goes on"
+        time.sleep(0.02)
+
+
+def lives(pid: int) -> bool:
+    try:
+        # One that has ended and that nobody waits for is still listed.
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in ("Z", "X")
+    except (FileNotFoundError, ProcessLookupError):
+        return False
 
 
 def threads(_: int) -> tuple[int, list[int], str | None]:

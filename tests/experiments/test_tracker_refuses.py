@@ -9,6 +9,7 @@ from types import ModuleType
 import pandas as pd
 import pytest
 from mlflow.tracking import MlflowClient
+from sqlalchemy.exc import OperationalError
 
 from experiments.cli import main
 from experiments.tracking import Store
@@ -100,3 +101,39 @@ def test_files_are_written_before_they_are_logged(
     assert seen[0].is_file()
     assert (out / "half.txt").is_file()
     assert (out / "cases.parquet").is_file()
+
+
+@pytest.mark.parametrize("call", ["log_batch", "log_text", "log_artifact", "set_terminated", "create_run"])
+def test_what_a_locked_or_read_only_store_refuses_is_kept_for_import(
+    counting_study: ModuleType,
+    home: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    call: str,
+) -> None:
+    real, begun = getattr(MlflowClient, call), []
+
+    def refuse(self: MlflowClient, *given: object, **named: object) -> object:
+        begun.append(call)
+        if call == "create_run" and len(begun) < 3:  # the runs above the jobs are there already
+            return real(self, *given, **named)
+        raise OperationalError("UPDATE runs", None, Exception("attempt to write a readonly database"))
+
+    monkeypatch.setattr(MlflowClient, call, refuse)
+    out = home / "result"
+    assert main(["study=counting", f"out={out}"]) == 0
+    assert "study=import_runs archive=" in capsys.readouterr().err
+    monkeypatch.setattr(MlflowClient, call, real)
+    kept = sorted(out.glob("part-*/untracked"))
+    assert kept
+    for folder in kept:
+        assert main(["study=import_runs", f"archive={folder}"]) == 0
+    counting_study.calls.clear()
+    done = {
+        run.data.tags["ctus.label"]: Store().metrics(run.info.run_id)["value_mean"]
+        for run in Store().runs(["counting"])
+        if run.info.status == "FINISHED" and run.data.tags["ctus.kind"] == "job"
+    }
+    assert len(done) == 2
+    assert main(["study=counting", f"out={out}", "resume=true"]) == 0
+    assert counting_study.calls == []

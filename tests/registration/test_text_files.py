@@ -20,7 +20,7 @@ def test_what_is_no_text_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_bytes(b"\xff\x00\x12")
     with pytest.raises(InputError, match=r"a\.csv: expected text in UTF-8"):
         read_text(tmp_path / "a.csv")
-    with pytest.raises(InputError, match=r"b\.csv: expected a readable file"):
+    with pytest.raises(InputError, match=r"b\.csv: expected a file, received nothing there"):
         read_text(tmp_path / "b.csv")
 
 

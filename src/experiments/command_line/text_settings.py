@@ -12,6 +12,10 @@ from typing import Any
 
 import yaml
 
+from experiments.errors import InputError
+from registration.errors import InputError as RegistrationInputError
+from registration.yaml_nodes import require_small
+
 # Names of groups, sessions, labels, topics and coordinate frames.
 NAMES = frozenset(
     {
@@ -195,6 +199,14 @@ def loader_with_text(loader: type[Any], settings: Collection[str] = TEXT) -> typ
     """
 
     class Loader(loader):
+        def get_single_node(self) -> Any:
+            node = super().get_single_node()
+            try:
+                require_small(node)
+            except RegistrationInputError as refusal:
+                raise InputError(f"{self.name}: {refusal}") from refusal
+            return node
+
         def construct_mapping(self, node: yaml.Node, deep: bool = False) -> Any:
             for key, value in node.value:
                 if isinstance(key, yaml.ScalarNode) and key.value.rpartition(".")[2] in settings:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Sequence
 from pathlib import Path
 
-from experiments.errors import InputError
+from experiments.errors import InputError, reading
 from experiments.unicode_names import same_name
+from registration.text_files import read_text
 
 
 def read_table(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
@@ -33,16 +35,11 @@ def read_table(path: Path, columns: Sequence[str]) -> list[dict[str, str]]:
     """
     if not path.is_file():
         raise InputError(f"{path}: expected a table with columns {', '.join(columns)}, found no file")
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            table = csv.DictReader(file)
-            found = [name.strip() for name in table.fieldnames or ()]
-            table.fieldnames = found
-            rows = list(table)
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(
-            f"{path}: expected a table in UTF-8, received a file that can't be read as one"
-        ) from error
+    with reading(path, "a table in UTF-8"):
+        table = csv.DictReader(io.StringIO(read_text(path), newline=""))
+        found = [name.strip() for name in table.fieldnames or ()]
+        table.fieldnames = found
+        rows = list(table)
     if not set(columns) <= set(found):
         raise InputError(
             f"{path}: expected columns {', '.join(columns)}, received {', '.join(found) or 'none'}"

@@ -17,9 +17,11 @@ from experiments.datasets.images import image_files as reading
 from experiments.datasets.pairing import REFUSE, SKIP, Pairing, pair, require_choice
 from experiments.datasets.pixel_cache import read_masks, read_pairs
 from experiments.errors import InputError
+from experiments.errors import reading as reading_file
 from experiments.paths import PathSetting
 from experiments.unicode_names import same_name
 from models.labelled_frames import LabelledFrames
+from registration.text_files import read_text
 
 FILE_ENDINGS = (".png", ".bmp", ".tif")
 CHANNEL = "_0000"
@@ -257,14 +259,10 @@ def _left_out_notes(dataset: NnUNet) -> tuple[str, ...]:
 
 
 def _described(path: Path, target: str) -> _Labels:
-    try:
-        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8-sig"))
+    with reading_file(path, "JSON with channel_names, labels and file_ending"):
+        content: dict[str, Any] = json.loads(read_text(path))
         labels = {str(name): _numbers(value) for name, value in content["labels"].items()}
         ending, channels = str(content["file_ending"]), len(content["channel_names"])
-    except (OSError, KeyError, TypeError, ValueError, AttributeError) as error:
-        raise InputError(
-            f"{path}: expected JSON with channel_names, labels and file_ending, received another file ({error})"
-        ) from error
     if ending not in FILE_ENDINGS:
         raise InputError(f"{path}: expected a file_ending of {', '.join(FILE_ENDINGS)}, received {ending!r}")
     if channels not in (1, 3):

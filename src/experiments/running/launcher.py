@@ -23,6 +23,7 @@ from experiments.running import worker
 from experiments.running.jobs import Job, Plan
 from experiments.running.run_job import Report
 from experiments.running.terminal import TerminalProgress
+from registration.io.atomic import partial_name, remove_leftovers
 
 
 @dataclass(frozen=True)
@@ -111,7 +112,8 @@ def plan_folder(plan: Plan) -> Iterator[Path]:
     plans = project_root() / ".cache" / "plans"
     try:
         plans.mkdir(parents=True, exist_ok=True)
-        folder = Path(tempfile.mkdtemp(prefix=f"{plan.study}-", dir=plans))
+        remove_leftovers(plans)
+        folder = Path(tempfile.mkdtemp(prefix=f"{partial_name(plan.study)}-", dir=plans))
     except OSError as error:
         raise InputError(
             f"jobs: expected a project folder that can be written for the plan of several processes ({plans}; "

@@ -64,14 +64,15 @@ class LocalProcesses:
 
     def _run_all(self, planned: Sequence[Job], plan: Plan, folder: Path) -> None:
         waiting, running = list(planned), list[tuple[Job, subprocess.Popen[bytes]]]()
-        environment = {**os.environ, **_threads(self.at_once)}
+        environment = {**os.environ, **_threads(self.at_once), worker.PARENT: str(os.getpid())}
         try:
             while waiting or running:
                 while waiting and len(running) < self.at_once:
                     job = waiting.pop(0)
                     worker.write_job(job, folder)
                     command = [*self.command, str(folder), job.hash]
-                    running.append((job, subprocess.Popen(command, env=environment)))
+                    own = {**environment, **worker.tracker_secret(job.config)}
+                    running.append((job, subprocess.Popen(command, env=own)))
                 time.sleep(LOOK_EVERY_S)
                 for job, process in [one for one in running if one[1].poll() is not None]:
                     running.remove((job, process))

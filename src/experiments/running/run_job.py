@@ -16,6 +16,7 @@ import yaml
 
 from experiments import files
 from experiments.errors import InputError
+from experiments.masking import masked, masked_values
 from experiments.outcome import InputData, JobResult, Outcome
 from experiments.reporting.figure_files import save_figure
 from experiments.running import jobs, run_names, terminal
@@ -183,14 +184,14 @@ def run_job(
         run_id = run.run_id
         with ending(run, user_errors()):
             outcome = _compute(job, plan, store, progress, arguments, run)
-        if run.lost:
+        if run.lost or run.refused:
             _keep_for_later(job, plan, run, outcome)
         said, refused = outcome.findings, outcome.refused
         return _report(job, plan, "finished", run_id=run_id, findings=said, refused=refused), outcome
     except user_errors() as refusal:
         return _report(job, plan, "refused", run_id=run_id, message=str(refusal)), None
     except Exception as failure:
-        message = f"{type(failure).__name__}: {failure}\n{traceback.format_exc()}"
+        message = masked(f"{type(failure).__name__}: {failure}\n{traceback.format_exc()}")
         return _report(job, plan, "failed", run_id=run_id, message=message), None
 
 
@@ -304,11 +305,20 @@ def _keep_for_later(job: Job, plan: Plan, run: RunWriter, outcome: Outcome) -> N
     from experiments.tracking.run_record import finished_run
 
     folder = plan.folder_of(job.hash) / "untracked"
-    shown = shown_outcome(outcome, job, run.run_id)
-    write_archive([finished_run(run, job.config, outcome, run_names.parameters(job), shown)], folder)
+    name = job.label or plan.study
+    try:
+        shown = shown_outcome(outcome, job, run.run_id)
+        write_archive([finished_run(run, job.config, outcome, run_names.parameters(job), shown)], folder)
+    except Exception as failure:  # the job's own files are there all the same
+        print(f"{name}: could not be kept for the tracker ({_first_line(failure)}).", file=sys.stderr)
+        return
+    why = (
+        f"The tracker refused {', '.join(run.refused)}"
+        if run.refused
+        else "The tracking server did not come back"
+    )
     print(
-        f"The tracking server did not come back. Once it answers, ctus study=import_runs archive={folder} tracks "
-        f"{job.label or plan.study}.",
+        f"{why}. Once it is well again, ctus study=import_runs archive={folder} tracks {name}.",
         file=sys.stderr,
     )
 
@@ -394,6 +404,7 @@ def log_results(run: RunWriter, outcome: Outcome, folder: Path, names: Sequence[
         try:
             log()
         except Exception as refusal:
+            run.refused.append(part)
             print(
                 f"The tracker refused {part} of run {run.run_id} ({_first_line(refusal)}); "
                 f"all results are in {folder}.",
@@ -401,8 +412,8 @@ def log_results(run: RunWriter, outcome: Outcome, folder: Path, names: Sequence[
             )
 
 
-def log_config(run: RunWriter, config: Mapping[str, Any]) -> None:
-    """Log the resolved configuration as an artifact.
+def log_beginning(run: RunWriter, config: Mapping[str, Any], params: Mapping[str, Any]) -> None:
+    """Log the resolved configuration and parameters; that the tracker refuses them is no reason not to compute.
 
     Parameters
     ----------
@@ -410,8 +421,18 @@ def log_config(run: RunWriter, config: Mapping[str, Any]) -> None:
         The run that is being written.
     config : Mapping[str, Any]
         A resolved configuration.
+    params : Mapping[str, Any]
+        Parameters by name.
     """
-    run.text(yaml.safe_dump(dict(config), sort_keys=False), "config.yaml")
+    try:
+        run.text(yaml.safe_dump(masked_values(config), sort_keys=False), "config.yaml")
+        run.params(params)
+    except Exception as refusal:
+        run.refused.append("the configuration")
+        print(
+            f"The tracker refused the configuration of run {run.run_id} ({_first_line(refusal)}).",
+            file=sys.stderr,
+        )
 
 
 def _compute(
@@ -425,8 +446,7 @@ def _compute(
     """Run the study in a folder next to the final one; nothing appears under the final name unless all went well."""
     module = jobs.study_module(plan.study)
     if run is not None:
-        log_config(run, job.config)
-        run.params(run_names.parameters(job))
+        log_beginning(run, job.config, run_names.parameters(job))
     folder = plan.folder_of(job.hash)
     with files.staged(folder) as workspace:
         arguments = {**arguments, **_injected(module.run, workspace, progress, store)}
@@ -489,7 +509,7 @@ def _holds(folder: Path, job: Job) -> bool:
 
 
 def _first_line(error: Exception) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0]
+    return masked((str(error).splitlines() or [type(error).__name__])[0])
 
 
 def _report(

@@ -9,6 +9,7 @@ from typing import Any
 
 from experiments import files
 from experiments.errors import InputError
+from experiments.masking import masked
 from experiments.outcome import JobResult, Outcome
 from experiments.running import jobs, run_job, run_names, terminal
 from experiments.running.jobs import Job, Plan
@@ -64,7 +65,7 @@ def run(points: SweepPoints) -> int:
         try:
             launched = launcher.run(planned, plan)
             if tracked and not isinstance(launcher, InProcess):
-                store.mark_orphans_failed(study)  # the runs of processes that were killed
+                _mark_killed_failed(store, study)
             return _close(planned, plan, store, runs, launched)
         except BaseException:
             runs.fail()
@@ -99,6 +100,17 @@ def _mark_orphans_failed(store: Store, study: str) -> None:
     for run_id in store.mark_orphans_failed(study):
         print(
             f"Run {run_id} was still marked as running, but its process is gone: set to FAILED.",
+            file=sys.stderr,
+        )
+
+
+def _mark_killed_failed(store: Store, study: str) -> None:
+    """Mark the runs of processes that were killed; a tracker that refuses this takes no result away."""
+    try:
+        store.mark_orphans_failed(study)
+    except Exception as refusal:
+        print(
+            masked(f"The tracker refused to mark runs as FAILED: {str(refusal).splitlines()[0]}"),
             file=sys.stderr,
         )
 

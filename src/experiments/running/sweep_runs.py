@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from experiments.masking import masked
 from experiments.outcome import InputData, JobResult, Outcome
 from experiments.running import run_names
 from experiments.running.jobs import Job
 from experiments.running.run_job import (
     Report,
     headline_names,
-    log_config,
+    log_beginning,
     log_results,
     read_inputs,
     source_tags,
@@ -204,9 +206,9 @@ def _opened(
     first = jobs[0].config
     tags = {HASH_TAG: hash_of(jobs), "ctus.kind": kind, LEVEL_TAG: level, **source_tags(first)}
     run = store.start(str(first["study"]), name, tags, parent_id)
-    log_config(run, {key: value for key, value in first.items() if _alike(jobs, key, value)})
+    alike = {key: value for key, value in first.items() if _alike(jobs, key, value)}
     each = [run_names.parameters(job) for job in jobs]
-    run.params(run_names.shared_parameters(each, listed=level == SWEEP))
+    log_beginning(run, alike, run_names.shared_parameters(each, listed=level == SWEEP))
     return run
 
 
@@ -225,7 +227,11 @@ def _log_variant(run: RunWriter, variant: Variant, own: Ended, results: Sequence
     note = description([], _table(own, variant, shown))
     outcome = Outcome(metrics=shown, tags={NOTE_TAG: note}, inputs=_inputs(results))
     log_results(run, outcome, Path(), ())
-    run.text(metrics_text(metrics), METRICS_FILE)
+    try:
+        run.text(metrics_text(metrics), METRICS_FILE)
+    except Exception as refusal:
+        run.refused.append(METRICS_FILE)
+        print(masked(f"The tracker refused {METRICS_FILE}: {str(refusal).splitlines()[0]}"), file=sys.stderr)
 
 
 def _table(own: Ended, variant: Variant, shown: Mapping[str, float]) -> str:

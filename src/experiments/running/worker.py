@@ -7,6 +7,7 @@ job's configuration, and gets the report of how the job ended.
 from __future__ import annotations
 
 import json
+import os
 import signal
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,12 +16,17 @@ from pathlib import Path
 from typing import Any
 
 from experiments import files
+from experiments.masking import masked
 from experiments.outcome import Outcome
+from experiments.process_pool import end_with_parent
 from experiments.running import run_job
 from experiments.running.jobs import Job, Plan
 from experiments.running.run_job import Report
 from experiments.running.terminal import TerminalProgress, plain_console
 from experiments.tracking import Store
+
+# The process whose end is the end of this one too; without it the process is on its own.
+PARENT = "CTUS_PARENT_PROCESS"
 
 
 def run_one(job: Job, plan: Plan, progress: TerminalProgress) -> tuple[Report, Outcome | None]:
@@ -99,8 +105,28 @@ def write_job(job: Job, folder: Path) -> None:
     folder : Path
         The folder of the plan.
     """
-    content = json.dumps({"config": job.config, "label": job.label})
+    config = job.config
+    if tracker_secret(config):
+        config = {**config, "tracking": {**config["tracking"], "uri": None}}
+    content = json.dumps({"config": config, "label": job.label})
     files.write_text(_job_file(folder, job.hash), content)
+
+
+def tracker_secret(config: Mapping[str, Any]) -> dict[str, str]:
+    """Give the environment that carries a tracking address with a password, which is written into no file.
+
+    Parameters
+    ----------
+    config : mapping
+        A resolved configuration.
+
+    Returns
+    -------
+    dict of str to str
+        The address under the name of MLflow's variable; empty where it holds no password.
+    """
+    uri = (config.get("tracking") or {}).get("uri")
+    return {"MLFLOW_TRACKING_URI": uri} if isinstance(uri, str) and masked(uri) != uri else {}
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -122,6 +148,8 @@ def main(arguments: Sequence[str]) -> int:
     # Bars of several processes would overwrite each other; lines say whose they are.
     progress = TerminalProgress(plain_console(), prefix=f"{job.label}: " if job.label else "")
     with stoppable():
+        if PARENT in os.environ:
+            end_with_parent(int(os.environ[PARENT]), gently=True)
         report, _ = run_one(job, Plan.read(folder), progress)
         report.write(run_job.report_file(folder, key))
     return 0

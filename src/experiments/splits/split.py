@@ -14,10 +14,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from experiments.errors import InputError
+from experiments.errors import InputError, reading
 from experiments.files import write_text
 from experiments.unicode_names import same_name
 from models.labelled_frames import LabelledFrames
+from registration.text_files import read_text
 
 FOLD_SIDES = ("train", "validation", "test")
 OUTSIDE = ("selection", "held_out")
@@ -151,10 +152,8 @@ class Split:
             If it is another file.
         """
         content = read_json(path)
-        try:
+        with reading(path, "a split written as JSON"):
             return from_json(content)
-        except (KeyError, TypeError, AttributeError) as error:
-            raise InputError(f"{path}: expected a split written as JSON, received another file") from error
 
 
 def read_json(path: Path) -> Any:
@@ -175,12 +174,8 @@ def read_json(path: Path) -> Any:
     InputError
         If it can't be read as JSON.
     """
-    try:
-        return json.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"{path}: expected a split written as JSON, received another file ({error})"
-        ) from error
+    with reading(path, "a split written as JSON"):
+        return json.loads(read_text(path))
 
 
 def from_json(content: dict[str, Any]) -> Split:

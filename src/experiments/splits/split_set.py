@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from experiments.errors import InputError
+from experiments.errors import InputError, reading
 from experiments.files import write_text
 from experiments.splits.split import FOLD_SIDES, OUTSIDE, Split, from_json, read_json
 from models.labelled_frames import LabelledFrames
@@ -208,12 +208,10 @@ class SplitSet:
             If it is another file.
         """
         content = read_json(path)
-        try:
+        with reading(path, "a file of all folds"):
             return SplitSet(
                 tuple(from_json({**fold, "groups": content["groups"]}) for fold in content["folds"])
             )
-        except (KeyError, TypeError, AttributeError) as error:
-            raise InputError(f"{path}: expected a file of all folds, received other JSON") from error
 
 
 def _once(found: dict[Any, str], key: Any, group: str, place: str) -> None:

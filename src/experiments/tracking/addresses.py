@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from urllib.parse import urlsplit
 
 from experiments.errors import InputError
+from experiments.masking import masked
 from experiments.tracking.run_writer import server_unreachable
 
 SERVERS = ("http", "https")
@@ -38,13 +39,13 @@ def require_address(address: str) -> None:
     if not separator:
         # "localhost:5000", "tracker.example/mlflow"; a path of the file system is no server.
         host = re.fullmatch(r"(localhost|[\w-]+(\.[\w-]+)+|[\w.-]+(?=:\d))(:\d+)?(/.*)?", address)
-        guess = f"; did you mean http://{address}?" if host else ""
-        raise InputError(f"{_EXPECTED}, received {address!r}{guess}")
+        guess = f"; did you mean http://{masked(address)}?" if host else ""
+        raise InputError(f"{_EXPECTED}, received {masked(address)!r}{guess}")
     if scheme.partition("+")[0] not in (*SERVERS, *DATABASES):
-        raise InputError(f"{_EXPECTED}, received {address!r}")
+        raise InputError(f"{_EXPECTED}, received {masked(address)!r}")
     if scheme == "sqlite" and not rest.startswith("/"):
         raise InputError(
-            f"{_EXPECTED}, received {address!r} (an absolute path follows three slashes: sqlite:////runs.db)"
+            f"{_EXPECTED}, received {masked(address)!r} (an absolute path follows three slashes: sqlite:////runs.db)"
         )
     if scheme in SERVERS:
         try:
@@ -53,7 +54,7 @@ def require_address(address: str) -> None:
         except ValueError:  # a port that is no number
             valid = False
         if not valid:
-            raise InputError(f"{_EXPECTED}, received {address!r}")
+            raise InputError(f"{_EXPECTED}, received {masked(address)!r}")
 
 
 @contextmanager
@@ -72,7 +73,7 @@ def opening(address: str) -> Iterator[None]:
         raise
     except Exception as error:  # of MLflow, of the database's driver, of the network, of the file system
         if server_unreachable(error):
-            reason = f"expected an MLflow server that answers at {address}, received no answer"
+            reason = f"expected an MLflow server that answers at {masked(address)}, received no answer"
         elif address.startswith(SERVERS):
             reason = _of_server(address, str(error))
         else:
@@ -81,6 +82,7 @@ def opening(address: str) -> Iterator[None]:
 
 
 def _of_server(address: str, message: str) -> str:
+    address = masked(address)
     number = re.search(r"error code (\d+)", message)
     if number is None:
         # A page to log in at, or a web server of another kind: with status 200, but not in MLflow's words.
@@ -97,9 +99,8 @@ def _of_server(address: str, message: str) -> str:
 
 
 def _of_database(address: str, error: Exception) -> str:
-    # A name and a password in an address are nobody's business.
-    shown = re.sub(r"//[^/@]*@", "//***@", address)
-    message = str(error)
+    shown = masked(address)
+    message = masked(str(error))
     if "database schema" in message:
         found = re.search(r"found version (\w+), but expected (\w+)", message)
         versions = f" ({found[2]}), received {found[1]}" if found else ""

@@ -19,9 +19,11 @@ from urllib.parse import quote
 import pandas as pd
 
 from experiments.errors import InputError
+from experiments.masking import masked
 from experiments.outcome import InputData
 from experiments.tracking.headline import metrics_text
 from experiments.tracking.run_record import RunRecord
+from registration.io.atomic import atomic_write, remove_leftovers
 
 _JSON_COLUMNS = ("tags", "params")
 # Kept of a run that has lost its files from an earlier export.
@@ -67,16 +69,24 @@ def write_archive(records: Iterable[RunRecord], folder: Path) -> int:
         place = folder / folder_of(experiment)
         for record in fresh.values():
             _require_plain_id(record.run_id, record.experiment)
-        place.mkdir(parents=True, exist_ok=True)
+        for each in (place, place / "cases"):
+            each.mkdir(parents=True, exist_ok=True)
+            remove_leftovers(each)
         rows = pd.DataFrame([_row(record) for record in fresh.values()])
         history = pd.concat([record.history.assign(run_id=record.run_id) for record in fresh.values()])
-        _merged(place / "runs.parquet", rows, fresh).to_parquet(place / "runs.parquet", index=False)
-        _merged(place / "history.parquet", history, fresh).to_parquet(place / "history.parquet", index=False)
+        # The list of runs comes last: stopped at any point, all that it names is there.
         for record in fresh.values():
             if record.cases is not None:
-                (place / "cases").mkdir(exist_ok=True)
-                record.cases.to_parquet(place / "cases" / f"{record.run_id}.parquet", index=False)
+                _write(record.cases, place / "cases" / f"{record.run_id}.parquet")
+        _write(_merged(place / "history.parquet", history, fresh), place / "history.parquet")
+        _write(_merged(place / "runs.parquet", rows, fresh), place / "runs.parquet")
     return count
+
+
+def _write(table: pd.DataFrame, path: Path) -> None:
+    """Write a table so that the one before stays until the new one is complete."""
+    with atomic_write(path) as temporary:
+        table.to_parquet(temporary, index=False)
 
 
 def read_archive(folder: Path, experiments: list[str] | None = None) -> Iterator[RunRecord]:
@@ -155,7 +165,7 @@ def folder_of(experiment: str) -> str:
 
 
 def without_folders(text: str) -> str:
-    """The text with every absolute path cut to its last part.
+    """The text with every absolute path cut to its last part, and without passwords.
 
     Parameters
     ----------
@@ -172,7 +182,7 @@ def without_folders(text: str) -> str:
     >>> without_folders("root: /home/someone/data/usgra")
     'root: .../usgra'
     """
-    return _ABSOLUTE.sub(r".../\1", text)
+    return _ABSOLUTE.sub(r".../\1", masked(text))
 
 
 def _row(record: RunRecord) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.errors import InputError
+from experiments.masking import masked
 from experiments.paths import project_root
 from experiments.tracking import ORIGIN_TAG, PARENT_TAG, Store
 from experiments.tracking.archive import read_archive
@@ -116,7 +117,7 @@ def _stored(reference: str, store: Store, setting: str) -> Family:
         if origin.startswith(reference) or run.info.run_id.startswith(reference):
             found.setdefault(origin, run)
     titles = {key: f"{names[run.info.experiment_id]}, {run.info.run_name}" for key, run in found.items()}
-    top = found[_only(reference, titles, f"the store {store.address}", setting)]
+    top = found[_only(reference, titles, f"the store {masked(store.address)}", setting)]
     below, waiting = list[RunRecord](), [top]
     while waiting:
         run = waiting.pop(0)

@@ -13,6 +13,7 @@ from typing import Any
 import pandas as pd
 import yaml
 
+from experiments.masking import masked
 from experiments.outcome import InputData, Outcome
 from experiments.provenance import process_tags
 from experiments.tracking import METRICS_FILE, ORIGIN_TAG, PARENT_TAG, RunWriter, Store, loggable
@@ -263,7 +264,7 @@ def finished_run(
         parent_id=start.parent_id,
         tags={key: value for key, value in {**start.tags, **shown.tags}.items() if key != PARENT_TAG},
         params=dict(params),
-        config=yaml.safe_dump(dict(config), sort_keys=False),
+        config=masked(yaml.safe_dump(dict(config), sort_keys=False)),
         history=pd.DataFrame(points, columns=["metric", "step", "value", "timestamp_ms"]),
         cases=outcome.cases,
         metrics=dict(outcome.metrics),

@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from experiments.masking import masked
 from experiments.outcome import InputData
 from experiments.tracking.names import tracked_name
 from experiments.tracking.retry_queue import Call, Deferred
@@ -74,6 +75,8 @@ class RunWriter:
         self.run_id = run_id
         self.start = start
         self.lost = not known
+        # What the tracker refused, by name: the run is not complete there, and is kept as files.
+        self.refused: list[str] = []
         self._client = client
         self._deferred = Deferred(server_unreachable, _say)
         self._ended = threading.Event()
@@ -94,7 +97,9 @@ class RunWriter:
         """
         from mlflow.entities import Param
 
-        entries = [Param(tracked_name(key), str(value)[:_PARAM_LENGTH]) for key, value in params.items()]
+        entries = [
+            Param(tracked_name(key), masked(str(value))[:_PARAM_LENGTH]) for key, value in params.items()
+        ]
         for batch in _batches(entries, _PARAMS_A_BATCH):
             self._send(partial(self._client.log_batch, self.run_id, params=batch))
 
@@ -178,7 +183,12 @@ class RunWriter:
 
         entries = [
             DatasetInput(
-                Dataset(item.name, item.digest[:DIGEST_LENGTH], "local", json.dumps({"uri": item.source})),
+                Dataset(
+                    item.name,
+                    item.digest[:DIGEST_LENGTH],
+                    "local",
+                    json.dumps({"uri": masked(item.source)}),
+                ),
                 tags=[],
             )
             for item in data
@@ -196,7 +206,7 @@ class RunWriter:
         name : str
             Name of the artifact.
         """
-        self._send(partial(self._client.log_text, self.run_id, text, name))
+        self._send(partial(self._client.log_text, self.run_id, masked(text), name))
 
     def files(self, folder: Path, names: Iterable[str]) -> None:
         """Store the files ``names`` (paths from ``folder`` on) as artifacts under these names.
@@ -221,7 +231,7 @@ class RunWriter:
         """Set how the run ended, FINISHED, FAILED or KILLED, and when (now by default).
 
         A tracker that refuses this is no failure of what was computed: it is reported, and the run counts as failed at
-        the next call.
+        the next call. A run of which the tracker refused anything is not complete there and ends as FAILED.
 
         Parameters
         ----------
@@ -231,9 +241,12 @@ class RunWriter:
             End in ms since 1970; None for now.
         """
         self._ended.set()
+        if self.refused and status == "FINISHED":
+            status = "FAILED"
         try:
             self._send(partial(self._client.set_terminated, self.run_id, status, end_ms))
         except Exception as refusal:
+            self.refused.append("its end")
             _say(f"The tracker refused to end run {self.run_id} as {status}: {refusal}")
         self._give_up()
 
@@ -249,8 +262,13 @@ class RunWriter:
 
     def _give_up(self) -> None:
         """Take the run for lost unless the server answers within the last wait."""
-        if not self.lost and not self._deferred.last(LAST_WAIT_S):
-            self.lost = True
+        while not self.lost:
+            try:
+                self.lost = not self._deferred.last(LAST_WAIT_S)
+                return
+            except Exception as refusal:  # that call is gone; those after it are still to be made
+                self.refused.append("what had waited")
+                _say(f"The tracker refused what had waited of run {self.run_id}: {refusal}")
 
     def _beat(self) -> None:
         while not self._ended.wait(HEARTBEAT_S):
@@ -340,11 +358,11 @@ def server_unreachable(error: Exception) -> bool:
 
 
 def _say(sentence: str) -> None:
-    print(sentence.splitlines()[0], file=sys.stderr)
+    print(masked(sentence.splitlines()[0]), file=sys.stderr)
 
 
 def shortened(tags: Mapping[str, str]) -> dict[str, str]:
-    """Tags no longer than the tracker takes them.
+    """Tags no longer than the tracker takes them, without passwords.
 
     Parameters
     ----------
@@ -356,7 +374,7 @@ def shortened(tags: Mapping[str, str]) -> dict[str, str]:
     dict[str, str]
         The tags.
     """
-    return {key: value[:_TAG_LENGTH] for key, value in tags.items()}
+    return {key: masked(value)[:_TAG_LENGTH] for key, value in tags.items()}
 
 
 def _batches(entries: list[Any], size: int) -> Iterator[list[Any]]:

@@ -11,6 +11,7 @@ import json
 import os
 import re
 import shlex
+import sys
 import time
 import uuid
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -22,6 +23,7 @@ from urllib.parse import quote, unquote
 from filelock import FileLock
 
 from experiments.errors import InputError
+from experiments.masking import masked
 from experiments.paths import project_root
 from experiments.provenance import environment_tags, is_gone, process_tags
 from experiments.tracking.addresses import opening
@@ -75,8 +77,8 @@ class Store:
     def dashboard(self) -> str:
         """The command or the address that opens the dashboard."""
         if self.address.startswith(("http://", "https://")):
-            return self.address
-        return f"mlflow ui --backend-store-uri {shlex.quote(self.address)}"
+            return masked(self.address)
+        return f"mlflow ui --backend-store-uri {shlex.quote(masked(self.address))}"
 
     def client(self) -> MlflowClient:
         """The client, opened and initialised at the first call.
@@ -135,9 +137,11 @@ class Store:
             for name, value in wanted.items():
                 if tags.get(name) != value and (name == VIEW_TAG or name not in tags):
                     self.client().set_experiment_tag(identity, name, value)
-        except Exception as error:
+        except InputError:
+            raise
+        except Exception as error:  # a view is a convenience: without it the runs are the same
             if not server_unreachable(error):
-                raise
+                print(masked(f"The tracker refused a view ({str(error).splitlines()[0]})."), file=sys.stderr)
 
     def start(
         self, experiment: str, name: str, tags: Mapping[str, str], parent_id: str | None = None
@@ -173,9 +177,13 @@ class Store:
                 self.experiment_id(experiment), tags=shortened(all_tags), run_name=name[:LONGEST]
             )
         except Exception as error:
-            if not server_unreachable(error):
+            if isinstance(error, InputError):
                 raise
-            # The server was there when the call began: what the job computes is kept for it.
+            # The tracker was there when the call began: what the job computes is kept for it.
+            if not server_unreachable(error):
+                print(
+                    masked(f"The tracker refused a new run ({str(error).splitlines()[0]})."), file=sys.stderr
+                )
             return RunWriter(self.client(), uuid.uuid4().hex, beating=False, start=start, known=False)
         return RunWriter(self.client(), run.info.run_id, start=start)
 
@@ -498,6 +506,20 @@ def sqlite_file(address: str) -> Path:
     return Path(unquote(path.removeprefix("file://"))) if path.startswith("file://") else Path(path)
 
 
+def _make_database(database: Path) -> None:
+    """Make a new store under another name and rename it: one that is killed on the way leaves nothing half made.
+
+    Called under the lock, so that files of the other name are left over from a process that is gone.
+    """
+    from mlflow.store.tracking.sqlalchemy_store import SqlAlchemyStore
+
+    for left in database.parent.glob(f".{database.name}.making-*"):
+        left.unlink(missing_ok=True)
+    stage = database.parent / f".{database.name}.making-{os.getpid()}"
+    SqlAlchemyStore(sqlite_address(stage), (database.parent / "artifacts").as_uri()).engine.dispose()
+    stage.replace(database)
+
+
 def _open(address: str, folder: Path) -> MlflowClient:
     """Open the store; a SQLite file that is not there yet is made and given its tables under a lock."""
     os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
@@ -513,6 +535,8 @@ def _open(address: str, folder: Path) -> MlflowClient:
         database = sqlite_file(address)
         database.parent.mkdir(parents=True, exist_ok=True)
         with FileLock(database.parent / f".{database.name}.lock"):
+            if not database.exists() or not database.stat().st_size:
+                _make_database(database)
             client = MlflowClient(tracking_uri=address, registry_uri=address)
             client.search_experiments(max_results=1)
             if database == folder / "ctus.db":

@@ -19,6 +19,7 @@ from registration.benchmark.truth_files import read_json, truth_as_json
 from registration.errors import InputError
 from registration.geometry.open3d_bridge import quiet_open3d
 from registration.geometry.shapes import Mesh, require_cloud, require_points
+from registration.input_files import refusing
 from registration.io.atomic import atomic_folder, write_atomic
 from registration.io.point_clouds import write_cloud
 from registration.io.surfaces import read_surface, write_surface
@@ -87,6 +88,11 @@ def read_case(folder: Path) -> BenchmarkCase:
     InputError
         If a file is missing or malformed; the message names it.
     """
+    with refusing(folder, "a benchmark case"):
+        return _case(folder)
+
+
+def _case(folder: Path) -> BenchmarkCase:
     about = read_json(folder / CASE_FILE)
     missing = [key for key in ("case", "anatomy", "kind") if not isinstance(about.get(key), str)]
     if missing:

@@ -11,10 +11,15 @@ import numpy as np
 from registration.benchmark.cases import UNDEFORMED, CaseTruth
 from registration.benchmark.symmetry import Screw, Symmetry
 from registration.errors import InputError
+from registration.input_files import guarded
 from registration.text_files import read_text
 from registration.transforms import require_rigid
 
+# Clouds of the benchmark have some thousand points.
+MOST_POINTS = 10_000_000
 
+
+@guarded("the truth of a case")
 def read_truth(path: Path) -> CaseTruth:
     """Read the truth of one case.
 
@@ -39,7 +44,7 @@ def read_truth(path: Path) -> CaseTruth:
         if covered != targets or not targets:
             raise ValueError(f"{targets} targets with {covered} marks of what was swept")
         same_vessel, displacement = bool(told.get("same_vessel", True)), told.get("displacement_mm")
-        outlier = np.zeros(int(told["moving_points"]), dtype=bool)
+        outlier = np.zeros(_count(told["moving_points"]), dtype=bool)
         outlier[np.array(told["outliers"], dtype=np.int64)] = True
         truth = CaseTruth(
             name=str(told["case"]),
@@ -136,6 +141,13 @@ def _array(values: Any) -> np.ndarray:
     return found
 
 
+def _count(value: Any) -> int:
+    if not 0 <= int(value) <= MOST_POINTS:
+        raise ValueError(f"{value} points where there are at most {MOST_POINTS}")
+    return int(value)
+
+
+@guarded("JSON")
 def read_json(path: Path) -> dict[str, Any]:
     """Read a JSON object.
 
@@ -154,8 +166,6 @@ def read_json(path: Path) -> dict[str, Any]:
     InputError
         If the file is missing or holds no JSON object; the message names it.
     """
-    if not path.is_file():
-        raise InputError(f"{path}: expected a file of a benchmark case, received none")
     try:
         found = json.loads(read_text(path))
     except ValueError as refusal:

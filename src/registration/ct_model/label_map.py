@@ -12,6 +12,7 @@ from jaxtyping import Float64, Int64, Shaped
 
 from registration import transforms
 from registration.errors import InputError
+from registration.input_files import guarded
 from registration.io.segments import Segment, read_segments, scan_ends
 from registration.io.volumes import UNITS_KEY, read_volume
 
@@ -72,6 +73,7 @@ class LabelMap:
         return f"{label} ({self.names[label]})" if label in self.names else str(label)
 
 
+@guarded("a label map")
 def read_label_map(
     path: Path, space: str | None = None, units: str | None = None, nifti_form: str | None = None
 ) -> LabelMap:

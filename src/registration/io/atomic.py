@@ -3,13 +3,71 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
+import socket
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from registration.errors import InputError
+
+# Which process made a temporary file or folder: the machine's name, so that nobody removes what another one fills.
+_OWNER = re.compile(r"^\..*\.partial-(?P<host>[^.]*)-(?P<pid>\d+)(?:-|\.|$)")
+
+
+def partial_name(name: str) -> str:
+    """Return the beginning of a temporary name that says which process it is of.
+
+    Parameters
+    ----------
+    name : str
+        Final name.
+
+    Returns
+    -------
+    str
+        Hidden name with machine and process.
+    """
+    host = re.sub(r"[^A-Za-z0-9]", "", socket.gethostname()) or "host"
+    return f".{name}.partial-{host}-{os.getpid()}"
+
+
+def remove_leftovers(folder: Path) -> int:
+    """Remove what processes of this machine that are gone have left half written in a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder, which need not exist. Folders in it are not entered.
+
+    Returns
+    -------
+    int
+        How many files and folders were removed.
+    """
+    here, removed = partial_name("").rpartition("-")[0].rpartition("-")[2], 0
+    for path in folder.glob(".*.partial-*") if folder.is_dir() else ():
+        owner = _OWNER.match(path.name)
+        if owner is None or owner["host"] != here or _lives(int(owner["pid"])):
+            continue
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink(missing_ok=True)
+        removed += 1
+    return removed
+
+
+def _lives(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError):
+        return True
+    return True
 
 
 @contextmanager
@@ -30,7 +88,7 @@ def atomic_write(path: Path) -> Iterator[Path]:
         Temporary path to write to.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.parent / f".{path.stem}.partial-{os.getpid()}{path.suffix}"
+    temporary = path.parent / f"{partial_name(path.stem)}{path.suffix}"
     try:
         yield temporary
         temporary.replace(path)
@@ -76,7 +134,8 @@ def atomic_folder(path: Path) -> Iterator[Path]:
             f"{path}: expected a folder that does not exist yet or is empty, found one with content"
         )
     path.parent.mkdir(parents=True, exist_ok=True)
-    stage = Path(tempfile.mkdtemp(prefix=f".{path.name}.partial-", dir=path.parent))
+    remove_leftovers(path.parent)
+    stage = Path(tempfile.mkdtemp(prefix=f"{partial_name(path.name)}-", dir=path.parent))
     try:
         yield stage
         if path.exists():

@@ -11,6 +11,7 @@ import numpy as np
 
 from registration.errors import InputError
 from registration.geometry.shapes import Centerline, Polyline
+from registration.input_files import guarded
 from registration.io.atomic import atomic_write, write_atomic
 from registration.text_files import parse_number, read_text
 
@@ -57,6 +58,7 @@ def write_centerline(path: Path, centerline: Centerline, space: str = "LPS") -> 
         )
 
 
+@guarded("a table of a centerline")
 def read_centerline_table(path: Path) -> Centerline:
     """Read the table that ``write_centerline`` writes.
 
@@ -75,9 +77,6 @@ def read_centerline_table(path: Path) -> Centerline:
     InputError
         If the file cannot be read, has other columns or rows that are no points, or lines are mixed.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: expected a table of a centerline, received no file")
     rows = [row for row in csv.reader(read_text(path).splitlines()) if row]
     if not rows or tuple(entry.strip() for entry in rows[0]) != COLUMNS:
         received = ", ".join(rows[0]) if rows else "an empty file"

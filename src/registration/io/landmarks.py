@@ -15,6 +15,7 @@ from registration import transforms
 from registration.errors import InputError
 from registration.geometry.rigid_fit import kabsch
 from registration.geometry.shapes import LINE_SHARE, principal_frame
+from registration.input_files import guarded
 from registration.io.atomic import write_atomic
 from registration.io.centerlines import MARKUPS_SCHEMA
 from registration.io.patient_space import lps_from
@@ -153,6 +154,7 @@ def paired(moving: Landmarks, fixed: Landmarks) -> LandmarkPairs:
     return LandmarkPairs(moving.names, moving.points_mm, fixed.points_mm[order])
 
 
+@guarded("landmarks")
 def read_landmarks(path: Path) -> Landmarks:
     """Read the landmarks of a file of 3D Slicer's into LPS and mm, those left out that were never placed.
 

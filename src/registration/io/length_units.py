@@ -8,6 +8,9 @@ from pathlib import Path
 
 from registration.errors import InputError
 
+# A kilometre in micrometres.
+LARGEST = 1e9
+_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|\binf(?:inity)?\b", re.IGNORECASE)
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "um": 1e-3}
 _SPELLINGS = {
     "mm": ("mm", "millimeter", "millimetre", "millimeters", "millimetres"),
@@ -80,3 +83,25 @@ def stated_units(words: Sequence[str], field: str, path: Path) -> tuple[str, ...
             f"{path}: expected {field} of {', '.join(MM_PER_UNIT)} for every axis, found {', '.join(plain)}"
         )
     return tuple(str(unit) for unit in units)
+
+
+def require_plain_lengths(text: str, field: str, path: Path) -> None:
+    """Refuse lengths and directions that no volume has: ITK never ends over some of them.
+
+    Parameters
+    ----------
+    text : str
+        Field of a header; what is no number in it is left to others.
+    field : str
+        Name of the field, for messages.
+    path : Path
+        Name of the file, for messages.
+
+    Raises
+    ------
+    InputError
+        If a number is infinite or above ``LARGEST``.
+    """
+    for word in _NUMBER.findall(text):
+        if not abs(float(word)) <= LARGEST:
+            raise InputError(f"{path}: expected lengths and directions of a volume in {field}, found {word}")

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from registration.errors import InputError
+from registration.input_files import LARGEST_TEXT_BYTES, beside, guarded
 from registration.io.stored_data import Encoding, numbered_files, read_numbers, whole_number
 
 TYPES = {
@@ -21,6 +22,7 @@ TYPES = {
     "MET_DOUBLE": "f8",
 }  # fmt: skip
 _LONGEST_HEADER_LINE = 1 << 20
+_MOST_AXES = 10
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,7 @@ class MetaImageFile:
     values: np.ndarray
 
 
+@guarded("a MetaImage file")
 def read_metaimage_file(path: Path) -> MetaImageFile:
     """Read header and numbers of a MetaImage file.
 
@@ -77,6 +80,10 @@ def read_metaimage_file(path: Path) -> MetaImageFile:
         raise InputError(
             f"{path}: expected ElementType {', '.join(TYPES)}, found {fields.get('ElementType')}"
         )
+    # MetaIO follows NDims without a look at the other fields.
+    axes = whole_number(fields.get("NDims", str(len(sizes))), "NDims", path)
+    if axes != len(sizes) or axes > _MOST_AXES:
+        raise InputError(f"{path}: expected NDims as many as sizes, found {axes} and {fields['DimSize']}")
     if not sizes or min(sizes) < 0 or channels < 1:
         raise InputError(
             f"{path}: expected sizes of axes and one channel at least, found {fields['DimSize']}, {channels} channels"
@@ -92,7 +99,7 @@ def _read_header(path: Path) -> tuple[dict[str, str], int, list[str]]:
     fields: dict[str, str] = {}
     try:
         with path.open("rb") as stream:
-            while "ElementDataFile" not in fields:
+            while "ElementDataFile" not in fields and stream.tell() < LARGEST_TEXT_BYTES:
                 line = stream.readline(_LONGEST_HEADER_LINE)
                 key, equals, value = line.decode("latin-1").partition("=")
                 if not equals:
@@ -102,7 +109,7 @@ def _read_header(path: Path) -> tuple[dict[str, str], int, list[str]]:
                 fields[key.strip()] = value.strip()
             begin = stream.tell()
             listed = fields["ElementDataFile"].upper().split()[:1] == ["LIST"]
-            rest = stream.read().decode("latin-1").splitlines() if listed else []
+            rest = stream.read(LARGEST_TEXT_BYTES).decode("latin-1").splitlines() if listed else []
     except OSError as failure:
         raise InputError(
             f"{path}: expected a readable file, found {failure.strerror or failure}"
@@ -133,7 +140,7 @@ def _data_files(where: str, rest: list[str], path: Path) -> list[Path]:
     if where.upper() == "LOCAL":
         return [path]
     if words[:1] and words[0].upper() == "LIST":
-        return [path.parent / name for name in rest]
+        return [beside(path, name) for name in rest]
     if words and "%" in words[0]:
         return numbered_files(words[0], words[1:], path)
-    return [path.parent / where]
+    return [beside(path, where)]

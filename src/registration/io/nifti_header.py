@@ -17,11 +17,16 @@ from jaxtyping import Float64
 from registration import transforms
 from registration.errors import InputError
 
+# Extensions stand before the voxels: nobody's are longer.
+_LATEST_BEGIN = 1 << 28
 FORMS = ("qform", "sform")
 # Codes of lengths in xyzt_units; 0 is none.
 UNITS = {0: "", 1: "m", 2: "mm", 3: "um"}
 # Two transforms agree if they put every corner of the volume this close, or within a tenth of a voxel.
 _AGREEMENT_MM, _AGREEMENT_VOXELS = 0.1, 0.1
+# Bits of a voxel by the code of its type: a reader takes the type's, whatever the header says next to it.
+_BITS = {2: 8, 4: 16, 8: 32, 16: 32, 32: 64, 64: 64, 128: 24, 256: 8, 512: 16, 768: 32, 1024: 64, 1280: 64}
+_BITS |= {1536: 128, 1792: 128, 2048: 256, 2304: 32}
 
 
 @dataclass(frozen=True)
@@ -29,6 +34,7 @@ class _Layout:
     """Where a version of the format has its fields, as struct formats and places."""
 
     dim: tuple[str, int]
+    kind: tuple[str, int]
     bits: tuple[str, int]
     pixdim: tuple[str, int]
     begin: tuple[str, int]
@@ -40,10 +46,26 @@ class _Layout:
 
 _LAYOUTS = {
     348: _Layout(
-        ("8h", 40), ("h", 72), ("8f", 76), ("f", 108), ("2h", 252), ("6f", 256), ("12f", 280), ("b", 123)
+        ("8h", 40),
+        ("h", 70),
+        ("h", 72),
+        ("8f", 76),
+        ("f", 108),
+        ("2h", 252),
+        ("6f", 256),
+        ("12f", 280),
+        ("b", 123),
     ),
     540: _Layout(
-        ("8q", 16), ("h", 14), ("8d", 104), ("q", 168), ("2i", 344), ("6d", 352), ("12d", 400), ("i", 500)
+        ("8q", 16),
+        ("h", 12),
+        ("h", 14),
+        ("8d", 104),
+        ("q", 168),
+        ("2i", 344),
+        ("6d", 352),
+        ("12d", 400),
+        ("i", 500),
     ),
 }
 
@@ -180,6 +202,12 @@ def _header(head: bytes, order: str, layout: _Layout, named: Path) -> NiftiHeade
         raise InputError(
             f"{named}: expected 1 to 7 axes of one voxel at least, found {list(map(int, dim))} in dim"
         )
+    kind, bits, begin = int(at(layout.kind)[0]), int(at(layout.bits)[0]), at(layout.begin)[0]
+    if _BITS.get(kind) != bits or not 0 <= begin < _LATEST_BEGIN:
+        raise InputError(
+            f"{named}: expected a known type of voxels, its bits and their first byte, found type {kind}, "
+            f"{bits} bits, from byte {begin:g} on"
+        )
     unit = int(at(layout.units)[0]) & 7
     if unit not in UNITS:
         raise InputError(f"{named}: expected a length in m, mm or um, found code {unit} in xyzt_units")
@@ -188,7 +216,7 @@ def _header(head: bytes, order: str, layout: _Layout, named: Path) -> NiftiHeade
     code_format, first = layout.codes[0].removeprefix("2"), layout.codes[1]
     return NiftiHeader(
         sizes=sizes,
-        bytes=int(at(layout.begin)[0]) + math.prod(sizes) * int(at(layout.bits)[0]) // 8,
+        bytes=int(begin) + math.prod(sizes) * bits // 8,
         spacing=(float(pixdim[1]), float(pixdim[2]), float(pixdim[3])),
         qform=_qform(at(layout.quaternion), pixdim) if codes[0] > 0 else None,
         sform=sform if codes[1] > 0 else None,

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from registration.errors import InputError
+from registration.input_files import beside, guarded
 from registration.io.stored_data import Encoding, numbered_files, read_numbers, whole_number
 from registration.io.truncation import read_bytes
 
@@ -29,6 +30,7 @@ TYPES = {
 }  # fmt: skip
 _PACKINGS = {"raw": "raw", "gz": "gzip", "gzip": "gzip", "bz2": "bzip2", "bzip2": "bzip2"}
 _PACKINGS |= {"txt": "ascii", "text": "ascii", "ascii": "ascii", "hex": "hex"}
+_MOST_AXES = 16
 # Names of fields that may be written as one word.
 _JOINED = ("byte skip", "line skip", "data file", "sample units", "old min", "old max")
 # Where the numbers lie and how; the numbers themselves are given apart.
@@ -74,6 +76,7 @@ class NrrdFile:
         return self.fields.get(field, "").split()
 
 
+@guarded("an NRRD file")
 def read_nrrd_file(path: Path) -> NrrdFile:
     """Read header and numbers of a NRRD file.
 
@@ -105,6 +108,9 @@ def read_nrrd_file(path: Path) -> NrrdFile:
         raise InputError(
             f"{path}: expected whole numbers for sizes, found {fields.get('sizes')}"
         ) from failure
+    axes = whole_number(fields.get("dimension", str(len(sizes))), "dimension", path)
+    if axes != len(sizes) or axes > _MOST_AXES:
+        raise InputError(f"{path}: expected dimension as many as sizes, found {axes} and {fields['sizes']}")
     if not sizes or min(sizes) < 0:
         raise InputError(f"{path}: expected sizes of axes, found {fields['sizes']!r}")
     kind, packing = TYPES.get(fields.get("type", "").lower()), _PACKINGS.get(_encoding(fields))
@@ -188,10 +194,10 @@ def _header(text: str) -> tuple[dict[str, str], dict[str, str], list[str]]:
 def _data_files(where: str, listed: list[str], path: Path) -> list[Path]:
     words = where.split()
     if words[:1] == ["LIST"]:
-        return [path.parent / name for name in listed]
+        return [beside(path, name) for name in listed]
     if words and "%" in words[0]:
         return numbered_files(words[0], words[1:], path)
-    return [path.parent / where] if where and where.upper() != "LOCAL" else []
+    return [beside(path, where)] if where and where.upper() != "LOCAL" else []
 
 
 def _escaped(text: str) -> str:

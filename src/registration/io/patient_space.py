@@ -16,6 +16,7 @@ from jaxtyping import Float64
 
 from registration.errors import InputError
 from registration.geometry.shapes import Mesh
+from registration.input_files import guarded
 from registration.io.atomic import atomic_write
 from registration.io.surface_files.stl import is_text
 from registration.io.surface_files.vtk_polydata import read_polydata
@@ -25,6 +26,7 @@ _STATED = re.compile(rb"SPACE=(LPS|RAS)")
 _HEADER_BYTES = 1 << 14
 
 
+@guarded("a surface")
 def stated_space(path: Path) -> str | None:
     """Find out which axes the header of a mesh's file names.
 

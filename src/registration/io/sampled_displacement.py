@@ -13,7 +13,10 @@ from scipy.ndimage import map_coordinates
 
 from registration.errors import InputError
 from registration.geometry.shapes import METRES_BELOW_MM
+from registration.input_files import guarded
 from registration.io.displacement_fields import require_vectors
+from registration.io.transforms import require_whole_hdf5
+from registration.io.trial_process import require_harmless_transform
 from registration.io.truncation import require_file
 from registration.io.volumes import read_volume
 
@@ -135,6 +138,7 @@ class SampledDisplacement:
         return min(_smallest_of_cells(slab, self.mm_A_node) for slab in slabs)
 
 
+@guarded("a displacement field")
 def read_sampled_displacement(path: Path) -> SampledDisplacement:
     """Read an ITK displacement field, an image of vectors or a transform, in LPS and mm.
 
@@ -179,6 +183,8 @@ def read_sampled_displacement(path: Path) -> SampledDisplacement:
 def _field_of_transform(path: Path) -> Any:
     import SimpleITK
 
+    require_whole_hdf5(path)
+    require_harmless_transform(path)
     try:
         transform = SimpleITK.ReadTransform(str(path))
     except RuntimeError as refusal:

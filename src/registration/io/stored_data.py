@@ -11,12 +11,14 @@ import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from registration.errors import InputError
+from registration.input_files import beside, require_regular, require_unpacked_size
 
-_NUMBERED = re.compile(r"%0?\d*[diu]")
+_NUMBERED = re.compile(r"%0?\d{0,2}[diu]")
 _MAX_FILES = 100_000
 
 
@@ -65,22 +67,25 @@ class Encoding:
         InputError
             If the bytes cannot be unpacked or hold fewer numbers.
         """
-        for _ in range(self.lines_skipped):
-            _, end, data = data.partition(b"\n")
-            if not end:
-                raise InputError(f"{path}: expected {self.lines_skipped} lines to skip, found fewer")
-        data = _unpack(data, self.packing, path)
-        if self.packing == "ascii":
-            return _from_text(data[max(self.bytes_skipped, 0) :], kind, count, path)
+        data = self._without_lines(data, path)
         size = count * np.dtype(kind).itemsize
+        if self.packing == "ascii":
+            _require_words(len(data), count, path)
+            return _from_text(data[max(self.bytes_skipped, 0) :], kind, count, path)
+        data = _unpack(data, self.packing, max(self.bytes_skipped, 0) + size, path)
         first = len(data) - size if self.bytes_skipped == -1 else self.bytes_skipped
         if first < 0 or len(data) - first < size:
-            raise InputError(
-                f"{path}: expected {size} bytes of pixels, found {max(0, len(data) - max(first, 0))} "
-                "(the file was cut short)"
-            )
+            raise _cut_short(path, size, max(0, len(data) - max(first, 0)))
         numbers = np.frombuffer(data, np.dtype(self.order + kind), count=count, offset=first)
         return numbers.astype(kind, copy=False)
+
+    def _without_lines(self, data: bytes, path: Path | str) -> bytes:
+        begin = 0
+        for _ in range(self.lines_skipped):
+            begin = data.find(b"\n", begin) + 1
+            if not begin:
+                raise InputError(f"{path}: expected {self.lines_skipped} lines to skip, found fewer")
+        return data[begin:]
 
 
 def read_numbers(
@@ -115,16 +120,16 @@ def read_numbers(
     """
     if not files or count % len(files):
         raise InputError(f"{path}: expected {count} numbers in equal parts, found {len(files)} data files")
+    if len(set(files)) != len(files):
+        raise InputError(
+            f"{path}: expected each data file once, found {len(files)} names of {len(set(files))}"
+        )
+    share = count // len(files)
     parts = []
     for file in files:
-        try:
-            data = file.read_bytes()[begin:]
-        except OSError as failure:
-            raise InputError(
-                f"{path}: expected its voxels in {file}, received {(failure.strerror or str(failure)).lower()}"
-            ) from failure
         name = path if file == path else f"{path}: {file.name}"
-        parts.append(encoding.decode(data, kind, count // len(files), name))
+        data = _part(file, encoding, share * np.dtype(kind).itemsize, begin, path, name)
+        parts.append(encoding.decode(data, kind, share, name))
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
@@ -161,7 +166,7 @@ def numbered_files(pattern: str, words: Sequence[str], path: Path) -> list[Path]
         raise InputError(
             f"{path}: expected a pattern with one number (slice%03d.raw 1 20 1), found {pattern}"
         )
-    return [path.parent / (pattern % number) for number in numbers]
+    return [beside(path, pattern % number) for number in numbers]
 
 
 def whole_number(text: str, name: str, path: Path) -> int:
@@ -192,40 +197,76 @@ def whole_number(text: str, name: str, path: Path) -> int:
         raise InputError(f"{path}: expected a whole number in {name}, found {text!r}") from failure
 
 
-def _unpack(data: bytes, packing: str, path: Path | str) -> bytes:
+def _part(file: Path, encoding: Encoding, size: int, begin: int, path: Path, name: Path | str) -> bytes:
+    """The bytes of one file from ``begin`` on; those that hold no pixels are not read where they can be told."""
+    try:
+        there = require_regular(file).stat().st_size - begin
+    except InputError as failure:
+        found = str(failure).partition(", received ")[2]
+        raise InputError(f"{path}: expected its voxels in {file}, received {found}") from failure
+    plain = encoding.packing == "raw" and not encoding.lines_skipped
+    needed = size + max(encoding.bytes_skipped, 0)
+    if plain and there < needed:
+        raise _cut_short(name, size, max(0, there - max(encoding.bytes_skipped, 0)))
+    try:
+        with file.open("rb") as stream:
+            stream.seek(begin)
+            return stream.read(needed if plain and encoding.bytes_skipped >= 0 else -1)
+    except OSError as failure:
+        raise InputError(
+            f"{path}: expected its voxels in {file}, received {(failure.strerror or str(failure)).lower()}"
+        ) from failure
+
+
+def _cut_short(path: Path | str, size: int, found: int) -> InputError:
+    return InputError(f"{path}: expected {size} bytes of pixels, found {found} (the file was cut short)")
+
+
+def _unpack(data: bytes, packing: str, size: int, path: Path | str) -> bytes:
     if packing == "hex":
         try:
             return bytes.fromhex(data.decode("ascii"))
         except ValueError as failure:
             raise InputError(f"{path}: expected hexadecimal digits as pixels, found others") from failure
-    if packing in ("gzip", "zlib"):
-        # 32 recognises either header; several gzip streams in a row are one file.
-        return _streams(
-            data, lambda: zlib.decompressobj(zlib.MAX_WBITS | 32), packing == "gzip", packing, path
-        )
+    if packing == "raw":
+        return data
+    require_unpacked_size(size, len(data), path)
     if packing == "bzip2":
-        return _streams(data, bz2.BZ2Decompressor, True, packing, path)
-    return data
+        return _streams(data, bz2.BZ2Decompressor, packing, size, path)
+    # 32 recognises either header.
+    return _streams(data, lambda: zlib.decompressobj(zlib.MAX_WBITS | 32), packing, size, path)
 
 
-def _streams(
-    data: bytes, start: Callable[[], object], several: bool, packing: str, path: Path | str
-) -> bytes:
+def _streams(data: bytes, start: Callable[[], Any], packing: str, size: int, path: Path | str) -> bytes:
+    """Unpack one stream, or several gzip or bzip2 streams in a row, to their end, where their sum is checked."""
     kind = {"gzip": "gzipped", "zlib": "zlib-compressed", "bzip2": "bzip2-compressed"}[packing]
     magic = {"gzip": b"\x1f\x8b", "bzip2": b"BZh", "zlib": b""}[packing]
-    whole: list[bytes] = []
-    while not whole or (several and data.startswith(magic)):
+    whole = bytearray()
+    while not whole or (magic and data.startswith(magic)):
         stream = start()
         try:
-            whole.append(stream.decompress(data))  # type: ignore[attr-defined]
-        except (zlib.error, OSError) as failure:
+            # One byte more than promised shows that there are more, and is all that they may take.
+            whole += stream.decompress(data, size + 1 - len(whole))
+        except (zlib.error, OSError, EOFError) as failure:
             raise InputError(f"{path}: expected {kind} pixels, found broken data ({failure})") from failure
-        if not stream.eof:  # type: ignore[attr-defined]
+        if len(whole) > size:
+            raise InputError(
+                f"{path}: expected {size} bytes of {kind} pixels, as its header says, found more"
+            )
+        if not stream.eof:
             raise InputError(
                 f"{path}: expected {kind} pixels with their end, found a stream that breaks off (cut short)"
             )
-        data = stream.unused_data  # type: ignore[attr-defined]
-    return b"".join(whole)
+        data = stream.unused_data
+    return bytes(whole)
+
+
+def _require_words(size: int, count: int, path: Path | str) -> None:
+    """Numbers as text take a digit and a blank each: what cannot hold them is not even split."""
+    if 2 * count - 1 > size:
+        raise InputError(
+            f"{path}: expected {count} pixels as text, found {size} bytes (the file was cut short)"
+        )
 
 
 def _from_text(data: bytes, kind: str, count: int, path: Path | str) -> np.ndarray:

@@ -15,6 +15,7 @@ import numpy as np
 from registration.errors import InputError
 from registration.geometry.open3d_bridge import point_body, quiet_open3d, triangle_body
 from registration.geometry.shapes import Centerline, Mesh, Polyline, Surface, require_cloud
+from registration.input_files import guarded
 from registration.io.atomic import atomic_write
 from registration.io.surface_files.obj import read_obj
 from registration.io.surface_files.pcd import read_pcd
@@ -40,6 +41,7 @@ _READERS: dict[str, Callable[[Path], Polygons]] = {
 READABLE = tuple(_READERS)
 
 
+@guarded("a mesh or a cloud")
 def read_surface(path: Path) -> Surface:
     """Read a mesh or a cloud.
 
@@ -118,6 +120,7 @@ def write_surface(path: Path, surface: Surface) -> None:
             raise OSError(f"{path}: could not be written")
 
 
+@guarded("a centerline of VTK")
 def read_centerline(path: Path) -> Centerline:
     """Read the polylines of a VTK file.
 

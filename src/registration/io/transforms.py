@@ -24,8 +24,10 @@ from jaxtyping import Float64
 
 from registration import transforms
 from registration.errors import InputError
+from registration.input_files import guarded
 from registration.io.atomic import atomic_write
 from registration.io.itk_mat import require_itk_mat
+from registration.io.trial_process import require_harmless_transform
 from registration.io.truncation import require_file
 from registration.text_files import parse_number, read_text
 
@@ -37,6 +39,7 @@ _BETWEEN = re.compile(r"[\s,;\[\]]+")
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
+@guarded("a transform")
 def read_transform(path: Path) -> Float64[np.ndarray, "4 4"]:
     """Read a ``fixed_T_moving`` in mm.
 
@@ -142,7 +145,8 @@ def _read_json(path: Path) -> np.ndarray:
 def _read_itk(path: Path) -> np.ndarray:
     """The 4x4 matrix of a linear transform, found from where it takes four points, whatever class wrote it."""
     if path.suffix.lower() in (".h5", ".hdf5"):
-        _require_whole_hdf5(path)
+        require_whole_hdf5(path)
+        require_harmless_transform(path)
     if path.suffix.lower() == ".mat":
         require_itk_mat(path)
     sitk = _sitk()
@@ -182,9 +186,21 @@ def _without_mark(path: Path) -> Iterator[Path]:
         yield plain
 
 
-def _require_whole_hdf5(path: Path) -> None:
+def require_whole_hdf5(path: Path) -> None:
     """Refuse what is no HDF5 file or shorter than it says, for which the library prints a page before it fails.
 
+    Parameters
+    ----------
+    path : Path
+        File.
+
+    Raises
+    ------
+    InputError
+        If it is no whole HDF5 file.
+
+    Notes
+    -----
     HDF5 File Format Specification, superblock: the version follows the signature, and the address of the end of the
     file is the third of four addresses that begin at byte 24 (versions 0 and 1), 28 (1) or 12 (2 and 3).
     """

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from registration.errors import InputError
+from registration.input_files import read_regular, require_regular
 
 
 def require_file(path: Path) -> Path:
@@ -23,12 +24,9 @@ def require_file(path: Path) -> Path:
     Raises
     ------
     InputError
-        If there is no such file, it is a folder, or it cannot be read.
+        If there is no such file, it is a folder, a device or a pipe, or it cannot be read.
     """
-    path = Path(path)
-    if not path.is_file():
-        found = "a folder" if path.is_dir() else "nothing there"
-        raise InputError(f"{path}: expected a file, received {found}")
+    path = require_regular(path)
     try:
         path.open("rb").close()
     except OSError as refusal:
@@ -56,9 +54,4 @@ def read_bytes(path: Path) -> bytes:
     InputError
         If it cannot be read.
     """
-    try:
-        return path.read_bytes()
-    except OSError as failure:
-        raise InputError(
-            f"{path}: expected a readable file, found {failure.strerror or failure}"
-        ) from failure
+    return read_regular(path)

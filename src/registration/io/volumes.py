@@ -21,7 +21,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from registration.errors import InputError
-from registration.io.length_units import MM_PER_UNIT, quoted, stated_units
+from registration.input_files import guarded, require_unpacked_size
+from registration.io.length_units import MM_PER_UNIT, quoted, require_plain_lengths, stated_units
 from registration.io.metaimage_file import read_metaimage_file
 from registration.io.nifti_header import FORMS, NiftiHeader, read_nifti_header
 from registration.io.nrrd_file import nrrd_header, read_nrrd_file
@@ -38,6 +39,13 @@ READERS = {
 }
 # Under this name the image carries the unit that the file states, empty where it states none.
 UNITS_KEY = "stated units"
+_NRRD_LENGTHS = ("space directions", "space origin", "spacings", "axis mins", "axis maxs", "thicknesses")
+_META_LENGTHS = (
+    *("TransformMatrix", "Orientation", "Rotation", "Offset", "Position", "Origin", "CenterOfRotation"),
+    *("ElementSpacing", "ElementSize"),
+)
+# Programs may write a little after the voxels; what is more is none of theirs.
+_NIFTI_HEAD, _BLOCK, _AFTER_VOXELS = 544, 1 << 20, 1 << 16
 _DETACHED = {"ElementDataFile", "CompressedData", "CompressedDataSize", "HeaderSize", "BinaryData"}
 _DETACHED |= {"BinaryDataByteOrderMSB", "ElementByteOrderMSB"}
 
@@ -72,6 +80,7 @@ def volume_suffix(path: Path) -> str:
     return next((suffix for suffix in sorted(READERS, key=len, reverse=True) if name.endswith(suffix)), "")
 
 
+@guarded("a volume")
 def read_volume(path: Path, units: str | None = None, nifti_form: str | None = None) -> Any:
     """Read a volume by SimpleITK, its lengths in millimetres.
 
@@ -177,6 +186,8 @@ def _complete(path: Path, suffix: str, units: str | None, form: str | None) -> I
 
 def _nrrd(path: Path, target: Path) -> _Copy:
     file = read_nrrd_file(path)
+    for field in _NRRD_LENGTHS:
+        require_plain_lengths(file.fields.get(field, ""), field, path)
     with target.open("wb") as stream:
         stream.write(nrrd_header(file.fields, file.keys, "raw"))
         stream.write(np.ascontiguousarray(file.values.astype(file.values.dtype.newbyteorder("<"))).tobytes())
@@ -193,6 +204,8 @@ def _nrrd(path: Path, target: Path) -> _Copy:
 def _metaimage(path: Path, target: Path) -> _Copy:
     file = read_metaimage_file(path)
     fields = {name: value for name, value in file.fields.items() if name not in _DETACHED}
+    for field in _META_LENGTHS:
+        require_plain_lengths(fields.get(field, ""), field, path)
     fields = {"BinaryData": "True", "BinaryDataByteOrderMSB": "False", "CompressedData": "False"} | fields
     # ObjectType comes first in a file that MetaIO writes, ElementDataFile last in any.
     ordered = {"ObjectType": fields.pop("ObjectType", "Image"), **fields, "ElementDataFile": "LOCAL"}
@@ -220,6 +233,8 @@ def _nifti(path: Path, suffix: str, target: Path, units: str | None, form: str |
     if source == target:
         _keep_form(target, header, name)
     lps_A_voxel = np.diag([-1.0, -1.0, 1.0, 1.0]) @ ras_A_voxel if name else ras_A_voxel
+    for number in (*header.spacing, *ras_A_voxel.ravel()):
+        require_plain_lengths(f"{number:g}", "pixdim, qform or sform", path)
     return _Copy(source, (header.units,) * 3 if header.units else (), lps_A_voxel)
 
 
@@ -233,9 +248,20 @@ def _keep_form(path: Path, header: NiftiHeader, name: str) -> None:
 
 
 def _unpack(path: Path, target: Path) -> None:
+    """Unpack no more than the header asks for, and to the end, where the sum is checked."""
     try:
         with gzip.open(path) as packed, target.open("wb") as stream:
-            shutil.copyfileobj(packed, stream, 1 << 20)
+            head = packed.read(_NIFTI_HEAD)
+            stream.write(head)
+            stream.flush()
+            size = read_nifti_header(target, path).bytes
+            require_unpacked_size(size, path.stat().st_size, path)
+            left = size + _AFTER_VOXELS - len(head)
+            while block := packed.read(min(_BLOCK, left + 1)):
+                left -= len(block)
+                if left < 0:
+                    raise InputError(f"{path}: expected {size} bytes, as its header says, found more")
+                stream.write(block)
     except (EOFError, gzip.BadGzipFile, zlib.error) as refusal:
         raise InputError(
             f"{path}: expected a complete gzip file, received one that breaks off ({refusal})"

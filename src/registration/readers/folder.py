@@ -25,6 +25,7 @@ from scipy.spatial.transform import Rotation
 
 from registration import transforms
 from registration.errors import InputError
+from registration.input_files import refusing
 from registration.io.atomic import atomic_folder
 from registration.readers.plus.calibration_file import calibration_from, calibration_yaml, read_yaml
 from registration.readers.plus.sequence import to_mf
@@ -66,6 +67,10 @@ class FolderReader:
         """
         if not path.is_dir():
             raise InputError(f"{path}: expected a folder with frames/, poses.csv and sweep.yaml, found none")
+        with refusing(path, "a folder of a tracked sweep"):
+            return self._read(path)
+
+    def _read(self, path: Path) -> TrackedSweep:
         settings_path = path / "sweep.yaml"
         settings = read_yaml(settings_path)
         unit = settings.get("units")

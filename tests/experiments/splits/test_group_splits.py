@@ -234,5 +234,5 @@ def test_a_file_must_leave_the_data_sets_test_groups_outside(tmp_path) -> None:
 
 
 def test_refuses_a_file_that_is_not_there(tmp_path) -> None:
-    with pytest.raises(InputError, match=r"none\.json: expected a split written as JSON"):
+    with pytest.raises(InputError, match=r"none\.json: expected a file, received nothing there"):
         GroupSplits(file=str(tmp_path / "none.json")).pairs()

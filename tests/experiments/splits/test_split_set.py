@@ -106,7 +106,10 @@ def test_written_and_read_folds_are_the_same(tmp_path) -> None:
 )
 def test_refuses_a_file_that_holds_no_folds(tmp_path, content: str) -> None:
     (tmp_path / "splits.json").write_text(content)
-    with pytest.raises(InputError, match=r"splits\.json: expected a file of all folds, received other JSON"):
+    with pytest.raises(
+        InputError,
+        match=r"splits\.json: expected a file of all folds, received a file that can't be read as one",
+    ):
         SplitSet.read(tmp_path / "splits.json")
 
 

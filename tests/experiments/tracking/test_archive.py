@@ -297,3 +297,31 @@ def test_runs_survive_the_store_they_were_made_in(
     counting_study.calls.clear()
     assert main(["study=counting", "resume=true"]) == 0
     assert counting_study.calls == []
+
+
+@pytest.mark.parametrize("stopped_at", range(5))
+def test_an_export_that_is_killed_leaves_the_archive_as_it_was_or_as_it_becomes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stopped_at: int
+) -> None:
+    write_archive([record("a"), record("b")], tmp_path)
+    real, written = pd.DataFrame.to_parquet, []
+
+    def stop(self: pd.DataFrame, path: Path, **named: object) -> None:
+        written.append(path)
+        if len(written) > stopped_at:
+            Path(path).write_bytes(b"PAR1 half")
+            raise KeyboardInterrupt
+        real(self, path, **named)
+
+    monkeypatch.setattr(pd.DataFrame, "to_parquet", stop)
+    try:
+        write_archive([record("b", value=2.0), record("c", value=3.0)], tmp_path)
+    except KeyboardInterrupt:
+        assert stopped_at < 4
+    runs = {run.run_id: run for run in read_archive(tmp_path)}
+    assert {"a", "b"} <= set(runs)
+    assert ("c" in runs) == (stopped_at >= 4)
+    for run in runs.values():
+        assert len(run.history) == 2
+        assert run.cases is not None
+    assert runs["a"].history["value"].tolist() == [0.5, 1.0]

@@ -79,7 +79,7 @@ def test_the_digest_is_that_of_the_case_and_none_without_it(folder: Path) -> Non
 
 def test_broken_cases_are_named(folder: Path, tmp_path: Path) -> None:
     case = folder / CASE.name
-    with pytest.raises(InputError, match=r"another/case.json: expected a file of a benchmark case"):
+    with pytest.raises(InputError, match=r"another/case.json: expected a file, received nothing there"):
         read_case(folder / "another")
     write_surface(case / "fixed.ply", CASE.fixed_mm)
     with pytest.raises(InputError, match=r"fixed.ply: expected a mesh, received points alone"):

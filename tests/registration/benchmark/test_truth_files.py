@@ -78,7 +78,7 @@ def test_a_file_that_is_no_truth_is_named(tmp_path: Path, change: dict[str, Any]
 
 def test_files_that_are_no_json_object_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "truth.json"
-    with pytest.raises(InputError, match="received none"):
+    with pytest.raises(InputError, match="expected a file, received nothing there"):
         read_truth(path)
     path.write_text("{")
     with pytest.raises(InputError, match="expected JSON"):

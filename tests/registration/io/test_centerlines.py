@@ -75,7 +75,7 @@ def test_bad_tables_are_refused(tmp_path: Path, text: str, message: str) -> None
     (tmp_path / "table.csv").write_text(text)
     with pytest.raises(InputError, match=message):
         read_centerline_table(tmp_path / "table.csv")
-    with pytest.raises(InputError, match="received no file"):
+    with pytest.raises(InputError, match="expected a file, received nothing there"):
         read_centerline_table(tmp_path / "none.csv")
 
 

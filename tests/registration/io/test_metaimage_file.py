@@ -114,7 +114,7 @@ def test_what_simpleitk_takes_for_other_numbers(tmp_path: Path) -> None:
             RAW,
             "expected a whole number in ElementNumberOfChannels",
         ),
-        ("", "LIST", b"a.raw\nb.raw\n", r"expected its voxels in .*a\.raw, received no such file"),
+        ("", "LIST", b"a.raw\nb.raw\n", r"expected its voxels in .*a\.raw, received nothing there"),
         ("", "LIST", b"", "expected 60 numbers in equal parts, found 0 data files"),
         ("", "s%d.raw 3 1 1", b"", "expected a pattern with one number"),
     ],

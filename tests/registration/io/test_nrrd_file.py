@@ -127,7 +127,7 @@ def test_keys_are_no_fields_and_keep_their_escapes(tmp_path: Path) -> None:
         ("ascii", "", PACKED["ascii"].replace(b"-4000", b"many"), "expected pixels of type i2 as text"),
         ("ascii", "", PACKED["ascii"].replace(b"-4000", b"40000"), "expected pixels of type i2 as text"),
         ("hex", "", b"xy" * 120, "expected hexadecimal digits"),
-        ("raw", "data file: none.raw\n", b"", "expected its voxels in .*none.raw, received no such file"),
+        ("raw", "data file: none.raw\n", b"", "expected its voxels in .*none.raw, received nothing there"),
         ("raw", "data file: s%d.raw 1 x\n", b"", "expected first, last and step of the numbers in s%d.raw"),
         ("raw", "data file: s%s.raw 1 2 1\n", b"", "expected a pattern with one number"),
         ("raw", "data file: s%d.raw 1 7 1\n", b"", "expected 60 numbers in equal parts, found 7 data files"),

@@ -107,7 +107,7 @@ def test_repeated_row_is_left_out_but_its_frame_is_kept(tmp_path: Path) -> None:
             "time,tx",
             r"poses\.csv: expected the columns timestamp_s, .* found time",
         ),
-        ("frames.csv", "000002.png", "900002.png", r"900002\.png: expected a readable PNG"),
+        ("frames.csv", "000002.png", "900002.png", r"900002\.png: expected a file, received nothing there"),
         ("frames.csv", "000002.png,", "000002.png,x", r"frames\.csv: expected numbers for timestamp_s"),
     ],
 )

@@ -12,12 +12,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.errors import InputError
-from experiments.inputs.surfaces import read_pose
+from experiments.inputs.surfaces import naming, read_pose
 from registration import transforms
 from registration.benchmark.alternative_pose import SecondPose, second_pose
 from registration.benchmark.cases import BenchmarkCase, CaseTruth
 from registration.benchmark.scoring import PoseScore, lowest_tre_mm, score_pose
+from registration.input_files import refusing
 from registration.rigid.result import ACCEPTED, FAILED, NOT_JUDGED, VERDICTS
+from registration.text_files import read_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -211,10 +213,8 @@ def _second(result: PoseResult, truth: CaseTruth, case: BenchmarkCase | None) ->
 def _object(path: Path) -> dict[str, Any]:
     if not path.is_file():
         raise InputError(f"prediction: {path}: expected a file with a fixed_T_moving, received none")
-    try:
-        found = json.loads(path.read_text(encoding="utf-8-sig"))
-    except ValueError as refusal:
-        raise InputError(f"prediction: {path}: expected JSON, received {refusal}") from refusal
+    with naming("prediction"), refusing(path, "JSON"):
+        found = json.loads(read_text(path))
     if not isinstance(found, dict):
         raise InputError(f"prediction: {path}: expected a JSON object, received a {type(found).__name__}")
     return found

@@ -9,9 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.errors import InputError
+from experiments.inputs.surfaces import naming
 from registration import transforms
 from registration.geometry.shapes import Mesh
+from registration.input_files import refusing
 from registration.metrics.targets import target_points
+from registration.text_files import read_text
 
 if TYPE_CHECKING:
     from registration.phantom.scan import SimulatedSweep
@@ -105,10 +108,8 @@ def read_targets(path: Path, name: str = "reference") -> tuple[np.ndarray, str] 
         If a .json file holds no JSON, or the targets are no points or lie in another coordinate frame than
         the fixed model.
     """
-    try:
-        found = json.loads(path.read_text(encoding="utf-8")) if path.suffix.lower() == ".json" else None
-    except (OSError, ValueError) as refusal:
-        raise InputError(f"{name}: {path}: expected JSON, received {refusal}") from refusal
+    with naming(name), refusing(path, "JSON"):
+        found = json.loads(read_text(path)) if path.suffix.lower() == ".json" else None
     # The truth of a benchmark's case has targets too, and its symmetry, and is read whole.
     if not isinstance(found, dict) or TARGETS not in found or "symmetry" in found:
         return None

@@ -6,27 +6,21 @@ values, leaves the EXIF orientation to the caller, and drops the lower bytes of 
 
 from __future__ import annotations
 
-import struct
+import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Shaped, UInt8
-from PIL import Image, ImageOps, UnidentifiedImageError
+from PIL import Image, ImageOps
 
-from experiments.errors import InputError
+from experiments.errors import InputError, reading
+from registration.input_files import read_regular
+from registration.io.image_checksums import LARGEST_PIXELS, require_whole_png, require_whole_tiff
 
 OPAQUE = 255
 _BITS_OF_MODE = {"1": 1, "L": 8, "LA": 8, "I;16": 16, "I;16B": 16, "I;16L": 16, "I": 32, "F": 32}
-_UNREADABLE = (
-    UnidentifiedImageError,
-    Image.DecompressionBombError,
-    OSError,
-    ValueError,
-    SyntaxError,
-    struct.error,
-)
 
 
 @dataclass(frozen=True)
@@ -79,18 +73,21 @@ def decode(path: Path) -> Decoded:
     """
     if not path.is_file():
         raise InputError(f"{path}: expected an image, found no file")
-    try:
+    with reading(path, "an image"):
+        data = read_regular(path)
+        require_whole_png(data, path)
         # From a stream: of a path, Pillow maps the pixels of a plain TIFF before it turns them, with sides swapped.
-        with path.open("rb") as stream, Image.open(stream) as image:
+        with Image.open(io.BytesIO(data)) as image:
             _require_one_whole(path, image)
+            require_whole_tiff(data, getattr(image, "tag_v2", {}), path)
             return _decoded(path, image)
-    except InputError:
-        raise
-    except _UNREADABLE as error:
-        raise InputError(f"{path}: expected an image, received a file that can't be read as one") from error
 
 
 def _require_one_whole(path: Path, image: Image.Image) -> None:
+    if image.width * image.height > LARGEST_PIXELS:
+        raise InputError(
+            f"{path}: expected at most {LARGEST_PIXELS} pixels, received {image.width}x{image.height}"
+        )
     frames = getattr(image, "n_frames", 1)
     if frames != 1:
         raise InputError(f"{path}: expected one image, received a stack of {frames}")

@@ -5,9 +5,7 @@ Attributes and their meaning: DICOM PS3.3, C.7.6.3 (Image Pixel).
 
 from __future__ import annotations
 
-import struct
 import warnings
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,28 +16,14 @@ from jaxtyping import UInt8
 
 from experiments.datasets.images.dicom_geometry import region_of, spacing_mm_of
 from experiments.datasets.images.dicom_grey import GreyDisplay, has_window
-from experiments.errors import InputError
+from experiments.errors import InputError, reading
 from models.preprocessing.grey import echo_grey
+from registration.input_files import require_unpacked_size
 
 if TYPE_CHECKING:
     from pydicom import Dataset
 
 SUFFIX = ".dcm"
-# What pydicom raises for a file that it can't read, by how far it gets.
-_UNREADABLE = (
-    OSError,
-    EOFError,
-    ValueError,
-    KeyError,
-    IndexError,
-    TypeError,
-    AttributeError,
-    NotImplementedError,
-    RuntimeError,
-    MemoryError,
-    struct.error,
-    zlib.error,
-)
 _GREY = ("MONOCHROME1", "MONOCHROME2")
 _INSTALL_DECODERS = "pip install pylibjpeg pylibjpeg-libjpeg pylibjpeg-openjpeg"
 
@@ -145,18 +129,12 @@ def read_dicom(path: Path) -> DicomFrames:
 def _read(path: Path) -> DicomFrames:
     import pydicom
 
-    try:
+    with reading(path, "a DICOM file"):
         content = pydicom.dcmread(path)
-    except (pydicom.errors.InvalidDicomError, *_UNREADABLE) as error:
-        raise InputError(f"{path}: expected a DICOM file, received one that can't be read as one") from error
-    _require_pixels(path, content)
-    try:
+        _require_pixels(path, content)
+    with reading(path, "whole frames that can be decoded"):
         images = _images(path, content)
         spacing_mm, box = spacing_mm_of(content), region_of(content, *images.shape[1:])
-    except _UNREADABLE as error:
-        raise InputError(
-            f"{path}: expected whole frames that can be decoded, received {_first_line(error)}"
-        ) from error
     return DicomFrames(images, spacing_mm, box)
 
 
@@ -194,6 +172,7 @@ def _require_pixels(path: Path, content: Dataset) -> None:
 def _images(path: Path, content: Dataset) -> np.ndarray:
     """Grey frames (n, height, width), decoded one by one: a long colour sequence would fill the memory."""
     count = int(content.get("NumberOfFrames") or 1)
+    _require_memory(path, content, count)
     images = np.empty((count, int(content.Rows), int(content.Columns)), dtype=np.uint8)
     if images.size == 0:
         raise ValueError(f"{count} frames of {content.Rows} x {content.Columns} pixels")
@@ -206,6 +185,14 @@ def _images(path: Path, content: Dataset) -> np.ndarray:
         raise ValueError(f"{read} frames where {count} are announced")
     display.require_plausible(path)
     return images
+
+
+def _require_memory(path: Path, content: Dataset, count: int) -> None:
+    """Uncompressed pixels must be there; of compressed ones there must be bytes for every frame, and not too few."""
+    pixels = count * int(content.Rows) * int(content.Columns)
+    require_unpacked_size(pixels, len(content.PixelData), path)
+    if count > len(content.PixelData):
+        raise ValueError(f"{count} frames in {len(content.PixelData)} bytes")
 
 
 def _decoded(content: Dataset) -> Iterator[np.ndarray]:
@@ -229,7 +216,3 @@ def _grey(frame: np.ndarray, content: Dataset, display: GreyDisplay, number: int
     if largest != 255:
         frame = np.rint(np.minimum(frame, largest) * (255.0 / largest))
     return echo_grey(frame.astype(np.uint8))
-
-
-def _first_line(error: BaseException) -> str:
-    return (str(error).strip().splitlines() or [type(error).__name__])[0]

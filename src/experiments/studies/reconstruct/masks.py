@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from experiments.datasets.images.image_files import image_files, read_mask_values
-from experiments.errors import InputError
+from experiments.errors import InputError, reading
 from experiments.unicode_names import same_name
+from registration.input_files import require_regular
 from registration.natural_order import natural_key
 from registration.readers.folder import frame_names
 
@@ -119,10 +120,8 @@ def _number(name: str) -> int | None:
 
 
 def _array(path: Path) -> np.ndarray:
-    try:
-        values: np.ndarray = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as refusal:
-        raise InputError(f"{path}: expected a .npy file of numbers, received {refusal}") from refusal
+    with reading(path, "a .npy file of numbers"):
+        values: np.ndarray = np.load(require_regular(path), allow_pickle=False)
     if values.dtype != np.bool_ and values.dtype != np.uint8 and values.dtype.kind != "f":
         raise InputError(f"{path}: expected bool, uint8 or float values, received {values.dtype}")
     return values

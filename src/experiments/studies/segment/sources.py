@@ -12,9 +12,10 @@ import numpy as np
 from experiments import files
 from experiments.datasets.images.dicom import is_dicom, read_dicom
 from experiments.datasets.images.image_files import IMAGE_SUFFIXES, read_grey
-from experiments.errors import InputError
+from experiments.errors import InputError, reading
 from experiments.inputs.paths import SweepReader, input_data
 from models.predictor import Frame
+from registration.input_files import require_regular
 from registration.natural_order import natural_key
 from registration.readers.folder import frame_names
 from registration.readers.plus.fields import SUFFIXES as SEQUENCES
@@ -205,14 +206,9 @@ def read_video(path: Path) -> Iterator[np.ndarray]:
         raise InputError(
             f"{path}: expected the package av to read a video, found none ({INSTALL_VIDEO})"
         ) from missing
-    try:
-        with av.open(str(path)) as container:
-            for frame in container.decode(video=0):
-                yield frame.to_ndarray(format="rgb24")
-    except (av.FFmpegError, IndexError, OSError, ValueError) as error:
-        raise InputError(
-            f"{path}: expected a video, received a file that can't be decoded ({error})"
-        ) from error
+    with reading(path, "a video that can be decoded"), av.open(str(require_regular(path))) as container:
+        for frame in container.decode(video=0):
+            yield frame.to_ndarray(format="rgb24")
 
 
 def _is_sweep(path: Path) -> bool:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from registration.errors import InputError
+from registration.input_files import read_regular
 from registration.io.surface_files.polygons import Polygons
 
 _KINDS = {"F": "f", "I": "i", "U": "u"}
@@ -31,7 +32,7 @@ def read_pcd(path: Path) -> Polygons:
     InputError
         If the header is broken or the file shorter than it promises.
     """
-    data = path.read_bytes()
+    data = read_regular(path)
     place = data.find(b"\nDATA", 0, _LONGEST_HEADER)
     if place < 0:
         raise InputError(f"{path}: expected a header that ends in DATA, received none")

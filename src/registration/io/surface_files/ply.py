@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from registration.errors import InputError
+from registration.input_files import read_regular
 from registration.io.surface_files.polygons import Polygons, joined
 
 _TYPES = {
@@ -54,7 +55,7 @@ def read_ply(path: Path) -> Polygons:
     InputError
         If the header is broken or the file shorter than it promises.
     """
-    data = path.read_bytes().removeprefix(_BOM)
+    data = read_regular(path).removeprefix(_BOM)
     place = data.find(b"end_header", 0, _LONGEST_HEADER)
     if place < 0 or not data.startswith(b"ply"):
         raise InputError(f"{path}: expected a header that ends in end_header, received none")
@@ -65,6 +66,8 @@ def read_ply(path: Path) -> Polygons:
         body_of = _text_body if form == "ascii" else _binary_body
         found = body_of(path, elements, body, _ORDERS[form])
         points = np.column_stack([found["vertex"][axis] for axis in "xyz"]).astype(np.float64)
+    except InputError:
+        raise
     except (KeyError, IndexError, ValueError) as refusal:
         raise InputError(
             f"{path}: expected a header that can be read, received {refusal!r} in it"

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from registration.errors import InputError
+from registration.input_files import read_regular
 from registration.io.surface_files.polygons import Polygons
 
 _HEADER, _RECORD = 84, 50
@@ -56,7 +57,7 @@ def read_stl(path: Path) -> Polygons:
     InputError
         If the file is cut short or a line of text is none of the format's.
     """
-    data = path.read_bytes()
+    data = read_regular(path)
     counted = len(data) >= _HEADER and len(data) == _HEADER + _RECORD * int.from_bytes(data[80:84], "little")
     corners = _text(path, data) if is_text(data) and not counted else _binary(path, data)
     points, owner = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)

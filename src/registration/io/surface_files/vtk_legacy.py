@@ -10,7 +10,10 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from registration.errors import InputError
+from registration.input_files import read_regular
 
 KINDS = ("POLYDATA", "UNSTRUCTURED_GRID")
 _MAGIC = b"# vtk datafile version"
@@ -23,10 +26,6 @@ _CELLS = ("VERTICES", "LINES", "POLYGONS", "TRIANGLE_STRIPS", "CELLS")
 _PER_POINT = {"VECTORS": 3, "NORMALS": 3, "TENSORS": 9, "GLOBAL_IDS": 1, "PEDIGREE_IDS": 1}
 _BLANK_LINE = re.compile(rb"\n[ \t\r]*\n")
 _WORD = re.compile(rb"\S+")
-
-
-class _UnknownSectionError(Exception):
-    """A section whose length is not known here; VTK may know it."""
 
 
 @dataclass
@@ -52,11 +51,13 @@ class _Walk:
 
     def skip(self, count: int, kind: str) -> None:
         """Go past values; InputError where the file ends before they do."""
-        size = _BYTES.get(kind.lower())
-        if size is None or count < 0:
-            raise _UnknownSectionError
+        if count < 0 or kind.lower() not in (*_BYTES, "bit", "string"):
+            raise ValueError(kind)
+        if kind.lower() == "string":
+            self.skip_texts(count)
+            return
         if self.binary:
-            self.at += count * size
+            self.at += -(-count // 8) if kind.lower() == "bit" else count * _BYTES[kind.lower()]
             if self.at > len(self.data):
                 raise self.cut(count)
             return
@@ -66,6 +67,18 @@ class _Walk:
             if found is None:
                 raise self.cut(count)
             self.at = found.end()
+
+    def skip_texts(self, count: int) -> None:
+        """Go past texts: a line each, or in binary the length before each, whose first two bits are its own width."""
+        for _ in range(count):
+            if self.at >= len(self.data):
+                raise self.cut(count)
+            if not self.binary:
+                self.line()
+                continue
+            width = {3: 1, 2: 2, 1: 4, 0: 8}[self.data[self.at] >> 6]
+            head = int.from_bytes(self.data[self.at : self.at + width], "big")
+            self.at += width + (head & ((1 << (8 * width - 2)) - 1))
 
     def cut(self, count: int) -> InputError:
         return InputError(f"{self.path}: expected {count} more values, received fewer: cut short")
@@ -89,7 +102,7 @@ def require_whole_legacy(path: Path) -> str:
     InputError
         If it is no surface, no VTK file at all, or cut short.
     """
-    data = path.read_bytes()
+    data = read_regular(path)
     if not data.lower().startswith(_MAGIC):
         raise InputError(
             f"{path}: expected a VTK file that begins with # vtk DataFile Version, received another"
@@ -105,8 +118,6 @@ def require_whole_legacy(path: Path) -> str:
     try:
         while words := walk.line():
             _section(walk, words)
-    except _UnknownSectionError:
-        pass
     except (IndexError, ValueError) as refusal:
         raise InputError(
             f"{path}: expected sections of VTK, received {' '.join(words)[:40]!r}: cut short"
@@ -143,13 +154,31 @@ def _section(walk: _Walk, words: list[str]) -> None:
 def _cells(walk: _Walk, words: list[str]) -> None:
     count, size = int(words[1]), int(words[2])
     if not walk.five:
+        begin = walk.at
         walk.skip(size, "int")
+        _require_lengths(walk, begin, count, size)
         return
     for name, values in (("OFFSETS", count), ("CONNECTIVITY", size)):
         part = walk.line()
         if part[0] != name:
             raise ValueError(part[0])
         walk.skip(values, part[1])
+
+
+def _require_lengths(walk: _Walk, begin: int, count: int, size: int) -> None:
+    """Each cell is its number of points and these: VTK goes from one to the next by numbers that it does not check."""
+    data = walk.data[begin : walk.at]
+    values = (
+        np.frombuffer(data, ">i4", size) if walk.binary else np.array(data.split()[:size], dtype=np.int64)
+    )
+    at = cells = 0
+    while at < size and values[at] >= 0:
+        at += int(values[at]) + 1
+        cells += 1
+    if at != size or cells != count:
+        raise InputError(
+            f"{walk.path}: expected {count} cells in {size} numbers, received others: cut short or damaged"
+        )
 
 
 def _attribute(walk: _Walk, name: str, words: list[str]) -> None:
@@ -162,8 +191,12 @@ def _attribute(walk: _Walk, name: str, words: list[str]) -> None:
         walk.skip(walk.tuples * _PER_POINT[name], words[2])
     elif name == "TEXTURE_COORDINATES":
         walk.skip(walk.tuples * int(words[2]), words[3])
+    elif name == "COLOR_SCALARS":
+        walk.skip(walk.tuples * int(words[2]), "unsigned_char" if walk.binary else "float")
+    elif name == "LOOKUP_TABLE":
+        walk.skip(4 * int(words[2]), "unsigned_char" if walk.binary else "float")
     else:
-        raise _UnknownSectionError
+        raise ValueError(name)
 
 
 def _past_blank_line(walk: _Walk) -> None:

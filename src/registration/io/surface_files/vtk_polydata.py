@@ -8,12 +8,15 @@ from typing import Any
 import numpy as np
 
 from registration.errors import InputError
+from registration.input_files import guarded
 from registration.io.surface_files.polygons import Polygons
 from registration.io.surface_files.vtk_legacy import require_whole_legacy
+from registration.io.surface_files.vtk_xml import require_whole_xml
 
 SUFFIXES = (".vtp", ".vtk")
 
 
+@guarded("a VTK surface")
 def read_polydata(path: Path) -> Any:
     """Read a VTK file, every cell of which has points that are there.
 
@@ -32,6 +35,8 @@ def read_polydata(path: Path) -> Any:
     InputError
         If the file is broken or cut short, or holds no surface.
     """
+    if path.suffix.lower() != ".vtk":
+        require_whole_xml(path)
     reader: Any = _legacy_reader(path) if path.suffix.lower() == ".vtk" else _xml_reader()
     errors: list[str] = []
     reader.SetFileName(str(path))

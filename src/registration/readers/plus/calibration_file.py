@@ -11,14 +11,17 @@ import yaml
 
 from registration.calibration.probe import with_third_column
 from registration.errors import InputError
+from registration.input_files import LARGEST_TEXT_BYTES, guarded
 from registration.readers.plus.config import read_device_set
 from registration.sweep import ProbeCalibration
 from registration.text_files import read_text
+from registration.yaml_nodes import load_yaml
 
 # Pixels of ultrasound images measure 0.02 to 0.5 mm. A thousandth of that was written in metres.
 _MIN_PIXEL_MM = 2e-3
 
 
+@guarded("a calibration", LARGEST_TEXT_BYTES)
 def read_calibration(path: Path, image: str = "Image", probe: str = "Probe") -> ProbeCalibration:
     """Read a calibration from YAML or from PLUS's XML.
 
@@ -127,6 +130,7 @@ def matrix_from(content: Mapping[str, Any], key: str, name: str) -> np.ndarray:
     return rows
 
 
+@guarded("YAML", LARGEST_TEXT_BYTES)
 def read_yaml(path: Path) -> dict[str, Any]:
     """Read the mapping in a YAML file.
 
@@ -147,8 +151,11 @@ def read_yaml(path: Path) -> dict[str, Any]:
     """
     try:
         text = read_text(path)
-        root = yaml.compose(text, Loader=yaml.SafeLoader)
-        content = yaml.safe_load(text)
+        content, root = load_yaml(text)
+    except InputError as refusal:
+        raise InputError(
+            str(refusal) if str(refusal).startswith(str(path)) else f"{path}: {refusal}"
+        ) from refusal
     except yaml.YAMLError as failure:
         raise InputError(f"{path}: expected YAML, found text that does not parse") from failure
     if not isinstance(content, dict) or root is None:

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from registration.errors import InputError
+from registration.input_files import LARGEST_TEXT_BYTES, guarded, read_regular
 from registration.readers.chain.graph import TransformGraph
 
 
@@ -39,6 +40,7 @@ class DeviceSet:
     volume: dict[str, str]
 
 
+@guarded("a device set of PLUS", LARGEST_TEXT_BYTES)
 def read_device_set(path: Path) -> DeviceSet:
     """Read a device set, or the transform in the ``.results.xml`` of a calibration.
 
@@ -120,15 +122,12 @@ def parse_xml(path: Path) -> ElementTree.Element:
         If the file cannot be read, is no XML, or has a document type definition.
     """
     try:
-        content = path.read_bytes()
-        if b"<!DOCTYPE" in content:
+        content = read_regular(path, LARGEST_TEXT_BYTES)
+        # In UTF-16 every second byte is zero.
+        if b"<!DOCTYPE" in content.replace(b"\0", b""):
             raise InputError(f"{path}: expected an XML file without a document type, found one with it")
         return ElementTree.fromstring(content)
-    except OSError as failure:
-        raise InputError(
-            f"{path}: expected a readable file, found {failure.strerror or failure}"
-        ) from failure
-    except ElementTree.ParseError as failure:
+    except (ElementTree.ParseError, ValueError, LookupError) as failure:
         raise InputError(
             f"{path}: expected an XML file, found one that does not parse ({failure})"
         ) from failure

@@ -10,6 +10,7 @@ from jaxtyping import Float64
 
 from registration import transforms
 from registration.errors import InputError
+from registration.input_files import refusing
 from registration.io.atomic import write_atomic
 from registration.readers.chain.names import resolve, splits
 from registration.readers.plus.metaimage import metaimage_bytes, read_metaimage
@@ -49,7 +50,8 @@ def read_sequence(path: Path, orientation: str | None = None) -> PlusSequence:
         raise InputError(
             f"{path}: expected a file that ends in {', '.join(SUFFIXES)}, received {path.suffix!r}"
         )
-    return read(path, orientation)
+    with refusing(path, "a sequence of PLUS"):
+        return read(path, orientation)
 
 
 def write_sequence(path: Path, sequence: PlusSequence, compressed: bool = True) -> None:

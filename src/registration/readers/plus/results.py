@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from registration.errors import InputError
+from registration.input_files import LARGEST_TEXT_BYTES, guarded
 from registration.readers.chain.graph import TransformGraph
 from registration.readers.chain.names import resolve
 from registration.readers.plus.config import numbers, parse_xml
@@ -68,6 +69,7 @@ class WireCalibrationFile:
     width_px: int
 
 
+@guarded("results of a calibration", LARGEST_TEXT_BYTES)
 def read_wire_calibration(
     path: Path, probe: str = "Probe", reference: str = "Reference"
 ) -> WireCalibrationFile:
@@ -112,6 +114,7 @@ def read_wire_calibration(
     )
 
 
+@guarded("line positions of PLUS", LARGEST_TEXT_BYTES)
 def read_line_rows_px(path: Path, column_px: float) -> Float64[np.ndarray, " n"]:
     """Read the rows of the lines in a file of PLUS's line segmentation at one column.
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sqlite3
-import struct
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -14,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from registration.errors import InputError
+from registration.input_files import LARGEST_TEXT_BYTES, beside, read_regular, refusing, require_regular
+from registration.readers.plus.calibration_file import read_yaml
 from registration.readers.rosbag.messages import BrokenMessageError, stamp_s
 
 SUFFIXES = (".db3", ".mcap")
@@ -64,7 +64,9 @@ def find_bag(path: Path) -> Path:
     """
     if path.suffix.lower() in SUFFIXES and path.is_file():
         metadata = path.parent / METADATA
-        listed = metadata.is_file() and path.name in metadata.read_text(encoding="utf-8", errors="replace")
+        listed = metadata.is_file() and path.name in read_regular(metadata, LARGEST_TEXT_BYTES).decode(
+            errors="replace"
+        )
         return path.parent if listed else path
     if (path / METADATA).is_file():
         return path
@@ -99,18 +101,13 @@ def opened_bag(path: Path) -> Iterator[Any]:
     InputError
         If the bag cannot be read.
     """
-    from rosbags.highlevel import AnyReader, AnyReaderError
-    from rosbags.rosbag2 import ReaderError
-    from rosbags.serde import SerdeError
+    from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
-    try:
+    with refusing(path, "a readable ROS 2 bag"):
+        _require_plain_bag(path)
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
             yield reader
-    except (AnyReaderError, ReaderError, SerdeError, sqlite3.Error, OSError, EOFError) as failure:
-        raise InputError(
-            f"{path}: expected a readable ROS 2 bag, found a broken one ({failure})"
-        ) from failure
 
 
 def messages(reader: Any, topic: str, types: tuple[str, ...], path: Path) -> Iterator[tuple[int, Any]]:
@@ -236,9 +233,20 @@ def with_time(times_s: np.ndarray, name: str) -> np.ndarray:
 
 
 def _decoded(reader: Any, raw: bytes, kind: str) -> Any:
-    from rosbags.highlevel import AnyReaderError
-
     try:
         return reader.deserialize(raw, kind)
-    except (AnyReaderError, struct.error, ValueError, IndexError):
+    except Exception:  # whatever the library stumbles over: the other messages may be whole
         return None
+
+
+def _require_plain_bag(path: Path) -> None:
+    """Refuse metadata that name files elsewhere, and files that are none, before the library opens them."""
+    if not path.is_dir():
+        require_regular(path)
+        return
+    about = read_yaml(path / METADATA).get("rosbag2_bagfile_information")
+    listed = about.get("relative_file_paths") if isinstance(about, dict) else None
+    if not isinstance(listed, list) or not all(isinstance(name, str) for name in listed):
+        raise InputError(f"{path / METADATA}: expected relative_file_paths, found none")
+    for name in listed:
+        require_regular(beside(path / METADATA, name))

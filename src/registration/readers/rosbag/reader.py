@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from registration.errors import InputError
+from registration.input_files import refusing
 from registration.readers.plus.calibration_file import read_calibration
 from registration.readers.rosbag.bags import (
     NO_TIME,
@@ -108,7 +109,7 @@ class RosbagReader:
             Path(self.calibration) if self.calibration else folder / CALIBRATION_FILE
         )
         dropped: Counter[str] = Counter()
-        with opened_bag(path) as reader:
+        with refusing(path, "a readable ROS 2 bag"), opened_bag(path) as reader:
             image_times_s, images = self._images(reader, path, dropped)
             pose_times_s, world_T_ee = self._poses(reader, path, dropped)
         if self.units is None:

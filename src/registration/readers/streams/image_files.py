@@ -7,9 +7,11 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import UInt8
-from PIL import Image, ImageOps, UnidentifiedImageError
+from PIL import Image, ImageOps
 
 from registration.errors import InputError
+from registration.input_files import read_regular, refusing
+from registration.io.image_checksums import LARGEST_PIXELS, require_whole_png, require_whole_tiff
 from registration.natural_order import natural_order
 from registration.readers.streams.checks import as_grey
 
@@ -78,24 +80,15 @@ def decode_image(source: Path | bytes, name: str) -> np.ndarray:
     InputError
         If it is no picture, several in one file, or colour of 16 bits.
     """
-    try:
-        with Image.open(io.BytesIO(source) if isinstance(source, bytes) else source) as image:
+    with refusing(name, "a readable PNG image (or JPEG, BMP, TIFF)"):
+        data = source if isinstance(source, bytes) else read_regular(source)
+        require_whole_png(data, name)
+        with Image.open(io.BytesIO(data)) as image:
             _require_plain(image, name)
+            require_whole_tiff(data, getattr(image, "tag_v2", {}), name)
             # Pillow turns TIFF files in which 0 is white round, but for those of 16 bits.
             white_is_0 = getattr(image, "tag_v2", {}).get(_PHOTOMETRIC) == 0
             return _pixels(ImageOps.exif_transpose(image), white_is_0)
-    except InputError:
-        raise
-    except (
-        OSError,
-        UnidentifiedImageError,
-        Image.DecompressionBombError,
-        ValueError,
-        SyntaxError,
-    ) as failure:
-        raise InputError(
-            f"{name}: expected a readable PNG image (or JPEG, BMP, TIFF), found {failure}"
-        ) from failure
 
 
 def grey_stack(pictures: list[np.ndarray], name: str) -> UInt8[np.ndarray, "n height width"]:
@@ -135,6 +128,10 @@ def grey_stack(pictures: list[np.ndarray], name: str) -> UInt8[np.ndarray, "n he
 
 
 def _require_plain(image: Image.Image, name: str) -> None:
+    if image.width * image.height > LARGEST_PIXELS:
+        raise InputError(
+            f"{name}: expected at most {LARGEST_PIXELS} pixels, found {image.width}x{image.height}"
+        )
     frames = getattr(image, "n_frames", 1)
     if frames != 1:
         raise InputError(f"{name}: expected one picture, found a stack of {frames}")

@@ -88,7 +88,7 @@ def test_refuses_another_size_and_unknown_labels_by_name(tmp_path) -> None:
 def test_refuses_a_file_that_is_no_image(tmp_path, content: bytes) -> None:
     path = tmp_path / "a.png"
     path.write_bytes(content)
-    with pytest.raises(InputError, match=r"a\.png: expected an image, received a file that can't be read"):
+    with pytest.raises(InputError, match=r"a\.png: expected a.* image, "):
         image_files.read_grey(path)
 
 
@@ -134,13 +134,9 @@ def test_refuses_a_truncated_image(tmp_path, suffix: str, share: float) -> None:
     path = write(tmp_path / f"a.{suffix}", speckle((64, 64)))
     whole = path.read_bytes()
     path.write_bytes(whole[: int(share * len(whole))])
-    with pytest.raises(
-        InputError, match=rf"a\.{suffix}: expected an image, received a file that can't be read"
-    ):
+    with pytest.raises(InputError, match=rf"a\.{suffix}: expected a.* image, "):
         image_files.read_grey(path)
-    with pytest.raises(
-        InputError, match=rf"a\.{suffix}: expected an image, received a file that can't be read"
-    ):
+    with pytest.raises(InputError, match=rf"a\.{suffix}: expected a.* image, "):
         image_files.read_mask(path, {1}, {0}, (64, 64))
 
 
@@ -235,14 +231,14 @@ def test_refuses_an_image_without_pixels(tmp_path) -> None:
     whole = png_of_16_bit_colour(5, 3)
     for width, height in ((0, 3), (5, 0)):
         (tmp_path / "a.png").write_bytes(whole.replace(header(5, 3), header(width, height)))
-        with pytest.raises(InputError, match=r"a\.png: expected an image"):
+        with pytest.raises(InputError, match=r"a\.png: expected a.* image"):
             image_files.read_grey(tmp_path / "a.png")
 
 
 def test_refuses_an_image_too_large_to_be_one(tmp_path, monkeypatch) -> None:
     path = write(tmp_path / "a.png", speckle((40, 40)))
     monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 700)
-    with pytest.raises(InputError, match=r"a\.png: expected an image, received a file that can't be read"):
+    with pytest.raises(InputError, match=r"a\.png: expected a.* image, "):
         image_files.read_grey(path)
 
 

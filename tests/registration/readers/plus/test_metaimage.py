@@ -62,7 +62,7 @@ def test_every_number_type_comes_back(tmp_path: Path, kind: type) -> None:
         ("NDims = 3\n", "NDims 3\n", "expected a MetaImage header"),
         ("NDims = 3\n", "NDims = 3\nKinds = list domain domain\n", "expected the frames as the last axis"),
         ("NDims = 3\n", "NDims = 3\nCompressedData = True\n", "expected zlib-compressed pixels"),
-        ("LOCAL", "absent.raw", "expected its voxels in .*absent.raw, received no such file"),
+        ("LOCAL", "absent.raw", "expected its voxels in .*absent.raw, received nothing there"),
     ],
 )
 def test_broken_files_are_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
@@ -81,7 +81,7 @@ def test_truncated_compressed_file_is_refused(tmp_path: Path) -> None:
 
 
 def test_missing_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"none\.mha: expected a readable file"):
+    with pytest.raises(InputError, match=r"none\.mha: expected a file, received nothing there"):
         read_metaimage(tmp_path / "none.mha")
 
 
