@@ -179,7 +179,7 @@ def refusing(
     error : type, optional
         Exception that is raised.
     passing : tuple of type, optional
-        Exceptions that say it well already.
+        Exceptions that say it well already; one that does not name the file gets its name.
 
     Raises
     ------
@@ -188,8 +188,10 @@ def refusing(
     """
     try:
         yield
-    except passing:
-        raise
+    except passing as refusal:
+        if str(path) in str(refusal):
+            raise
+        raise type(refusal)(f"{path}: {refusal}") from refusal
     except Exception as failure:
         if isinstance(failure, OSError) and failure.errno in _NOT_THE_FILE:
             raise

@@ -80,10 +80,17 @@ def test_whatever_a_library_raises_becomes_one_sentence(failure: Exception) -> N
 
 
 def test_refusals_stops_and_faults_of_the_machine_pass() -> None:
-    for failure in (InputError("said"), KeyboardInterrupt(), OSError(errno.ENOSPC, "full")):
+    for failure in (InputError("a.x: said"), KeyboardInterrupt(), OSError(errno.ENOSPC, "full")):
         with pytest.raises(type(failure)) as found, refusing("a.x", "an X"):
             raise failure
         assert found.value is failure
+
+
+def test_a_refusal_that_does_not_name_the_file_gets_its_name() -> None:
+    class SpecialError(InputError): ...
+
+    with pytest.raises(SpecialError, match=r"^a\.x: fold: expected 0"), refusing("a.x", "an X"):
+        raise SpecialError("fold: expected 0")
 
 
 def test_a_guarded_reader_sees_regular_files_alone(tmp_path: Path) -> None:

@@ -22,7 +22,6 @@ TYPES = {
     "MET_DOUBLE": "f8",
 }  # fmt: skip
 _LONGEST_HEADER_LINE = 1 << 20
-_MOST_AXES = 10
 
 
 @dataclass(frozen=True)
@@ -80,10 +79,6 @@ def read_metaimage_file(path: Path) -> MetaImageFile:
         raise InputError(
             f"{path}: expected ElementType {', '.join(TYPES)}, found {fields.get('ElementType')}"
         )
-    # MetaIO follows NDims without a look at the other fields.
-    axes = whole_number(fields.get("NDims", str(len(sizes))), "NDims", path)
-    if axes != len(sizes) or axes > _MOST_AXES:
-        raise InputError(f"{path}: expected NDims as many as sizes, found {axes} and {fields['DimSize']}")
     if not sizes or min(sizes) < 0 or channels < 1:
         raise InputError(
             f"{path}: expected sizes of axes and one channel at least, found {fields['DimSize']}, {channels} channels"

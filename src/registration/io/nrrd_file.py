@@ -30,7 +30,6 @@ TYPES = {
 }  # fmt: skip
 _PACKINGS = {"raw": "raw", "gz": "gzip", "gzip": "gzip", "bz2": "bzip2", "bzip2": "bzip2"}
 _PACKINGS |= {"txt": "ascii", "text": "ascii", "ascii": "ascii", "hex": "hex"}
-_MOST_AXES = 16
 # Names of fields that may be written as one word.
 _JOINED = ("byte skip", "line skip", "data file", "sample units", "old min", "old max")
 # Where the numbers lie and how; the numbers themselves are given apart.
@@ -108,9 +107,6 @@ def read_nrrd_file(path: Path) -> NrrdFile:
         raise InputError(
             f"{path}: expected whole numbers for sizes, found {fields.get('sizes')}"
         ) from failure
-    axes = whole_number(fields.get("dimension", str(len(sizes))), "dimension", path)
-    if axes != len(sizes) or axes > _MOST_AXES:
-        raise InputError(f"{path}: expected dimension as many as sizes, found {axes} and {fields['sizes']}")
     if not sizes or min(sizes) < 0:
         raise InputError(f"{path}: expected sizes of axes, found {fields['sizes']!r}")
     kind, packing = TYPES.get(fields.get("type", "").lower()), _PACKINGS.get(_encoding(fields))

@@ -39,6 +39,7 @@ READERS = {
 }
 # Under this name the image carries the unit that the file states, empty where it states none.
 UNITS_KEY = "stated units"
+_MOST_AXES = 10
 _NRRD_LENGTHS = ("space directions", "space origin", "spacings", "axis mins", "axis maxs", "thicknesses")
 _META_LENGTHS = (
     *("TransformMatrix", "Orientation", "Rotation", "Offset", "Position", "Origin", "CenterOfRotation"),
@@ -186,6 +187,7 @@ def _complete(path: Path, suffix: str, units: str | None, form: str | None) -> I
 
 def _nrrd(path: Path, target: Path) -> _Copy:
     file = read_nrrd_file(path)
+    _require_axes(path, file.fields.get("dimension", ""), len(file.sizes))
     for field in _NRRD_LENGTHS:
         require_plain_lengths(file.fields.get(field, ""), field, path)
     with target.open("wb") as stream:
@@ -201,8 +203,17 @@ def _nrrd(path: Path, target: Path) -> _Copy:
     return _Copy(target, stated_units(quoted(file.fields.get(field, "")), field, path))
 
 
+def _require_axes(path: Path, stated: str, sizes: int) -> None:
+    """Libraries follow the stated number of axes without a look at how many sizes there are."""
+    if stated != str(sizes) or sizes > _MOST_AXES:
+        raise InputError(
+            f"{path}: expected as many axes as sizes, found {stated or 'none'} and {sizes} sizes"
+        )
+
+
 def _metaimage(path: Path, target: Path) -> _Copy:
     file = read_metaimage_file(path)
+    _require_axes(path, file.fields.get("NDims", ""), len(file.sizes))
     fields = {name: value for name, value in file.fields.items() if name not in _DETACHED}
     for field in _META_LENGTHS:
         require_plain_lengths(fields.get(field, ""), field, path)
