@@ -18,7 +18,7 @@ DAMAGES: tuple[Damage, ...] = (
     (
         "cut image",
         lambda image, mask: image.write_bytes(image.read_bytes()[:60]),
-        "that can't be read as one",
+        "that was cut short",
     ),
     ("small mask", lambda image, mask: grey(mask, np.zeros((5, 4))), "image's size .*, received 4x5"),
     ("label 7", lambda image, mask: grey(mask, np.full(size_of(image), 7)), "expected labels .*, received 7"),

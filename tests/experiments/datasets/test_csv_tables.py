@@ -23,7 +23,7 @@ def test_rows_by_column_with_blanks_cut_and_missing_cells_empty(tmp_path) -> Non
         (b"name,value\na,1,5\n", "expected 2 cells a row, received 3 in the row of 'a'"),
         (
             b"\x89PNG\r\n\x1a\n\xff\xfe",
-            "expected a table in UTF-8, received a file that can't be read as one",
+            "expected text in UTF-8, found bytes that are none",
         ),
     ],
 )

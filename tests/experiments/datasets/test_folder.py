@@ -203,7 +203,7 @@ def test_refuses_a_table_by_name(tmp_path, table: str | None, message: str) -> N
 def test_refuses_a_table_that_is_no_text(tmp_path) -> None:
     root = write_set(tmp_path / "set")
     (root / "groups.csv").write_bytes(b"case,group\na,\xff\xfe\n")
-    with pytest.raises(InputError, match=r"groups\.csv: expected a table in UTF-8"):
+    with pytest.raises(InputError, match=r"groups\.csv: expected text in UTF-8"):
         Folder(str(root))()
 
 

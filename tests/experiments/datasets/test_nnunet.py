@@ -166,7 +166,7 @@ def test_refuses_files_by_name(tmp_path) -> None:
     with pytest.raises(InputError, match=r"imagesTs.a_0000\.png: expected a case of another name"):
         frames_of(root)
     (write_set(tmp_path / "described") / "dataset.json").unlink()
-    with pytest.raises(InputError, match=r"dataset\.json: expected JSON"):
+    with pytest.raises(InputError, match=r"dataset\.json: expected a file, received nothing there"):
         frames_of(tmp_path / "described")
 
 

@@ -158,7 +158,7 @@ def outcome(
     scores = summarise({key: cases[key] for key in ("dsc", "hd95_mm", "missed", "false_alarm")})
     measured, registered = _measured(found.registered), found.registered
     said = (_finding(registered, scores["dsc_mean"]), *_sentences(registered), *_gaps(found))
-    scene = pipeline_scene(truth, found, (said[1], said[0], *said[2:]))
+    scene = pipeline_scene(truth, found.cloud_mm, found.built, registered, (said[1], said[0], *said[2:]))
     return Outcome(
         metrics={
             **scores,

@@ -17,19 +17,32 @@ from registration.geometry.shapes import points_of, with_points
 from registration.metrics.surface_distance import SurfaceDistance
 
 if TYPE_CHECKING:
-    from experiments.studies.pipeline.report import Registered
+    import numpy as np
+
+    from experiments.analysis.registration.registered_sweep import RegisteredSweep
     from registration.phantom.scan import SimulatedSweep
+    from registration.pipeline import Reconstructed
 
 
-def pipeline_scene(truth: SimulatedSweep, found: Registered, findings: Sequence[str]) -> Scene:
+def pipeline_scene(
+    truth: SimulatedSweep,
+    cloud_mm: np.ndarray,
+    built: Reconstructed | None,
+    registered: RegisteredSweep,
+    findings: Sequence[str],
+) -> Scene:
     """Make the scene of one registered sweep, in the frame of the CT in mm.
 
     Parameters
     ----------
     truth : SimulatedSweep
         Simulated sweep and its truth.
-    found : Registered
-        What the geometric half of the chain found.
+    cloud_mm : ndarray, shape (p, 3)
+        Contours of the sweep in the world frame in mm.
+    built : Reconstructed or None
+        Surface and centerline; None where no surface can be made.
+    registered : RegisteredSweep
+        Results of the registration's stages.
     findings : sequence of str
         Sentences next to the scene, the verdict first.
 
@@ -39,20 +52,20 @@ def pipeline_scene(truth: SimulatedSweep, found: Registered, findings: Sequence[
         The scene: contours have the colour of their distance to the model. The reconstructed surface, the contours at
         the true pose and what the deformable stage made are at first hidden.
     """
-    registered, pose = found.registered, found.registered.result.fixed_T_moving
-    after_mm = transforms.apply(pose, found.cloud_mm)
+    pose = registered.result.fixed_T_moving
+    after_mm = transforms.apply(pose, cloud_mm)
     distance_mm = SurfaceDistance(truth.model)(after_mm)
     layers: list[Any] = [
         shape_layer("model from CT", truth.model, GREY, 0.35),
         shape_layer("contours, registered", after_mm, BLUE, 0.9, values_mm=distance_mm),
     ]
-    if found.built is not None:
-        moved = with_points(found.built.surface, transforms.apply(pose, points_of(found.built.surface)))
+    if built is not None:
+        moved = with_points(built.surface, transforms.apply(pose, points_of(built.surface)))
         layers.append(shape_layer("reconstructed surface, registered", moved, ORANGE, 0.6, shown=False))
-        if found.built.centerline is not None:
-            places = [transforms.apply(pose, line.points_mm) for line in found.built.centerline.lines]
+        if built.centerline is not None:
+            places = [transforms.apply(pose, line.points_mm) for line in built.centerline.lines]
             layers.append(LineLayer("centerline, registered", places, ORANGE))
-    true_mm = transforms.apply(truth.ct_T_world, found.cloud_mm)
+    true_mm = transforms.apply(truth.ct_T_world, cloud_mm)
     layers.append(shape_layer("contours at the true pose", true_mm, GREEN, 0.9, shown=False))
     if registered.deformed is not None:
         layers += deformed_layers(registered.deformed)

@@ -101,7 +101,11 @@ def test_axes_of_unknown_kind_are_told_by_their_directions(tmp_path: Path) -> No
 
 
 def test_one_image_without_kinds(tmp_path: Path) -> None:
-    header = HEADER.replace("4 3 2", "4 6").replace("kinds: domain domain list\n", "")
+    header = (
+        HEADER.replace("4 3 2", "4 6")
+        .replace("dimension: 3", "dimension: 2")
+        .replace("kinds: domain domain list\n", "")
+    )
     sequence = read_nrrd(written(tmp_path, header), "MF")
     np.testing.assert_array_equal(sequence.pixels, PIXELS.reshape(1, 6, 4))
 
