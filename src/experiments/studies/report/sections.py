@@ -270,5 +270,10 @@ def _kind(config: str) -> tuple[str, str]:
     """What a run is about, and the preset it was called with."""
     known = yaml_of(config) or {}
     preset = _PRESET.search(str((known.get("call") or {}).get("command", "")))
-    of = {key: value for key, value in known.items() if key not in WITHIN}
-    return subject(of), preset.group(1) if preset else ""
+    try:
+        about = subject(known)
+    except (KeyError, TypeError, AttributeError, ValueError, InputError):
+        about = ""  # a configuration of another version, which its study cannot read any more
+    if about in {option(known, name) for name in WITHIN if known.get(name)}:
+        about = ""
+    return about, preset.group(1) if preset else ""

@@ -15,7 +15,7 @@ from experiments.tracking import Store
 from experiments.tracking.archive import write_archive
 
 OFF = Store(enabled=False)
-STUDIES = ("segmentation", "accuracy")
+STUDIES = ("segmentation", "accuracy", "consistency")
 
 
 def config(dataset: str, command: str = "ctus study=segmentation") -> dict[str, object]:
@@ -37,9 +37,13 @@ def test_the_newest_complete_run_of_each_data_set_and_preset_is_chosen(tmp_path:
         )
     ]
     elsewhere = job("accurate", None, {"phantoms": ["artery"]}, experiment="accuracy")
-    write_archive([*runs, elsewhere], tmp_path)
+    # Phantoms are compared within one section; a configuration that its study cannot read stops nothing.
+    repeats = {"phantoms": ["artery"], "sweeps": 2, "masks": "exact"}
+    known = dataclasses.replace(job("repeated", None, repeats, experiment="consistency"), start_ms=2)
+    earlier = job("earlier", None, {"phantom": "vein"}, experiment="consistency")
+    write_archive([*runs, elsewhere, known, earlier], tmp_path)
     found = chosen(Source(OFF, tmp_path), STUDIES, ())
-    assert [family.run.run_id for family in found] == ["new", "preset", "other", "accurate"]
+    assert [family.run.run_id for family in found] == ["new", "preset", "other", "accurate", "repeated"]
     named = chosen(Source(OFF, tmp_path), STUDIES, ("old", "ol"))
     assert [family.run.run_id for family in named] == ["old"]
     with pytest.raises(InputError, match="found none that begins with 'gone'"):
