@@ -11,7 +11,7 @@ import hashlib
 import json
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -21,6 +21,7 @@ import pandas as pd
 from experiments.errors import InputError
 from experiments.masking import masked
 from experiments.outcome import InputData
+from experiments.paths import project_root
 from experiments.tracking.headline import metrics_text
 from experiments.tracking.run_record import RunRecord
 from registration.io.atomic import atomic_write, remove_leftovers
@@ -165,7 +166,10 @@ def folder_of(experiment: str) -> str:
 
 
 def without_folders(text: str) -> str:
-    """The text with every absolute path cut to its last part, and without passwords.
+    """The text without passwords and folders of a machine.
+
+    A path within the project starts at the project: files of one name in several of its folders stay apart. Every other
+    absolute path is cut to its last part.
 
     Parameters
     ----------
@@ -182,22 +186,36 @@ def without_folders(text: str) -> str:
     >>> without_folders("root: /home/someone/data/usgra")
     'root: .../usgra'
     """
-    return _ABSOLUTE.sub(r".../\1", masked(text))
+    within = re.compile(rf"(?<![\w.:/]){re.escape(str(project_root()))}/(?=[^\s/])")
+    return _ABSOLUTE.sub(r".../\1", within.sub("", masked(text)))
+
+
+def shared(record: RunRecord) -> RunRecord:
+    """Give a run as an archive has it.
+
+    Parameters
+    ----------
+    record : RunRecord
+        The run.
+
+    Returns
+    -------
+    RunRecord
+        The run without passwords and folders of a machine.
+    """
+    return replace(
+        record,
+        tags={name: without_folders(value) for name, value in record.tags.items()},
+        params={name: without_folders(value) for name, value in record.params.items()},
+        config=without_folders(record.config),
+        inputs=tuple(replace(data, source=without_folders(data.source)) for data in record.inputs),
+    )
 
 
 def _row(record: RunRecord) -> dict[str, Any]:
-    row = {key: value for key, value in asdict(record).items() if key not in ("history", "cases")}
-    for key in _JSON_COLUMNS:
-        row[key] = json.dumps(
-            {name: without_folders(value) for name, value in row[key].items()}, sort_keys=True
-        )
-    inputs = [{**asdict(data), "source": without_folders(data.source)} for data in record.inputs]
-    return {
-        **row,
-        "config": without_folders(record.config),
-        "metrics": metrics_text(record.metrics),
-        "inputs": json.dumps(inputs),
-    }
+    row = {key: value for key, value in asdict(shared(record)).items() if key not in ("history", "cases")}
+    texts = {key: json.dumps(row[key], sort_keys=True) for key in _JSON_COLUMNS}
+    return {**row, **texts, "metrics": metrics_text(record.metrics), "inputs": json.dumps(row["inputs"])}
 
 
 def _merged(path: Path, fresh: pd.DataFrame, replaced: Iterable[str]) -> pd.DataFrame:

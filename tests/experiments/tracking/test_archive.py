@@ -76,6 +76,15 @@ def test_data_sets_are_kept_without_folders_and_archives_without_them_are_read(t
         list(read_archive(tmp_path))
 
 
+def test_paths_within_the_project_start_there_and_others_are_cut(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CTUS_HOME", "/home/me/project")
+    text = "target=/home/me/project/outputs/a/model.ply,/data/home/me/project/b.ply sqlite:////home/me/project/x.db"
+    assert without_folders(text) == "target=outputs/a/model.ply,.../b.ply sqlite:///.../x.db"
+    assert without_folders(without_folders(text)) == without_folders(text)
+    assert without_folders("root: /home/me/project") == "root: .../project"
+    assert without_folders("root: /home/me/projects/a") == "root: .../a"
+
+
 def test_a_second_export_replaces_its_runs_and_keeps_the_others(tmp_path: Path) -> None:
     write_archive([record("one"), record("two")], tmp_path)
     write_archive([record("two", value=0.9)], tmp_path)

@@ -12,6 +12,7 @@ from typing import Any
 import yaml
 
 from experiments.errors import InputError
+from experiments.masking import masked
 from experiments.outcome import JobResult, Outcome
 from experiments.reporting.measured import Measured
 from experiments.running.job_names import choices_of
@@ -19,6 +20,7 @@ from experiments.running.jobs import study_module
 from experiments.running.run_job import headline_names
 from experiments.running.run_names import option, subject
 from experiments.tracking import LABEL_TAG, Store
+from experiments.tracking.archive import shared
 from experiments.tracking.headline import headline
 from experiments.tracking.overview import FINISHED, TopRun, top_runs
 from experiments.tracking.run_lookup import Family, find_family
@@ -107,7 +109,9 @@ class Source:
     def name(self) -> str:
         """What the source is, in words."""
         return (
-            f"the archive {self.archive}" if self.archive is not None else f"the store {self.store.address}"
+            f"the archive {self.archive}"
+            if self.archive is not None
+            else f"the store {masked(self.store.address)}"
         )
 
 
@@ -146,7 +150,12 @@ def chosen(source: Source, studies: Sequence[str], runs: Sequence[str]) -> list[
         ordered = sorted(newest.items(), key=lambda item: (studies.index(item[0][0]), item[0][1:]))
         ids = [run.run_id for _, run in ordered]
     found = [find_family(each, source.store, source.archive, "runs") for each in ids]
-    return list({family.run.run_id: family for family in found}.values())
+    return [_as_archived(family) for family in {each.run.run_id: each for each in found}.values()]
+
+
+def _as_archived(family: Family) -> Family:
+    """The runs without folders of this machine, so that a report says the same of a store and of its archive."""
+    return Family(shared(family.run), tuple(shared(run) for run in family.below))
 
 
 def _worth(run: TopRun) -> tuple[bool, int]:

@@ -5,19 +5,28 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import pandas as pd
 import pytest
 from report_runs import runs as recorded
-from run_families import job
+from run_families import job, trials
 
 from experiments.cli import main
 from experiments.errors import InputError
 from experiments.outcome import Silent
 from experiments.studies.report import run
+from experiments.studies.report.sections import Source
 from experiments.studies.report.study import slug
 from experiments.tracking import Store
 from experiments.tracking.archive import write_archive
+from experiments.tracking.run_record import restore_run
+
+# What trials of the study have besides errors.
+COLUMNS = {
+    "rotation": "any", "place": "whole", "angle_deg": 7.5, "angle_from_deg": 0.0, "angle_to_deg": 15.0,
+    "translation_mm": 5.0, "tre_low_mm": 0.1, "tre_high_mm": 0.6, "verdict": "accepted",
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -89,6 +98,45 @@ def test_the_same_runs_imported_elsewhere_give_the_same_tables(
     assert main(["study=report", f"archive={tmp_path / 'few'}", f"out={out}"]) == 0
     assert not (out / "tables" / "segmentation_carotid_segmentation.csv").exists()
     assert (out / "tables" / "mine.csv").is_file() and outside.is_file()
+
+
+def test_a_store_and_its_archive_give_the_same_tables(home: Path, tmp_path: Path) -> None:
+    """Surfaces of one file name in two folders of the project are two anatomies in both."""
+    jobs = [
+        job(
+            f"job{number}",
+            trials({"model": [1.0 + number, 3.0]}, "multistart").assign(**COLUMNS),
+            {
+                "target": f"{home}/outputs/{name}/model.ply",
+                "rigid": {"multistart": {}},
+                "call": {"command": f"ctus target={home}/outputs/{name}/model.ply dataset.root=/data/usgra"},
+            },
+            parent="top",
+            experiment="robustness",
+            tags={"ctus.label": f"target={home}/outputs/{name}/model.ply"},
+        )
+        for number, name in enumerate(("artery", "vein"))
+    ]
+    top = job("top", None, {}, experiment="robustness", tags={"ctus.kind": "sweep"})
+    store = Store()
+    parent = restore_run(store, top, None)
+    for each in jobs:
+        restore_run(store, each, parent)
+    assert main(["study=report", f"out={tmp_path / 'store'}"]) == 0
+    assert main(["study=export_runs", f"archive={tmp_path / 'runs'}"]) == 0
+    assert main(["study=report", f"archive={tmp_path / 'runs'}", f"out={tmp_path / 'archive'}"]) == 0
+    tables = sorted((tmp_path / "store" / "tables").iterdir())
+    assert len(tables) > 10
+    for path in tables:
+        assert (tmp_path / "archive" / "tables" / path.name).read_bytes() == path.read_bytes(), path.name
+        assert str(home) not in path.read_text() and "/data/" not in path.read_text()
+    published = pd.read_csv(tmp_path / "store" / "tables" / "published.csv").fillna("")
+    assert set(published.loc[published["run"] != "", "n"]) == {"2 anatomies"}
+
+
+def test_a_password_of_the_store_stays_out_of_the_report() -> None:
+    source = Source(SimpleNamespace(address="http://me:secret@host:5000"))  # type: ignore[arg-type]
+    assert "secret" not in source.name and "host:5000" in source.name
 
 
 def test_runs_are_a_list(tmp_path: Path) -> None:
