@@ -111,6 +111,24 @@ def resumed_ids(tags: Mapping[str, str]) -> list[str]:
     return [run_id for name in named for run_id in tags[name].split(",") if run_id]
 
 
+def config_of(text: str) -> dict[str, Any]:
+    """Read the resolved configuration of a run.
+
+    Parameters
+    ----------
+    text : str
+        YAML; empty for a run that has lost its files.
+
+    Returns
+    -------
+    dict[str, Any]
+        The configuration as plain data; empty where there is none.
+    """
+    # In Python the parser is the slowest part of reading many runs; the one in C is not built everywhere.
+    found = yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    return {str(key): value for key, value in found.items()} if isinstance(found, Mapping) else {}
+
+
 def is_job(tags: Mapping[str, str]) -> bool:
     """Tell whether a run with no run below it computed something, or only stands above jobs of an earlier sweep.
 

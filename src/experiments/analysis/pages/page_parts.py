@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, TypeAlias
 from experiments.errors import InputError
 from experiments.outcome import JobResult, Outcome
 from experiments.reporting.figure_files import save_figure
+from experiments.running.job_names import choices_of
+from experiments.tracking import LABEL_TAG
 from experiments.tracking.archive import read_archive
-from experiments.tracking.run_record import RunRecord, last_metrics
+from experiments.tracking.run_record import RunRecord, config_of, last_metrics
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -84,9 +86,10 @@ def archived_result(run: RunRecord) -> JobResult:
     JobResult
         Its result; the workspace is none that exists.
     """
-    import yaml
-
-    return JobResult(yaml.safe_load(run.config), last_metrics(run), run.cases, Path(run.name), run.run_id)
+    choices = choices_of(run.tags.get(LABEL_TAG, ""))
+    return JobResult(
+        config_of(run.config), last_metrics(run), run.cases, Path(run.run_id), run.run_id, choices
+    )
 
 
 def listed(findings: Iterable[str]) -> str:

@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import yaml
-
 from experiments.errors import InputError
 from experiments.tracking.run_lookup import Family
+from experiments.tracking.run_record import config_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -153,7 +152,7 @@ def cases_of(family: Family) -> pd.DataFrame:
         cases = job.cases
         if "kind" in cases and (cases["kind"] == "case").any():
             cases = cases[cases["kind"] == "case"]
-        seed = (yaml.safe_load(job.config) or {}).get("seed") if job.config else None
+        seed = config_of(job.config).get("seed")
         # Trials of another seed are other trials, even where they have the same numbers.
         tables.append(cases if "seed" in cases or seed is None else cases.assign(**{"seed of the run": seed}))
     if not tables:

@@ -9,15 +9,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-import yaml
-
 from experiments.analysis.runs.paired_cases import UNITS, cases_of, digests_of
 from experiments.provenance import COMMIT_TAG
 from experiments.statistics import Bootstrap, by_unit, wilson_interval
 from experiments.tracking.archive import without_folders
 from experiments.tracking.names import flatten
 from experiments.tracking.run_lookup import Family
-from experiments.tracking.run_record import RunRecord
+from experiments.tracking.run_record import RunRecord, config_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -48,7 +46,7 @@ class Facts:
     @cached_property
     def configs(self) -> tuple[Mapping[str, Any], ...]:
         """Their configurations."""
-        return tuple(yaml.safe_load(job.config) or {} for job in self.jobs if job.config)
+        return tuple(config_of(job.config) for job in self.jobs if job.config)
 
     @cached_property
     def tables(self) -> tuple[pd.DataFrame, ...]:

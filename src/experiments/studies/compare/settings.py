@@ -7,15 +7,13 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-import yaml
-
 from experiments.analysis.runs.paired_cases import settings_that_differ
 from experiments.analysis.runs.timing import is_timing
 from experiments.provenance import COMMIT_TAG
 from experiments.running.config_hash import NEVER_PART, job_config
 from experiments.tracking.names import flatten
 from experiments.tracking.run_lookup import Family
-from experiments.tracking.run_record import RunRecord, last_metrics
+from experiments.tracking.run_record import RunRecord, config_of, last_metrics
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -96,7 +94,7 @@ def _settings(family: Family) -> dict[str, tuple[str, ...]]:
     """The values of every setting over the jobs of a run."""
     found: dict[str, dict[str, None]] = {}
     for job in family.jobs:
-        config = yaml.safe_load(job.config) if job.config else {}
+        config = config_of(job.config)
         for key, value in flatten(_plain(job_config(config or {}))).items():
             found.setdefault(key, {})[str(value)] = None
     return {key: tuple(sorted(values)) for key, values in found.items()}

@@ -9,22 +9,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from experiments.analysis.pages.page_parts import archived_result
 from experiments.errors import InputError
 from experiments.masking import masked
 from experiments.outcome import JobResult, Outcome
 from experiments.reporting.measured import Measured
-from experiments.running.job_names import choices_of
 from experiments.running.jobs import study_module
 from experiments.running.run_job import headline_names
 from experiments.running.run_names import option, subject
-from experiments.tracking import LABEL_TAG, Store
+from experiments.tracking import Store
 from experiments.tracking.archive import shared
 from experiments.tracking.headline import headline
 from experiments.tracking.overview import FINISHED, TopRun, top_runs
 from experiments.tracking.run_lookup import Family, find_family
-from experiments.tracking.run_record import RunRecord, last_metrics
+from experiments.tracking.run_record import config_of
 
 # Settings that say where files are and what else a call does: no part of what is measured.
 OF_THE_CALL = ("call", "out", "resume", "jobs", "tracking", "fold")
@@ -190,7 +188,7 @@ def section_of(family: Family) -> Section:
         raise InputError(
             f"runs: expected a run with a job that finished, found none in {family.run.run_id[:8]}"
         )
-    results, whole = whole_seeds([_result(run) for run in jobs])
+    results, whole = whole_seeds([archived_result(run) for run in jobs])
     about, preset = _kind(jobs[0].config)
     left_out = len(family.jobs) - len(results)
     module = study_module(family.run.experiment)
@@ -242,28 +240,6 @@ def _training(config: Mapping[str, Any]) -> str:
     return json.dumps(kept, sort_keys=True, default=str)
 
 
-def _result(run: RunRecord) -> JobResult:
-    config = yaml_of(run.config)
-    choices = choices_of(run.tags.get(LABEL_TAG, ""))
-    return JobResult(config, last_metrics(run), run.cases, Path(run.run_id), run.run_id, choices)
-
-
-def yaml_of(text: str) -> Any:
-    """Read a configuration, by the parser in C where it is there: in Python it is the slowest part of a report.
-
-    Parameters
-    ----------
-    text : str
-        YAML.
-
-    Returns
-    -------
-    Any
-        Plain data.
-    """
-    return yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
-
-
 def _metrics_of(results: Sequence[JobResult]) -> Outcome:
     """The chosen metrics of each job as a table, for a study that sums nothing up."""
     import pandas as pd
@@ -277,7 +253,7 @@ def _metrics_of(results: Sequence[JobResult]) -> Outcome:
 
 def _kind(config: str) -> tuple[str, str]:
     """What a run is about, and the preset it was called with."""
-    known = yaml_of(config) or {}
+    known = config_of(config)
     preset = _PRESET.search(str((known.get("call") or {}).get("command", "")))
     try:
         about = subject(known)

@@ -21,7 +21,7 @@ from experiments.running import jobs
 from experiments.running.path_settings import named_paths
 from experiments.running.run_job import user_errors
 from experiments.tracking import LABEL_TAG
-from experiments.tracking.run_record import RunRecord
+from experiments.tracking.run_record import RunRecord, config_of
 
 # What an archive has in place of the folders of the machine that a path lay in.
 CUT = ".../"
@@ -113,13 +113,13 @@ def configuration_of(record: RunRecord) -> dict[str, Any]:
     InputError
         If the run has none, or one that names no study.
     """
-    found = yaml.safe_load(record.config) if record.config else None
-    if not isinstance(found, Mapping) or "study" not in found:
+    found = config_of(record.config)
+    if "study" not in found:
         raise InputError(
             f"run {record.run_id[:12]}: expected a run with a configuration (config.yaml), found none; its files are "
             "not where the tracker says they are, or it was not made by ctus"
         )
-    return {str(key): value for key, value in found.items()}
+    return found
 
 
 def with_own_caches(node: Any, folder: Path) -> Any:
