@@ -7,17 +7,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments import registry
-from experiments.analysis.segmentation.configurations import CONFIGURATIONS, configured
+from experiments.analysis.segmentation.configurations import (
+    CONFIGURATIONS,
+    configuration_jobs,
+    configured,
+    names_of,
+)
 from experiments.analysis.segmentation.fold_outcome import fold_outcome
 from experiments.analysis.segmentation.fold_run import (
     FoldRun,
-    fold_jobs,
     require_fitting_size,
     require_start,
 )
 from experiments.datasets.protocol import DataSet, require_root
-from experiments.errors import InputError
 from experiments.outcome import JobResult, Outcome, Progress
 from experiments.splits.group_splits import GroupSplits
 from experiments.studies.dataset_variability.report import summary_of
@@ -51,18 +53,7 @@ def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
     InputError
         If a configuration is unknown, the data set has none, or the split has outer folds or is read from a file.
     """
-    names = config.get("configurations")
-    if not isinstance(names, Sequence) or isinstance(names, str) or not names:
-        raise InputError(f"configurations: expected a list of configurations, received {names!r}")
-    split = registry.build(config["split"], "split")
-    if split.outer_folds is not None or split.file is not None:
-        raise InputError("split: expected folds of every configuration alike, received outer_folds or a file")
-    dataset = registry.build(config["dataset"], "dataset")
-    for name in names:
-        configured(dataset, [name])
-    return [
-        {"configurations": [name], **job} for name in names for job in fold_jobs(split, None, config["fold"])
-    ]
+    return configuration_jobs(config, names_of(config))
 
 
 def check(

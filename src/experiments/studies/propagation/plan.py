@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments import registry
-from experiments.analysis.segmentation.configurations import configured
-from experiments.analysis.segmentation.fold_run import fold_jobs, require_fitting_size, require_start
+from experiments.analysis.segmentation.configurations import configuration_jobs, configured, names_of
+from experiments.analysis.segmentation.fold_run import require_fitting_size, require_start
 from experiments.datasets.protocol import DataSet, require_root
 from experiments.errors import InputError, require_count
 from experiments.inputs.surfaces import one_method
@@ -46,14 +45,12 @@ def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
         If a configuration is unknown or there twice, the data set has none, there is not one model file for each, or
         the split has outer folds or is read from a file.
     """
-    names = config.get("configurations")
-    if not isinstance(names, Sequence) or isinstance(names, str) or not names:
-        raise InputError(f"configurations: expected a list of configurations, received {names!r}")
+    names = names_of(config)
     if len(set(names)) < len(names):
         raise InputError(f"configurations: expected each once, received {list(names)}")
     own, paths = [name for name in names if name != REFERENCE], config.get("model_paths")
     if paths is None or not own:
-        found = _trained_jobs(config, own)
+        found = configuration_jobs(config, own) if own else []
     elif isinstance(paths, str) or len(paths) != len(own):
         raise InputError(
             f"model_paths: expected a list with one file for each of configurations but {REFERENCE} "
@@ -64,18 +61,6 @@ def jobs(config: Mapping[str, Any]) -> list[dict[str, Any]]:
             {"configurations": [name], "model_paths": [path]} for name, path in zip(own, paths, strict=True)
         ]
     return [{"configurations": [REFERENCE]}, *found] if REFERENCE in names else found
-
-
-def _trained_jobs(config: Mapping[str, Any], names: Sequence[str]) -> list[dict[str, Any]]:
-    if not names:
-        return []
-    split, dataset = (registry.build(config[name], name) for name in ("split", "dataset"))
-    if split.outer_folds is not None or split.file is not None:
-        raise InputError("split: expected folds of every configuration alike, received outer_folds or a file")
-    for name in names:
-        configured(dataset, [name])
-    folds = fold_jobs(split, None, config["fold"])
-    return [{"configurations": [name], **job} for name in names for job in folds]
 
 
 def check(
