@@ -13,6 +13,7 @@ import time
 from pathlib import Path
 
 from experiments.paths import project_root
+from experiments.plugins import options_of
 from experiments.reporting.thesis_steps import SMOKE, Step, thesis_steps
 
 ROOT = project_root()
@@ -29,7 +30,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--trainer", default="cpu", help="budget of the trainings (default: cpu)")
+    budgets = options_of("trainer")
+    parser.add_argument(
+        "--trainer", default="cpu", choices=budgets, help="budget of the trainings (default: cpu)"
+    )
     parser.add_argument(
         "--data", default="", help="folder of data sets (carotid, usgra); empty: simulated ones alone"
     )

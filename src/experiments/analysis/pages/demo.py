@@ -40,7 +40,7 @@ def closing(folder: Path) -> tuple[dict[str, pd.DataFrame], tuple[str, ...]]:
     segmented, swept = (_json(folder / part / "metrics.json") for part in PARTS[:2])
     registered, trials = (
         _json(folder / "pipeline" / "registration.json"),
-        read_cases(folder / "robustness", "made"),
+        read_cases(folder / "robustness", "the demonstration wrote"),
     )
     tables = {
         "Segmentation, simulated frames": _segmentation(segmented, swept),
