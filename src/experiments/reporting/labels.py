@@ -124,6 +124,29 @@ def axis_label(column: str) -> str:
     return plain[:1].upper() + plain[1:]
 
 
+def counted(count: int, what: str) -> str:
+    """Write a number of things.
+
+    Parameters
+    ----------
+    count : int
+        How many.
+    what : str
+        Name of one.
+
+    Returns
+    -------
+    str
+        The number with the name in the right form.
+
+    Examples
+    --------
+    >>> counted(1, "run"), counted(2, "run")
+    ('1 run', '2 runs')
+    """
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
+
+
 def method_label(name: str) -> str:
     """Name a method or a network as a figure does.
 

@@ -11,12 +11,12 @@ from experiments.analysis.segmentation.summary import bounded_summary
 from experiments.analysis.segmentation.tables import in_words, intervals
 from experiments.datasets.protocol import read_notes
 from experiments.outcome import JobResult
+from experiments.reporting.measured import SIMULATED
 from experiments.reporting.published import Published
 
 if TYPE_CHECKING:
     import pandas as pd
 
-SIMULATED_DATA = "simulated, not comparable"
 # Gives the published values that stand next to a model's, for a level of each factor.
 PublishedOf = Callable[[Mapping[str, str]], Sequence[Published]]
 
@@ -93,7 +93,7 @@ def levels_table(
             row.assign(
                 missed=[f"{100 * rate:.1f} %" for rate in numbers["missed_rate"]],
                 published="; ".join(value.text_with_unit for value in known),
-                data=SIMULATED_DATA if part["simulated"].all() else data,
+                data=SIMULATED if part["simulated"].all() else data,
             )
         )
     return pd.concat(rows, ignore_index=True)
@@ -198,4 +198,4 @@ def data_label(cases: pd.DataFrame) -> str:
     str
         ``simulated, not comparable`` in brackets where they are simulated; empty otherwise.
     """
-    return f" ({SIMULATED_DATA})" if cases["simulated"].all() else ""
+    return f" ({SIMULATED})" if cases["simulated"].all() else ""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from experiments.reporting.labels import axis_label
+from experiments.reporting.labels import axis_label, counted
 from experiments.reporting.published import published
 from experiments.statistics import Interval, summary
 
@@ -202,8 +202,7 @@ def describe(cases: pd.DataFrame) -> tuple[str, ...]:
 
 
 def _count(cases: pd.DataFrame, kind: str, what: str) -> str:
-    count = int((cases["kind"] == kind).sum())
-    return f"{count} {what}" if count == 1 else f"{count} {what}s"
+    return counted(int((cases["kind"] == kind).sum()), what)
 
 
 def _lie(cases: pd.DataFrame) -> str:

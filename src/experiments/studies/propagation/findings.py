@@ -9,6 +9,7 @@ import numpy as np
 
 from experiments.analysis.segmentation.case_table import is_smoke, smoke_note
 from experiments.analysis.segmentation.comparison import ALPHA
+from experiments.reporting.labels import counted
 from experiments.studies.propagation.comparison import NO_DIFFERENCE, TOO_FEW
 from experiments.studies.propagation.networks import REFERENCE
 from experiments.studies.propagation.tables import ALL, SAME_SWEEP, Thing, last_error, median_of, things
@@ -65,8 +66,8 @@ def _left(cases: pd.DataFrame) -> str:
         else "none failed"
     )
     return (
-        f"Medians of the surface's RMSE and of the {stage} over {_count(sweeps, 'simulated sweep')} of "
-        f"{_count(cases['vessel'].nunique(), 'vessel')}: {parts}; {failures}."
+        f"Medians of the surface's RMSE and of the {stage} over {counted(sweeps, 'simulated sweep')} of "
+        f"{counted(cases['vessel'].nunique(), 'vessel')}: {parts}; {failures}."
     )
 
 
@@ -95,8 +96,8 @@ def _correlation(cases: pd.DataFrame, correlated: pd.DataFrame) -> str:
     same = list(_rhos(rows[rows["over"] == SAME_SWEEP], (error,)))
     alone = f"; between networks on the same sweep {same[0]}" if same else ""
     return (
-        f"Spearman's correlation of DSC over {_count(int(first['n']), 'pair')} of sweep and network "
-        f"({_count(int(first['vessels']), 'vessel')}, which the intervals are over): {' and '.join(together)}{alone}."
+        f"Spearman's correlation of DSC over {counted(int(first['n']), 'pair')} of sweep and network "
+        f"({counted(int(first['vessels']), 'vessel')}, which the intervals are over): {' and '.join(together)}{alone}."
     )
 
 
@@ -118,7 +119,7 @@ def _comparison(cases: pd.DataFrame, compared: pd.DataFrame) -> str:
     shown = ends[ends["p_holm"] <= ALPHA]
     differences = [_difference(row) for row in shown.to_dict("records")]
     networks = [len(own[["seed", "fold"]].drop_duplicates()) for _, own in things(made)]
-    worth = f"with {_count(min(networks), 'network')} a configuration, another training may differ otherwise"
+    worth = f"with {counted(min(networks), 'network')} a configuration, another training may differ otherwise"
     left = ends[ends["p_holm"] > ALPHA]
     few = int((left["verdict"] == TOO_FEW).sum())
     others = f"; of the others {few} had too few vessels to show any" if few else ""
@@ -141,7 +142,3 @@ def _difference(row: Mapping[Any, Any]) -> str:
     if row["rank_biserial"] > 0:
         lower, higher = higher, lower
     return f"{IN_WORDS[str(row['measure'])]} of {lower} below that of {higher}{by}{model}"
-
-
-def _count(count: int, what: str) -> str:
-    return f"{count} {what}" if count == 1 else f"{count} {what}s"

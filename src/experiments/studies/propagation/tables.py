@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.analysis.segmentation.levels import SIMULATED_DATA
+from experiments.reporting.measured import SIMULATED
 from experiments.statistics import Bootstrap, Interval, by_unit
 from experiments.studies.propagation.networks import REFERENCE
 from registration.metrics.surface_distance import SUCCESS_TRE_MM
@@ -141,7 +141,7 @@ def _masks(thing: Thing, cases: pd.DataFrame) -> dict[str, Any]:
         "hd95_mm": cases["hd95_mm"].mean(),
         "missed": f"{cases['missed'].sum()}/{cases['frames'].sum()}",
         "false_alarms": f"{cases['false_alarms'].sum()}/{cases['frames_empty'].sum()}",
-        "data": SIMULATED_DATA,
+        "data": SIMULATED,
     }
 
 
@@ -156,7 +156,7 @@ def _errors(thing: Thing, cases: pd.DataFrame) -> dict[str, Any]:
         f"tre<={SUCCESS_TRE_MM:g}mm": f"{int(good.sum())}/{len(good)}",
         "no_surface": int((cases["surface_error"] != "").sum()),
         "failed": int((cases["error"] != "").sum()),
-        "data": SIMULATED_DATA,
+        "data": SIMULATED,
     }
 
 
@@ -185,7 +185,7 @@ def _correlated(row: Mapping[Any, Any]) -> dict[str, Any]:
         **{name: row[name] for name in ("masks", "error", "over", "n", "vessels")},
         "rho": f"{row['rho']:+.2f}" if np.isfinite(row["rho"]) else "",
         "interval_95_%": bounds,
-        "data": SIMULATED_DATA,
+        "data": SIMULATED,
     }
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.running.terminal import cell_text
 from experiments.studies.report.page_template import PAGE, TABLE
+from experiments.studies.report.published_table import NOT_MEASURED, YES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -16,8 +17,7 @@ if TYPE_CHECKING:
 TITLE = "Registration of vessels from ultrasound: results"
 TABLE_FILES = ("csv", "md", "tex")
 # Cells of the column ``comparable`` are shown as badges.
-BADGE_COLUMN, YES = "comparable", "yes"
-NOT_MEASURED = "not measured yet"
+BADGE_COLUMN = "comparable"
 
 
 @dataclass(frozen=True)

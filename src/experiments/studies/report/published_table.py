@@ -30,7 +30,7 @@ COLUMNS = (
     ),
     *("comparable", "said", "budget", "run", "command"),
 )
-NOT_MEASURED, SMALL = "not measured yet", "trainer=smoke: shows that all works, no result"
+YES, NOT_MEASURED, SMALL = "yes", "not measured yet", "trainer=smoke: shows that all works, no result"
 FOLDS_MISSING = "folds missing"
 _DIGITS = {PERCENT: 1, "mm": 2, "s": 1}
 
@@ -97,7 +97,7 @@ def _rows(study: str, name: str, value: Published, sections: Sequence[Section]) 
 def _comparable(section: Section, one: Measured) -> str:
     small = one.small or section.budget == SMOKE
     reasons = (one.not_comparable, "" if section.whole else FOLDS_MISSING, SMALL if small else "")
-    return "; ".join(filter(None, reasons)) or "yes"
+    return "; ".join(filter(None, reasons)) or YES
 
 
 def number_text(value: float, unit: str) -> str:

@@ -13,6 +13,7 @@ from experiments import files
 from experiments.errors import InputError
 from experiments.outcome import Outcome, Progress
 from experiments.reporting.figure_files import save_figure
+from experiments.reporting.labels import counted
 from experiments.reporting.published import published_values
 from experiments.reporting.thesis_steps import thesis_steps
 from experiments.running.terminal import markdown
@@ -169,29 +170,6 @@ def _table_files(
     files.write_text(place.with_name(f"{stem}.tex"), latex_table(frame, full, stem))
     captions[stem] = caption
     return ShownTable(title, frame, f"{TABLES}/{stem}", note)
-
-
-def counted(count: int, what: str) -> str:
-    """Write a number of things.
-
-    Parameters
-    ----------
-    count : int
-        How many.
-    what : str
-        Name of one.
-
-    Returns
-    -------
-    str
-        The number with the name in the right form.
-
-    Examples
-    --------
-    >>> counted(1, "run"), counted(2, "run")
-    ('1 run', '2 runs')
-    """
-    return f"{count} {what}" if count == 1 else f"{count} {what}s"
 
 
 def slug(text: str) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from experiments.analysis.registration.pose_scores import judges
+from experiments.reporting.labels import counted
 from experiments.studies.robustness.design import CROSSED
 from experiments.studies.robustness.grouping import by_condition, groups
 from experiments.studies.robustness.metrics import CAPTURE_RATE, CAPTURE_TRIALS, inside, lies, share
@@ -60,20 +61,16 @@ def _success(condition: str, key: tuple[Any, ...], cases: pd.DataFrame) -> Itera
     right, small = share(cases["success_tre"]), share(cases["success"])
     assert right is not None and small is not None
     yield (
-        f"{where}: {right.successes} of {_trials(right.trials)} within {SUCCESS_TRE_MM:g} mm of the truth "
+        f"{where}: {right.successes} of {counted(right.trials, 'trial')} within {SUCCESS_TRE_MM:g} mm of the truth "
         f"({right.rate:.0%}, Wilson 95 % interval {right.low:.0%} to {right.high:.0%}), {small.rate:.0%} with RMSE up "
         f"to {SUCCESS_RMSE_MM:g} mm, median {cases['runtime_s'].median():.2f} s a trial."
     )
     missing = cases.loc[cases["error"] != "", "error"]
     if len(missing):
         yield (
-            f"{where} gave no result in {len(missing)} of {_trials(len(cases))}, which count as failed "
+            f"{where} gave no result in {len(missing)} of {counted(len(cases), 'trial')}, which count as failed "
             f"(first: {missing.iloc[0]})."
         )
-
-
-def _trials(count: int) -> str:
-    return f"{count} trial" if count == 1 else f"{count} trials"
 
 
 def _of(values: Any) -> str:
@@ -146,8 +143,8 @@ def _caveats(cases: pd.DataFrame) -> Iterator[str]:
     hidden = lies(cases)
     if hidden.any():
         yield (
-            f"RMSE hides {hidden.sum()} of {_trials(len(cases))}: up to {SUCCESS_RMSE_MM:g} mm of residual, more than "
-            f"{SUCCESS_TRE_MM:g} mm from the truth."
+            f"RMSE hides {hidden.sum()} of {counted(len(cases), 'trial')}: up to {SUCCESS_RMSE_MM:g} mm of "
+            f"residual, more than {SUCCESS_TRE_MM:g} mm from the truth."
         )
     anatomies = len(cases["anatomy"].unique())
     if anatomies > 1:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from experiments.reporting.measured import SIMULATED
 from experiments.reporting.published import published
 from experiments.statistics import summary
 from experiments.studies.runtime.chain import ACQUISITION, PREPROCESSING, SEGMENTATION, STAGES
@@ -14,7 +15,6 @@ from experiments.studies.runtime.chain import ACQUISITION, PREPROCESSING, SEGMEN
 if TYPE_CHECKING:
     import pandas as pd
 
-SIMULATED = "simulated, not comparable"
 WITHOUT = "without pre-processing and segmentation"
 
 
