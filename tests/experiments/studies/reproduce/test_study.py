@@ -168,25 +168,31 @@ def test_a_file_that_has_changed_since_is_found_before_anything_is_run(
     assert not in_process
 
 
+# Archived, a path within the project starts at the project; of any other the name alone is left.
+@pytest.mark.parametrize(("in_project", "archived"), [(True, "data/numbers.csv"), (False, ".../numbers.csv")])
 def test_an_exported_run_is_run_again_with_data_that_lie_elsewhere(
     counting_study: ModuleType,
     home: Path,
-    tmp_path: Path,
+    tmp_path_factory: pytest.TempPathFactory,
     in_process: list[Path],
     capsys: pytest.CaptureFixture[str],
+    in_project: bool,
+    archived: str,
 ) -> None:
-    (tmp_path / "numbers.csv").write_text("1\n")
-    assert main(["study=counting", "parts=[2]", f"data={tmp_path / 'numbers.csv'}"]) == 0
-    job, archive, elsewhere = newest("job"), tmp_path / "archive", tmp_path / "elsewhere"
+    data = home / "data" if in_project else tmp_path_factory.mktemp("data")
+    data.mkdir(exist_ok=True)
+    (data / "numbers.csv").write_text("1\n")
+    assert main(["study=counting", "parts=[2]", f"data={data / 'numbers.csv'}"]) == 0
+    job, archive, elsewhere = newest("job"), home / "archive", home / "elsewhere"
     assert main(["study=export_runs", f"archive={archive}"]) == 0
     elsewhere.mkdir()
-    (tmp_path / "numbers.csv").rename(elsewhere / "numbers.csv")
+    (data / "numbers.csv").rename(elsewhere / "numbers.csv")
     shutil.rmtree(home / "mlruns")
     asked = ["study=reproduce", f"run={job}", f"archive={archive}"]
     assert main([*asked, f"data_root={elsewhere}"]) == 0
     assert "is bit-equal" in capsys.readouterr().out
     moved = next(check for check in reproduced(home)["checks"] if check["what"] == "paths")
-    assert moved["now"] == f".../numbers.csv -> {elsewhere / 'numbers.csv'}"
+    assert moved["now"] == f"{archived} -> {elsewhere / 'numbers.csv'}"
 
 
 def test_a_failed_run_and_one_that_is_not_there_are_refused(
