@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from experiments.command_line import words as cli_words
 from experiments.command_line.call_options import CallOptions, read_options
 from experiments.command_line.foreign_folder import require_harmless_folder
-from experiments.command_line.text_settings import loader_with_text, quoted_override
+from experiments.command_line.text_settings import fast_loader, loader_with_text, quoted_override
 from experiments.errors import InputError
 from experiments.paths import conf_dir, project_root
 from experiments.plugins import plugin_config_folders
@@ -195,7 +195,9 @@ def _composed(
             )
         plain = [str(override.input_line) for override in parsed if not override.is_sweep_override()]
         base = compose("config", plain + more, return_hydra_config=True)
-        preset = dict(base.hydra.sweeper.get("params") or {}) if multirun else {}
+        if not multirun:
+            return [(base, "")]
+        preset = dict(base.hydra.sweeper.get("params") or {})
         return [
             (compose("config", words + more, return_hydra_config=True), label)
             for words, label in _sweep_points(
@@ -277,9 +279,10 @@ def _keep_names_as_text() -> None:
 
     plain = _utils.get_yaml_loader
     if not hasattr(plain, "keeps_names"):
+        loader = loader_with_text(fast_loader(plain()))
 
         def keeping() -> Any:
-            return loader_with_text(plain())
+            return loader
 
         keeping.keeps_names = True  # type: ignore[attr-defined]
         _utils.get_yaml_loader = keeping

@@ -43,12 +43,15 @@ def load_yaml(text: str, loader: Any = yaml.SafeLoader) -> tuple[Any, yaml.Node 
     """
     if len(text) > LARGEST_YAML_BYTES:
         raise InputError(f"expected YAML of at most {LARGEST_YAML_BYTES} characters, received {len(text)}")
+    reader = loader(text)
     try:
-        root = yaml.compose(text, Loader=loader)
+        root = reader.get_single_node()
         require_small(root)
-        return yaml.load(text, Loader=loader), root
+        return None if root is None else reader.construct_document(root), root
     except RecursionError as failure:
         raise InputError("expected YAML of a few levels, received text that is nested too deep") from failure
+    finally:
+        reader.dispose()
 
 
 def require_small(root: yaml.Node | None) -> None:

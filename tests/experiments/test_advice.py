@@ -7,9 +7,8 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from configurations import OPTIONS, STUDIES, mandatory, taker
+from configurations import OPTIONS, STUDIES, composed, mandatory, taker
 
-from experiments.cli import compose_sweep
 from experiments.command_line.words import group_names, setting_names
 
 # "pass units=m", "(pass acquisition=plus ...", "ctus study=import_runs archive=...": a name and a sign of equality.
@@ -38,8 +37,7 @@ def known_settings() -> set[str]:
         [f"study={taker(group)}", f"{group}={option}", *mandatory(taker(group))] for group, option in OPTIONS
     ]
     for each in words:
-        ((config, _),) = compose_sweep(each)
-        names |= set(setting_names(config))
+        names |= set(setting_names(composed(*each)))
     return names
 
 

@@ -7,7 +7,7 @@ from dataclasses import MISSING, fields, is_dataclass
 from typing import Any
 
 import pytest
-from configurations import CONF, OPTIONS, STUDIES, mandatory
+from configurations import CONF, OPTIONS, STUDIES, composed, mandatory
 
 from experiments import registry
 from experiments.cli import compose_sweep
@@ -17,7 +17,7 @@ from experiments.running import jobs
 
 @pytest.mark.parametrize("study", STUDIES)
 def test_a_study_composes_and_its_parts_build(study: str) -> None:
-    ((config, _),) = compose_sweep([f"study={study}", *mandatory(study)])
+    config = composed(f"study={study}", *mandatory(study))
     for job, _ in jobs.job_configs(config):
         assert jobs.arguments(job)
 
@@ -26,7 +26,7 @@ def test_a_study_composes_and_its_parts_build(study: str) -> None:
 def test_an_option_composes_and_builds_in_a_study_that_takes_it(group: str, option: str) -> None:
     takers = [study for study in STUDIES if f"/{group}:" in (CONF / "study" / f"{study}.yaml").read_text()]
     assert takers, f"no study takes the group {group}"
-    ((config, _),) = compose_sweep([f"study={takers[0]}", f"{group}={option}", *mandatory(takers[0])])
+    config = composed(f"study={takers[0]}", f"{group}={option}", *mandatory(takers[0]))
     assert registry.build(config[group], group)
 
 
@@ -108,16 +108,15 @@ def parts(node: Any, where: str = "") -> Iterator[tuple[str, type, Mapping[str, 
         yield from parts(inner, f"{where}.{name}".lstrip("."))
 
 
-def composed(group: str, option: str) -> Any:
+def option_of(group: str, option: str) -> Any:
     takers = [study for study in STUDIES if f"/{group}:" in (CONF / "study" / f"{study}.yaml").read_text()]
     # The first one for phantoms changes two of their settings for itself.
-    ((config, _),) = compose_sweep([f"study={takers[-1]}", f"{group}={option}", *mandatory(takers[-1])])
-    return config[group]
+    return composed(f"study={takers[-1]}", f"{group}={option}", *mandatory(takers[-1]))[group]
 
 
 @pytest.mark.parametrize("group, option", OPTIONS)
 def test_an_option_shows_every_setting_of_its_classes(group: str, option: str) -> None:
-    for where, kind, settings in parts(composed(group, option)):
+    for where, kind, settings in parts(option_of(group, option)):
         assert is_dataclass(kind), kind
         known = {one.name for one in fields(kind) if one.init}
         assert set(settings) - {"_target_"} == known, f"{group}={option} {where}"
@@ -126,7 +125,7 @@ def test_an_option_shows_every_setting_of_its_classes(group: str, option: str) -
 @pytest.mark.parametrize("group, option", OPTIONS)
 def test_an_option_differs_from_its_class_where_it_means_to(group: str, option: str) -> None:
     differing = set()
-    for where, kind, settings in parts(composed(group, option)):
+    for where, kind, settings in parts(option_of(group, option)):
         built = registry.build(settings, where)
         for one in fields(kind):
             default = one.default if one.default_factory is MISSING else one.default_factory()
@@ -141,8 +140,7 @@ def test_an_option_differs_from_its_class_where_it_means_to(group: str, option: 
 
 def test_a_study_shows_every_setting_of_the_parts_it_names_itself() -> None:
     for study in STUDIES:
-        ((config, _),) = compose_sweep([f"study={study}", *mandatory(study)])
-        for where, kind, settings in parts(config):
+        for where, kind, settings in parts(composed(f"study={study}", *mandatory(study))):
             known = {one.name for one in fields(kind) if one.init}
             assert set(settings) - {"_target_"} == known, f"{study}: {where}"
 

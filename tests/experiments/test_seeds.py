@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from configurations import OPTIONS, STUDIES, mandatory, taker
+from configurations import OPTIONS, STUDIES, composed, mandatory, taker
 
 from experiments import registry
-from experiments.cli import compose_sweep, main
+from experiments.cli import main
 from experiments.command_line.words import draws_nothing
 from experiments.running import jobs
 
@@ -33,11 +33,6 @@ FIXED_DRAWS = {
 }
 
 
-def composed(words: list[str], seed: int) -> dict[str, Any]:
-    ((config, _),) = compose_sweep([*words, f"seed={seed}"])
-    return dict(config)
-
-
 def seeds(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:
     """Every number that is called a seed, in mappings, lists and the fields of objects, by its place."""
     if dataclasses.is_dataclass(value):
@@ -56,7 +51,11 @@ def seeds(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:
 def assert_all_follow(words: list[str]) -> None:
     """Every seed, also of an object that the configuration does not spell out, is as far from 0 as the call's."""
     at = {
-        seed: dict(seeds({key: registry.build(value, key) for key, value in composed(words, seed).items()}))
+        seed: dict(
+            seeds(
+                {key: registry.build(value, key) for key, value in composed(*words, f"seed={seed}").items()}
+            )
+        )
         for seed in (0, 7)
     }
     assert at[0].keys() == at[7].keys()
@@ -75,15 +74,16 @@ def test_every_seed_of_a_study_follows_the_global_one_and_changes_the_job(study:
     words = [f"study={study}", *mandatory(study)]
     assert_all_follow(words)
     first, second = (
-        [jobs.arguments(job) for job, _ in jobs.job_configs(composed(words, seed))] for seed in (0, 7)
+        [jobs.arguments(job) for job, _ in jobs.job_configs(composed(*words, f"seed={seed}"))]
+        for seed in (0, 7)
     )
     if draws_nothing(study):
         # Nothing that the study is given says "seed", so nothing in it can draw by one.
         assert not list(seeds(first[0])) and "seed" not in first[0]
-        assert compose_sweep(words)[0][0]["seed"] is None
+        assert composed(*words)["seed"] is None
     else:
         assert [dict(seeds(each)) for each in first] != [dict(seeds(each)) for each in second]
-        assert compose_sweep(words)[0][0]["seed"] == 0
+        assert composed(*words)["seed"] == 0
 
 
 @pytest.mark.parametrize("group, option", OPTIONS)

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import copy
+import functools
 from pathlib import Path
+from typing import Any
+
+from experiments.cli import compose_sweep
 
 CONF = Path(__file__).resolve().parents[2] / "conf"
 STUDIES = sorted(path.stem for path in (CONF / "study").glob("*.yaml"))
@@ -11,6 +16,18 @@ OPTIONS = sorted(
     for path in CONF.glob("*/*.yaml")
     if path.parent.name not in ("study", "preset")
 )
+
+
+@functools.lru_cache(maxsize=512)
+def _composed(words: tuple[str, ...]) -> Any:
+    ((config, _),) = compose_sweep(list(words))
+    return config
+
+
+def composed(*words: str) -> dict[str, Any]:
+    """The configuration of a call, composed once in a process: that takes a third of a second."""
+    found: dict[str, Any] = copy.deepcopy(_composed(words))
+    return found
 
 
 def mandatory(study: str) -> list[str]:

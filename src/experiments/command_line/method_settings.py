@@ -6,6 +6,8 @@ a preset or the command line; where that method is not among the chosen ones, it
 
 from __future__ import annotations
 
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 from experiments.errors import InputError
@@ -44,11 +46,18 @@ def method_setting(path: str, *, _root_: Any) -> Any:
 
 
 def _by_file(method: str) -> Any:
-    from omegaconf import OmegaConf
-
     path = option_file(GROUP, method)
     if path is None:
         raise InputError(f"{GROUP}: expected a method {method}, whose settings others follow, found none")
+    return _read(path, path.stat().st_mtime_ns)
+
+
+# An ablation has one interpolation for each of its settings, and each asks for the file.
+@lru_cache(maxsize=32)
+def _read(path: Path, changed_ns: int) -> Any:
+    """The file as it was when it was last changed."""
+    from omegaconf import OmegaConf
+
     return OmegaConf.load(path)
 
 

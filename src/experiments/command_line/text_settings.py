@@ -179,6 +179,33 @@ def _in_dictionaries(value: str) -> str:
     )
 
 
+def fast_loader(loader: type[Any]) -> type[Any]:
+    """Make a YAML loader that parses in C where PyYAML was built with libyaml: a fifth of the time to compose a call.
+
+    Parameters
+    ----------
+    loader : type[Any]
+        Loader class in Python, derived from ``yaml.SafeLoader``.
+
+    Returns
+    -------
+    type[Any]
+        The same with the parser in C; ``loader`` itself without libyaml.
+    """
+    if not yaml.__with_libyaml__:
+        return loader
+    parser: Any = yaml.CSafeLoader.__mro__[1]
+
+    class Fast(parser, loader):
+        def __init__(self, stream: Any) -> None:
+            self.name = getattr(stream, "name", "<text>")
+            parser.__init__(self, stream)
+            yaml.constructor.SafeConstructor.__init__(self)
+            yaml.resolver.Resolver.__init__(self)
+
+    return Fast
+
+
 def loader_with_text(loader: type[Any], settings: Collection[str] = TEXT) -> type[Any]:
     """Make a YAML loader that reads the values of some settings as text, alone or in a list.
 

@@ -34,7 +34,7 @@ def follow_move(database: Path, artifacts: Path) -> int:
         experiments = store.execute("SELECT experiment_id, artifact_location FROM experiments").fetchall()
         changed = 0
         for identity, location in experiments:
-            before = _local(location)
+            before = local_folder(location)
             if before is None or before == artifacts or before.parts[-2:] != artifacts.parts[-2:]:
                 continue
             runs = store.execute(
@@ -56,15 +56,26 @@ def follow_move(database: Path, artifacts: Path) -> int:
 
 def _moved(uri: str | None, before: Path, artifacts: Path) -> Path | None:
     """Where a run's files are now, if they lay under ``before`` and are no longer, or not only, there."""
-    place = _local(uri)
+    place = local_folder(uri)
     if place is None or not place.is_relative_to(before):
         return None
     now = artifacts / place.relative_to(before)
     return now if now.is_dir() or not place.exists() else None
 
 
-def _local(uri: str | None) -> Path | None:
-    """The folder of a local address; None for any other."""
+def local_folder(uri: str | None) -> Path | None:
+    """The folder of a local address.
+
+    Parameters
+    ----------
+    uri : str or None
+        Address of a run's files.
+
+    Returns
+    -------
+    Path or None
+        The folder; None for the address of anything but a folder of this machine.
+    """
     if not uri or not uri.startswith("file:"):
         return None
     return Path(url2pathname(urlsplit(uri).path))

@@ -9,10 +9,10 @@ from typing import Any
 
 from experiments.tracking import ORIGIN_TAG, PARENT_TAG, Store
 from experiments.tracking.archive import read_archive
-from experiments.tracking.run_record import is_job, resumed_ids
+from experiments.tracking.run_files import run_file
+from experiments.tracking.run_record import CONFIG_FILE, is_job, resumed_ids
 
 FINISHED = "FINISHED"
-CONFIG = "config.yaml"
 
 
 @dataclass(frozen=True)
@@ -102,11 +102,8 @@ def _stored(store: Store, experiments: Sequence[str]) -> Iterator[TopRun]:
         own = [*_leaves(top, lambda run: below.get(run.info.run_id, ())), *_resumed(top.data.tags, origins)]
         ended = [leaf for leaf in own if leaf.info.status == FINISHED and is_job(leaf.data.tags)]
         first = min(ended, key=lambda leaf: (leaf.info.start_time, _origin(leaf)), default=None)
-        config = ""
-        if first is not None and any(
-            file.path == CONFIG for file in client.list_artifacts(first.info.run_id)
-        ):
-            config = Path(client.download_artifacts(first.info.run_id, CONFIG)).read_text(encoding="utf-8")
+        path = None if first is None else run_file(client, first, CONFIG_FILE)
+        config = "" if path is None else path.read_text(encoding="utf-8")
         info, tags = top.info, dict(top.data.tags)
         experiment = names[info.experiment_id]
         told = (info.run_name, info.status, info.start_time, tags)

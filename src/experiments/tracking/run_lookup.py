@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -83,15 +83,47 @@ def find_family(reference: str, store: Store, archive: Path | None = None, setti
     InputError
         If no run has such an id, or several do.
     """
-    if not reference.strip():
+    return find_families([reference], store, archive, setting)[0]
+
+
+def find_families(
+    references: Sequence[str], store: Store, archive: Path | None = None, setting: str = "runs"
+) -> list[Family]:
+    """Find several runs by their ids, each with all runs below it; store or archive are listed once.
+
+    Parameters
+    ----------
+    references : Sequence[str]
+        Ids of the runs where they were first run or in this store, or the first characters of them.
+    store : Store
+        The tracker, where no archive is named.
+    archive : Path or None, optional
+        Folder of exported runs; None for the tracker.
+    setting : str, optional
+        Name of the setting that ``references`` come from, for messages.
+
+    Returns
+    -------
+    list of Family
+        The runs and those below them, in the order of the references.
+
+    Raises
+    ------
+    InputError
+        If no run has such an id, or several do.
+    """
+    if any(not reference.strip() for reference in references):
         raise InputError(f"{setting}: expected the id of a run, received none")
+    if not references:
+        return []
     if archive is not None:
-        return _archived(reference, archive, setting)
-    return _stored(reference, store, setting)
+        records = {record.run_id: record for record in read_archive(archive)}
+        return [_archived(reference, records, archive, setting) for reference in references]
+    listed = _Listed.of(store)
+    return [_stored(reference, store, listed, setting) for reference in references]
 
 
-def _archived(reference: str, archive: Path, setting: str) -> Family:
-    records = {record.run_id: record for record in read_archive(archive)}
+def _archived(reference: str, records: Mapping[str, RunRecord], archive: Path, setting: str) -> Family:
     found = {key: record for key, record in records.items() if key.startswith(reference)}
     titles = {key: f"{record.experiment}, {record.name}" for key, record in found.items()}
     top = found[_only(reference, titles, f"the archive {archive}", setting)]
@@ -106,29 +138,56 @@ def _below(run_id: str, records: Iterable[RunRecord]) -> list[RunRecord]:
     return own + [further for record in own for further in _below(record.run_id, every)]
 
 
-def _stored(reference: str, store: Store, setting: str) -> Family:
-    names = {each.experiment_id: each.name for each in store.client().search_experiments()}
-    # Newest first: of two runs with one origin, the newer is seen first and kept.
+@dataclass(frozen=True)
+class _Listed:
+    """All runs of a store, newest first, also by the id where each was first run and by the run above it."""
+
+    runs: Sequence[Any]
+    origins: Mapping[str, Any]
+    below: Mapping[str, Sequence[Any]]
+    names: Mapping[str, str]
+
+    @staticmethod
+    def of(store: Store) -> _Listed:
+        origins: dict[str, Any] = {}
+        below: dict[str, list[Any]] = {}
+        runs = list(store.runs())
+        for run in runs:
+            origins.setdefault(_origin(run), run)
+            if PARENT_TAG in run.data.tags:
+                below.setdefault(run.data.tags[PARENT_TAG], []).append(run)
+        names = {each.experiment_id: each.name for each in store.client().search_experiments()}
+        return _Listed(runs, origins, below, names)
+
+    def title(self, run: Any) -> str:
+        return f"{self.names[run.info.experiment_id]}, {run.info.run_name}"
+
+    def read(self, store: Store, run: Any) -> RunRecord:
+        return read_run(store, run.info.run_id, self.names[run.info.experiment_id])
+
+
+def _origin(run: Any) -> str:
+    return str(run.data.tags.get(ORIGIN_TAG, run.info.run_id))
+
+
+def _stored(reference: str, store: Store, listed: _Listed, setting: str) -> Family:
     found: dict[str, Any] = {}
-    origins: dict[str, Any] = {}
-    for run in store.runs():
-        origin = str(run.data.tags.get(ORIGIN_TAG, run.info.run_id))
-        origins.setdefault(origin, run)
-        if origin.startswith(reference) or run.info.run_id.startswith(reference):
-            found.setdefault(origin, run)
-    titles = {key: f"{names[run.info.experiment_id]}, {run.info.run_name}" for key, run in found.items()}
+    # Of two runs with one origin, the newer is seen first and kept.
+    for run in listed.runs:
+        if _origin(run).startswith(reference) or run.info.run_id.startswith(reference):
+            found.setdefault(_origin(run), run)
+    titles = {origin: listed.title(run) for origin, run in found.items()}
     top = found[_only(reference, titles, f"the store {masked(store.address)}", setting)]
     below, waiting = list[RunRecord](), [top]
     while waiting:
         run = waiting.pop(0)
-        record = read_run(store, run.info.run_id, names[run.info.experiment_id])
-        below.append(record)
-        waiting += store.runs(None, f"tags.`{PARENT_TAG}` = '{run.info.run_id}'")
+        below.append(listed.read(store, run))
+        waiting += listed.below.get(run.info.run_id, ())
     known = {record.run_id for record in below}
     for run_id in resumed_ids(top.data.tags):
-        run = None if run_id in known else origins.get(run_id)
+        run = None if run_id in known else listed.origins.get(run_id)
         if run is not None:
-            below.append(read_run(store, run.info.run_id, names[run.info.experiment_id]))
+            below.append(listed.read(store, run))
     return Family(below[0], _sorted(below[1:]))
 
 

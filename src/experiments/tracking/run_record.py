@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 import yaml
@@ -18,8 +18,15 @@ from experiments.outcome import InputData, Outcome
 from experiments.provenance import process_tags
 from experiments.tracking import METRICS_FILE, ORIGIN_TAG, PARENT_TAG, RunWriter, Store, loggable
 from experiments.tracking.headline import NOTE_TAG, metrics_text, without_figures
+from experiments.tracking.run_files import run_file
 from experiments.tracking.run_writer import DIGEST_LENGTH
 
+if TYPE_CHECKING:
+    from mlflow.entities import Metric
+    from mlflow.entities import Run as MlflowRun
+    from mlflow.tracking import MlflowClient
+
+CONFIG_FILE = "config.yaml"
 RESUMED_TAG, KIND_TAG, KINDS_ABOVE = "ctus.resumed", "ctus.kind", ("sweep", "variant")
 # The tracker takes 8000 characters.
 _IDS_A_TAG = 200
@@ -184,14 +191,10 @@ def read_run(store: Store, run_id: str, experiment: str) -> RunRecord:
     run = client.get_run(run_id)
     tags = dict(run.data.tags)
     points = [
-        (metric.key, metric.step, metric.value, metric.timestamp)
-        for key in run.data.metrics
-        for metric in client.get_metric_history(run_id, key)
+        (metric.key, metric.step, metric.value, metric.timestamp) for metric in _all_points(client, run)
     ]
-    names = {file.path for file in client.list_artifacts(run_id)}
-    config = ""
-    if "config.yaml" in names:
-        config = Path(client.download_artifacts(run_id, "config.yaml")).read_text(encoding="utf-8")
+    path = run_file(client, run, CONFIG_FILE)
+    config = "" if path is None else path.read_text(encoding="utf-8")
     return RunRecord(
         run_id=tags.pop(ORIGIN_TAG, run_id),
         experiment=experiment,
@@ -199,15 +202,26 @@ def read_run(store: Store, run_id: str, experiment: str) -> RunRecord:
         status=run.info.status,
         start_ms=run.info.start_time,
         end_ms=run.info.end_time,
-        parent_id=_first_id(store, tags.pop(PARENT_TAG, None)),
+        parent_id=store.origin(tags.pop(PARENT_TAG, None)),
         tags=tags,
         params=dict(run.data.params),
         config=config,
         history=pd.DataFrame(points, columns=["metric", "step", "value", "timestamp_ms"]),
-        cases=store.cases(run_id),
-        metrics=store.all_metrics(run_id),
+        cases=store.cases(run),
+        metrics=store.all_metrics(run),
         inputs=recorded_inputs(run),
     )
+
+
+def _all_points(client: MlflowClient, run: MlflowRun) -> Iterator[Metric]:
+    """Every value of a run's metrics; one that stands at step 0 was logged once and is not asked for again."""
+    newest = {metric.key: metric for metric in getattr(run.data, "_metric_objs", ())}
+    for key in run.data.metrics:
+        last = newest.get(key)
+        if last is not None and last.step == 0:
+            yield last
+        else:
+            yield from client.get_metric_history(run.info.run_id, key)
 
 
 def recorded_inputs(run: Any) -> tuple[InputData, ...]:
@@ -234,12 +248,6 @@ def _source(text: str) -> str:
         return str(json.loads(text)["uri"])
     except (ValueError, TypeError, KeyError):
         return text
-
-
-def _first_id(store: Store, run_id: str | None) -> str | None:
-    """The id that a run had where it was first run, which is what an archive knows it by."""
-    parent = None if run_id is None else store.run(run_id)
-    return run_id if parent is None else str(parent.data.tags.get(ORIGIN_TAG, run_id))
 
 
 def finished_run(
@@ -316,7 +324,7 @@ def restore_run(store: Store, record: RunRecord, parent_id: str | None) -> str:
     writer.inputs(record.inputs)
     writer.points(zip(*(record.history[column].tolist() for column in columns), strict=True))
     if record.config:
-        writer.text(record.config, "config.yaml")
+        writer.text(record.config, CONFIG_FILE)
     if record.metrics:
         writer.text(metrics_text(record.metrics), METRICS_FILE)
     if record.cases is not None:

@@ -29,6 +29,7 @@ from experiments.provenance import environment_tags, is_gone, process_tags
 from experiments.tracking.addresses import opening
 from experiments.tracking.moved import follow_move
 from experiments.tracking.names import LONGEST
+from experiments.tracking.run_files import run_file
 from experiments.tracking.run_writer import RunStart, RunWriter, server_unreachable, shortened
 from experiments.tracking.saved_view import KIND_TAGS, VIEW_TAG, view_tag
 
@@ -42,7 +43,7 @@ HASH_TAG = "ctus.config_hash"
 # What tells a job from the others of its call, in the words of the command line.
 LABEL_TAG = "ctus.label"
 ORIGIN_TAG = "ctus.run_id"
-METRICS_FILE = "metrics.json"
+METRICS_FILE, CASES_FILE = "metrics.json", "cases.parquet"
 # Characters that mean nothing but themselves in a tracking address.
 _PLAIN_PATH = re.compile(r"[\w./+=@,~ -]*")
 
@@ -299,6 +300,27 @@ class Store:
                 return None
             raise
 
+    def origin(self, run_id: str | None) -> str | None:
+        """The id that a run had where it was first run, which is what an archive knows it by.
+
+        Parameters
+        ----------
+        run_id : str or None
+            Id of the run in this store.
+
+        Returns
+        -------
+        str or None
+            The first id, ``run_id`` itself where the run is not in this store; None for None.
+        """
+        if run_id is None:
+            return None
+        # Asked for by every run below it, and never changed.
+        known: dict[str, str] = self._opened.setdefault("origins", {})
+        if run_id not in known and (run := self.run(run_id)) is not None:
+            known[run_id] = str(run.data.tags.get(ORIGIN_TAG, run_id))
+        return known.get(run_id, run_id)
+
     def metrics(self, run_id: str) -> dict[str, float]:
         """The last value of every metric of a run, of those as well that the dashboard has no columns for.
 
@@ -312,27 +334,27 @@ class Store:
         dict[str, float]
             Values by name.
         """
-        logged = dict(self.client().get_run(run_id).data.metrics)
-        return {**logged, **self.all_metrics(run_id)}
+        run = self.client().get_run(run_id)
+        return {**dict(run.data.metrics), **self.all_metrics(run)}
 
-    def all_metrics(self, run_id: str) -> dict[str, float]:
+    def all_metrics(self, run: str | MlflowRun) -> dict[str, float]:
         """The metrics in the file that a run keeps of them.
 
         Parameters
         ----------
-        run_id : str
-            Id of the run.
+        run : str or mlflow.entities.Run
+            Id of the run, or the run, which then is not looked up again.
 
         Returns
         -------
         dict[str, float]
             Values by name, NaN and infinity among them; empty where there is no such file.
         """
-        client = self.client()
-        if not any(file.path == METRICS_FILE for file in client.list_artifacts(run_id)):
+        path = self._file(run, METRICS_FILE)
+        if path is None:
             return {}
-        text = Path(client.download_artifacts(run_id, METRICS_FILE)).read_text(encoding="utf-8")
-        return {str(name): float(value) for name, value in json.loads(text).items()}
+        values = json.loads(path.read_text(encoding="utf-8"))
+        return {str(name): float(value) for name, value in values.items()}
 
     def restore_files(self, run_id: str, folder: Path) -> None:
         """Copy every artifact of a run into ``folder``.
@@ -362,20 +384,20 @@ class Store:
         Path or None
             The file; None where the run is not in this store or has no such file.
         """
-        if self.run(run_id) is None:
-            return None
-        client = self.client()
-        if not any(file.path == name for file in client.list_artifacts(run_id)):
-            return None
-        return Path(client.download_artifacts(run_id, name))
+        run = self.run(run_id)
+        return None if run is None else run_file(self.client(), run, name)
 
-    def cases(self, run_id: str) -> pd.DataFrame | None:
+    def _file(self, run: str | MlflowRun, name: str) -> Path | None:
+        found = self.client().get_run(run) if isinstance(run, str) else run
+        return run_file(self.client(), found, name)
+
+    def cases(self, run: str | MlflowRun) -> pd.DataFrame | None:
         """The per-case table of a run, or none if it has none.
 
         Parameters
         ----------
-        run_id : str
-            Id of the run.
+        run : str or mlflow.entities.Run
+            Id of the run, or the run, which then is not looked up again.
 
         Returns
         -------
@@ -384,10 +406,8 @@ class Store:
         """
         import pandas as pd
 
-        client = self.client()
-        if not any(file.path == "cases.parquet" for file in client.list_artifacts(run_id)):
-            return None
-        return pd.read_parquet(client.download_artifacts(run_id, "cases.parquet"))
+        path = self._file(run, CASES_FILE)
+        return None if path is None else pd.read_parquet(path)
 
     def begin_copy(self, experiment: str, name: str, tags: Mapping[str, str], start_ms: int) -> RunWriter:
         """Make a run that was run before, elsewhere: with its own start and tags, and no heartbeat.

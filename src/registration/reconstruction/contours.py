@@ -227,8 +227,10 @@ def _confidence(
     length = np.maximum(np.linalg.norm(tangents_px, axis=1, keepdims=True), np.finfo(np.float64).tiny)
     inwards_px = CONFIDENCE_REACH_PX * np.stack([-tangents_px[:, 1], tangents_px[:, 0]], axis=1) / length
     fall = np.zeros(len(points_px))
-    for frame in np.unique(index):
-        own = index == frame
+    # The points come in the order of the frames.
+    frames, begins = np.unique(index, return_index=True)
+    for frame, begin, end in zip(frames, begins, [*begins[1:], len(index)], strict=True):
+        own = slice(begin, end)
         sides = [
             map_coordinates(
                 masks[frame], (points_px[own] + side * inwards_px[own]).T[::-1], order=1, mode="nearest"

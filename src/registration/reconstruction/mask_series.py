@@ -13,6 +13,8 @@ from registration import transforms
 # Number of pixels that are compared; larger masks are sampled evenly.
 MAX_PIXELS = 400
 
+Box = tuple[slice, slice]
+
 
 @dataclass(frozen=True)
 class MaskSeries:
@@ -22,6 +24,8 @@ class MaskSeries:
     ----------
     filled : ndarray of bool, shape (k, height, width)
         Pixels of the vessel.
+    boxes : tuple of (slice, slice)
+        Rows and columns that hold each mask.
     world_A_pixel : ndarray, shape (k, 4, 4)
         Affine matrix of each mask from pixels to world mm.
     shown : ndarray of bool, shape (k,)
@@ -37,6 +41,7 @@ class MaskSeries:
     """
 
     filled: Bool[np.ndarray, "k height width"]
+    boxes: tuple[Box, ...]
     world_A_pixel: Float64[np.ndarray, "k 4 4"]
     shown: Bool[np.ndarray, " k"]
     middle_mm: Float64[np.ndarray, "k 3"]
@@ -63,11 +68,8 @@ class MaskSeries:
             The series.
         """
         filled = masks if masks.dtype == np.bool_ else masks >= level
-        pixels = filled.sum(axis=(1, 2))
-        weight = np.maximum(pixels, 1)
-        across = filled.sum(axis=1) @ np.arange(filled.shape[2]) / weight
-        down = filled.sum(axis=2) @ np.arange(filled.shape[1]) / weight
-        middle_px = np.stack([across, down], axis=1)
+        boxes = boxes_of(filled)
+        pixels, middle_px = _pixels(filled, boxes)
         middle_mm = transforms.apply_each(world_A_pixel, np.pad(middle_px, ((0, 0), (0, 1))))
         area_mm2 = np.linalg.norm(np.cross(world_A_pixel[:, :3, 0], world_A_pixel[:, :3, 1]), axis=1)
         centre_px = np.array([0.5 * filled.shape[2], 0.5 * filled.shape[1], 0.0])
@@ -75,6 +77,7 @@ class MaskSeries:
         steps_mm = np.linalg.norm(np.diff(centres_mm, axis=0), axis=1)
         return cls(
             filled,
+            boxes,
             world_A_pixel,
             pixels > 0,
             middle_mm,
@@ -98,10 +101,11 @@ class MaskSeries:
     def drawn_mm(self) -> list[Float64[np.ndarray, "p 2"]]:
         """Evenly drawn pixels of each mask, as offsets in mm from its centroid along columns and rows."""
         found = []
-        for frame, own in enumerate(self.filled):
-            row, column = np.nonzero(own)
+        for frame, box in enumerate(self.boxes):
+            row, column = np.nonzero(self.filled[frame][box])
             few = np.linspace(0, len(row) - 1, min(MAX_PIXELS, len(row))).astype(np.int64)
-            offset_px = np.stack([column[few], row[few]], axis=1) - self.middle_px[frame]
+            place_px = np.stack([column[few] + box[1].start, row[few] + box[0].start], axis=1)
+            offset_px = place_px - self.middle_px[frame]
             found.append(offset_px * self.pixel_mm[frame])
         return found
 
@@ -132,20 +136,60 @@ class MaskSeries:
         in_plane_mm = offset_mm - (offset_mm @ self.normals[frame]) * self.normals[frame]
         wider_mm = float(self.radius_mm[frame] - expected[3])
         # Two of the others need agree: shapes change fast where branches part, but not from one mask to the next.
-        shape = sorted(self._shape_difference(frame, int(other)) for other in others)[1]
+        shape = float(np.sort(self._shape_differences(frame, others))[1])
         return float(np.linalg.norm(in_plane_mm)) / median_radius_mm, wider_mm / median_radius_mm, shape
 
-    def _shape_difference(self, frame: int, other: int) -> float:
-        """The share of two masks that do not cover each other, once their middles and areas are the same (1 - DSC)."""
-        scale = self.radius_mm[other] / self.radius_mm[frame]
-        place = self.middle_px[other] + scale * self.drawn_mm[frame] / self.pixel_mm[other]
-        column, row = np.rint(place).astype(np.int64).T
+    def _shape_differences(self, frame: int, others: Int64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
+        """The share of a mask that others do not cover, once their middles and areas are the same (1 - DSC)."""
+        scale = self.radius_mm[others] / self.radius_mm[frame]
+        offset_px = scale[:, None, None] * self.drawn_mm[frame] / self.pixel_mm[others][:, None]
+        place = np.rint(self.middle_px[others][:, None] + offset_px).astype(np.int64)
+        column, row = place[..., 0], place[..., 1]
         height, width = self.filled.shape[1:]
-        there = (column >= 0) & (row >= 0) & (column < width) & (row < height)
         # Pixels beyond the image border are unknown and do not count.
-        if not there.any():
-            return 1.0
-        return 1 - float(self.filled[other][row[there], column[there]].mean())
+        there = (column >= 0) & (row >= 0) & (column < width) & (row < height)
+        inside = np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)
+        covered = (self.filled[others[:, None], *inside] & there).sum(axis=1)
+        known = there.sum(axis=1)
+        return 1 - covered / np.maximum(known, 1)
+
+
+def boxes_of(filled: Bool[np.ndarray, "k height width"]) -> tuple[Box, ...]:
+    """Find the smallest rows and columns that hold each mask: a vessel takes little of an image.
+
+    Parameters
+    ----------
+    filled : ndarray of bool, shape (k, height, width)
+        Masks.
+
+    Returns
+    -------
+    tuple of (slice, slice)
+        Rows and columns of each mask; empty slices for an empty one.
+    """
+    found = []
+    for mask in filled:
+        down, across = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+        found.append(
+            (slice(down[0], down[-1] + 1), slice(across[0], across[-1] + 1))
+            if len(down)
+            else (slice(0, 0), slice(0, 0))
+        )
+    return tuple(found)
+
+
+def _pixels(
+    filled: Bool[np.ndarray, "k height width"], boxes: tuple[Box, ...]
+) -> tuple[Int64[np.ndarray, " k"], Float64[np.ndarray, "k 2"]]:
+    """The number of pixels of each mask, and its centroid as (column, row); 0 for an empty one."""
+    pixels, middle_px = np.zeros(len(filled), dtype=np.int64), np.zeros((len(filled), 2))
+    for frame, box in enumerate(boxes):
+        own = filled[frame][box]
+        pixels[frame] = own.sum()
+        for axis in (0, 1):
+            places = np.arange(box[1 - axis].start, box[1 - axis].stop)
+            middle_px[frame, axis] = own.sum(axis=axis) @ places / max(pixels[frame], 1)
+    return pixels, middle_px
 
 
 def _line_at(

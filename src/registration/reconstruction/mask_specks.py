@@ -17,20 +17,24 @@ MIN_NEIGHBOURS = 3
 
 @dataclass(frozen=True)
 class _Parts:
-    """The connected parts of one mask: middles in the world, radii of circles of their areas, numbered ``labels``."""
+    """The connected parts of one mask: middles in the world, radii of circles of their areas.
+
+    ``labels`` are their numbers in the mask's box; None for a mask of one part.
+    """
 
     middle_mm: Float64[np.ndarray, "n 3"]
     radius_mm: Float64[np.ndarray, " n"]
-    labels: Int64[np.ndarray, "height width"] | None
+    labels: Int64[np.ndarray, "rows columns"] | None
 
     @classmethod
     def of(cls, series: MaskSeries, frame: int) -> _Parts:
-        found, count = label(series.filled[frame])
+        box = series.boxes[frame]
+        found, count = label(series.filled[frame][box])
         middle_px, numbered = series.middle_px[[frame]], None
         if count > 1:
             numbered = found.astype(np.int64)
             places = [np.argwhere(found == one)[:, ::-1].mean(axis=0) for one in range(1, count + 1)]
-            middle_px = np.array(places)
+            middle_px = np.array(places) + np.array([box[1].start, box[0].start])
         sizes = np.bincount(found.reshape(-1), minlength=count + 1)[1:]
         middle_mm = transforms.apply(series.world_A_pixel[frame], np.pad(middle_px, ((0, 0), (0, 1))))
         return cls(middle_mm, np.sqrt(sizes * series.pixel_mm[frame].prod() / np.pi), numbered)
@@ -79,5 +83,6 @@ def specks(
             and not any(own.meets(one, parts[other], path_mm[other]) for other in path_mm)
         ]
         if isolated:
-            found[frame] = np.isin(own.labels, isolated)
+            found[frame] = np.zeros(series.filled.shape[1:], dtype=bool)
+            found[frame][series.boxes[frame]] = np.isin(own.labels, isolated)
     return found

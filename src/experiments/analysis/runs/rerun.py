@@ -21,7 +21,7 @@ from experiments.running.jobs import Job, Plan
 from experiments.running.run_job import user_errors
 from experiments.running.terminal import TerminalProgress
 from experiments.tracking import PARENT_TAG, Store
-from experiments.tracking.run_lookup import Family, find_family
+from experiments.tracking.run_lookup import Family, find_families
 from experiments.tracking.store import sqlite_address
 
 COMMAND = (sys.executable, "-m", "experiments.analysis.runs.rerun")
@@ -113,7 +113,7 @@ def runs_of(project: Path, code: int) -> Family:
     database = project / "mlruns" / "ctus.db"
     store = Store(uri=sqlite_address(database))
     runs = list(store.runs()) if database.is_file() else []
-    tops = [find_family(run.info.run_id, store) for run in runs if PARENT_TAG not in run.data.tags]
+    tops = find_families([run.info.run_id for run in runs if PARENT_TAG not in run.data.tags], store)
     if not tops:
         raise RuntimeError(f"the process that ran the jobs again ended with exit code {code} and left no run")
     others = [record for each in tops[1:] for record in (each.run, *each.below)]

@@ -15,7 +15,7 @@ from experiments.studies.checklist.facts import Facts
 from experiments.studies.checklist.items import FILLED, IN_PART, MISSING, Checklist, markdown, state
 from experiments.studies.checklist.registration import registration_accuracy
 from experiments.tracking import Store
-from experiments.tracking.run_lookup import find_family
+from experiments.tracking.run_lookup import find_families
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,7 +50,7 @@ def run(*, runs: Sequence[str], archive: str | None, store: Store) -> Outcome:
     if isinstance(runs, str) or not runs:
         raise InputError(f"runs: expected a list of ids, runs=[...], received {runs!r}")
     place = None if archive is None else Path(archive).expanduser()
-    facts = Facts(tuple(find_family(str(each), store, place, "runs") for each in dict.fromkeys(runs)))
+    facts = Facts(tuple(find_families([str(each) for each in dict.fromkeys(runs)], store, place)))
     if not facts.jobs:
         raise InputError("runs: expected runs that finished, found none")
     chosen = _fitting(facts)

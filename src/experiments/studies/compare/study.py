@@ -17,7 +17,7 @@ from experiments.studies.compare.figures import paired_differences
 from experiments.studies.compare.report import describe, names_of, tests_table
 from experiments.studies.compare.settings import differing_metrics, differing_settings
 from experiments.tracking import Store
-from experiments.tracking.run_lookup import Family, find_family
+from experiments.tracking.run_lookup import Family, find_families
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -77,7 +77,7 @@ def run(*, runs: Sequence[str], archive: str | None, unit: str | None, store: St
 def _two(runs: Sequence[str], store: Store, archive: Path | None) -> tuple[Family, Family]:
     if isinstance(runs, str) or len(runs) != 2:
         raise InputError(f"runs: expected two ids, runs=[first,second], received {runs!r}")
-    first, second = (find_family(str(reference), store, archive, "runs") for reference in runs)
+    first, second = find_families([str(reference) for reference in runs], store, archive)
     if first.run.run_id == second.run.run_id:
         raise InputError(f"runs: expected two runs, received {first.run.run_id[:12]} twice")
     studies = [family.run.experiment for family in (first, second)]

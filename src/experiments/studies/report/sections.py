@@ -21,7 +21,7 @@ from experiments.tracking import Store
 from experiments.tracking.archive import shared
 from experiments.tracking.headline import headline
 from experiments.tracking.overview import FINISHED, TopRun, top_runs
-from experiments.tracking.run_lookup import Family, find_family
+from experiments.tracking.run_lookup import Family, find_families
 from experiments.tracking.run_record import config_of
 
 # Settings that say where files are and what else a call does: no part of what is measured.
@@ -147,7 +147,7 @@ def chosen(source: Source, studies: Sequence[str], runs: Sequence[str]) -> list[
                 newest[key] = run
         ordered = sorted(newest.items(), key=lambda item: (studies.index(item[0][0]), item[0][1:]))
         ids = [run.run_id for _, run in ordered]
-    found = [find_family(each, source.store, source.archive, "runs") for each in ids]
+    found = find_families(ids, source.store, source.archive)
     return [_as_archived(family) for family in {each.run.run_id: each for each in found}.values()]
 
 

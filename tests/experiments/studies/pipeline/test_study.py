@@ -41,9 +41,13 @@ RIGID_PHANTOM = PhantomSettings(
 )
 
 
-@pytest.fixture
-def oracle(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
-    """A predictor that returns the exact masks of the sweep that was simulated last."""
+def no_surface(cloud: object) -> Mesh:
+    """In the place of a reconstruction: also what tests pass that look at neither surface nor centerline."""
+    raise RegistrationInputError("cloud: expected points that a surface fits, received 12")
+
+
+def replaced(patch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """Put a predictor in place that returns the exact masks of the sweep that was simulated last."""
     last: dict[str, Any] = {}
     simulate = pipeline.simulate_sweep
 
@@ -57,9 +61,24 @@ def oracle(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         assert images.shape == last["truth"].masks.shape
         return last["truth"].masks.astype(np.float32) * last.get("confidence", 1.0)
 
-    monkeypatch.setattr(pipeline, "simulate_sweep", remembered)
-    monkeypatch.setattr(Predictor, "load", lambda path, engine: SimpleNamespace(soft_masks=soft_masks))
+    patch.setattr(pipeline, "simulate_sweep", remembered)
+    patch.setattr(Predictor, "load", lambda path, engine: SimpleNamespace(soft_masks=soft_masks))
     return last
+
+
+@pytest.fixture
+def oracle(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """What the predictor knows of the sweep that was simulated last."""
+    return replaced(monkeypatch)
+
+
+@pytest.fixture(scope="module")
+def exact(tmp_path_factory: pytest.TempPathFactory) -> SimpleNamespace:
+    """One run with exact masks and poses, which several tests look at: its outcome, files and truth."""
+    folder = tmp_path_factory.mktemp("exact")
+    with pytest.MonkeyPatch.context() as patch:
+        last = replaced(patch)
+        return SimpleNamespace(outcome=run(folder), folder=folder, truth=last["truth"])
 
 
 def run(workspace: Path, **changes: Any) -> Any:
@@ -75,8 +94,8 @@ def run(workspace: Path, **changes: Any) -> Any:
     return pipeline.run(**{**settings, **changes})
 
 
-def test_exact_masks_and_poses_bring_the_cloud_home(oracle: dict[str, Any], tmp_path: Path) -> None:
-    outcome = run(tmp_path)
+def test_exact_masks_and_poses_bring_the_cloud_home(exact: SimpleNamespace) -> None:
+    outcome, folder = exact.outcome, exact.folder
 
     assert outcome.metrics["dsc_mean"] == 1.0
     assert outcome.metrics["tre_mm"] < 0.5
@@ -85,13 +104,13 @@ def test_exact_masks_and_poses_bring_the_cloud_home(oracle: dict[str, Any], tmp_
     assert outcome.cases is not None
     assert outcome.cases["simulated"].all()
     # The files hold the same result: the cloud, moved by the truth, lies on the model; moved.ply is the cloud moved.
-    truth = np.array(json.loads((tmp_path / "truth.json").read_text())["fixed_T_moving"])
-    record = json.loads((tmp_path / "registration.json").read_text())
+    truth = np.array(json.loads((folder / "truth.json").read_text())["fixed_T_moving"])
+    record = json.loads((folder / "registration.json").read_text())
     found = np.array(record["fixed_T_moving"])
-    cloud_mm = np.asarray(read_surface(tmp_path / "cloud.ply"))
-    distances_mm = SurfaceDistance(read_surface(tmp_path / "model.ply"))(transforms.apply(truth, cloud_mm))
+    cloud_mm = np.asarray(read_surface(folder / "cloud.ply"))
+    distances_mm = SurfaceDistance(read_surface(folder / "model.ply"))(transforms.apply(truth, cloud_mm))
     assert np.sqrt((distances_mm**2).mean()) < 0.5
-    moved_mm = np.asarray(read_surface(tmp_path / "moved.ply"))
+    moved_mm = np.asarray(read_surface(folder / "moved.ply"))
     np.testing.assert_allclose(moved_mm, transforms.apply(found, cloud_mm), atol=1e-3)
     # The measured error stands beside the predicted one, in the file and in the terminal.
     assert record["measured_tre_mm"] == pytest.approx(outcome.metrics["tre_mm"])
@@ -99,16 +118,16 @@ def test_exact_masks_and_poses_bring_the_cloud_home(oracle: dict[str, Any], tmp_
     assert any(each.startswith("Predicted TRE") and "Measured: " in each for each in outcome.findings)
 
 
-def test_a_lag_of_the_images_is_felt(oracle: dict[str, Any], tmp_path: Path) -> None:
+def test_a_lag_of_the_images_is_felt(oracle: dict[str, Any], exact: SimpleNamespace, tmp_path: Path) -> None:
     late = PhantomSettings(
         subset="artery",
         scanner=RIGID_PHANTOM.scanner,
         motion=Motion(frames=30, noise_mm=0.0, noise_deg=0.0, latency_s=0.1),
         deformation=RIGID_PHANTOM.deformation,
     )
-    still, lagging = run(tmp_path / "a"), run(tmp_path / "b", phantom=late)
+    lagging = run(tmp_path, phantom=late, surface=no_surface)
     # 60 mm in 10 s: 0.1 s too late puts the whole cloud 0.6 mm along the vessel, more or less where the path bends.
-    assert still.metrics["tre_mm"] < 0.1
+    assert exact.outcome.metrics["tre_mm"] < 0.1
     assert lagging.metrics["tre_mm"] == pytest.approx(0.6, abs=0.25)
 
 
@@ -118,14 +137,13 @@ def test_a_network_that_finds_nothing_is_refused(oracle: dict[str, Any], tmp_pat
         run(tmp_path)
 
 
-def test_surface_and_centerline_come_with_the_registration(oracle: dict[str, Any], tmp_path: Path) -> None:
-    outcome = run(tmp_path)
-    truth = oracle["truth"]
-    surface = read_surface(tmp_path / "surface.ply")
+def test_surface_and_centerline_come_with_the_registration(exact: SimpleNamespace, tmp_path: Path) -> None:
+    outcome, folder, truth = exact.outcome, exact.folder, exact.truth
+    surface = read_surface(folder / "surface.ply")
     assert isinstance(surface, Mesh)
     placed_mm = transforms.apply(truth.ct_T_world, surface.vertices_mm)
     assert SurfaceDistance(truth.anatomy)(placed_mm).mean() < 0.15
-    lines = read_centerline(tmp_path / "centerline.vtp").lines
+    lines = read_centerline(folder / "centerline.vtp").lines
     known_mm = truth.centerline.even_points(500)
     found_mm = transforms.apply(truth.ct_T_world, np.concatenate([line.points_mm for line in lines]))
     apart_mm = np.linalg.norm(found_mm[:, None] - known_mm[None], axis=2).min(axis=1)
@@ -147,10 +165,7 @@ def test_surface_and_centerline_come_with_the_registration(oracle: dict[str, Any
 
 
 def test_points_without_a_surface_are_registered_all_the_same(oracle: dict[str, Any], tmp_path: Path) -> None:
-    def none(cloud: object) -> Mesh:
-        raise RegistrationInputError("cloud: expected points that a surface fits, received 12")
-
-    outcome = run(tmp_path, surface=none)
+    outcome = run(tmp_path, surface=no_surface)
     assert outcome.metrics["tre_mm"] < 0.5
     assert np.isnan(outcome.metrics["surface_s"])
     assert np.isnan(outcome.metrics["centerline_s"])
@@ -160,17 +175,16 @@ def test_points_without_a_surface_are_registered_all_the_same(oracle: dict[str, 
     assert "reconstructed surface" not in (tmp_path / "scene.html").read_text(encoding="utf-8")
 
 
-def test_the_filters_thin_the_cloud(oracle: dict[str, Any], tmp_path: Path) -> None:
-    fine = run(tmp_path / "a", filters={"voxel": VoxelDownsampling(0.4)})
-    coarse = run(tmp_path / "b", filters={"voxel": VoxelDownsampling(1.5)})
-    assert coarse.metrics["points"] < 0.4 * fine.metrics["points"]
+def test_the_filters_thin_the_cloud(oracle: dict[str, Any], exact: SimpleNamespace, tmp_path: Path) -> None:
+    coarse = run(tmp_path, filters={"voxel": VoxelDownsampling(1.5)}, surface=no_surface)
+    assert coarse.metrics["points"] < 0.4 * exact.outcome.metrics["points"]
 
 
 def test_the_deformed_model_lies_nearer_to_where_tissue_was_swept(
     oracle: dict[str, Any], tmp_path: Path
 ) -> None:
     bent = replace(RIGID_PHANTOM, deformation=Deformation(bend_mm=3.0, pressure_mm=0.0))
-    outcome = run(tmp_path, phantom=bent, deformable={"cpd": CoherentPointDrift()})
+    outcome = run(tmp_path, phantom=bent, deformable={"cpd": CoherentPointDrift()}, surface=no_surface)
 
     assert outcome.metrics["deformed_tre_covered_mm"] < 0.8 * outcome.metrics["tre_covered_mm"]
     assert outcome.metrics["deformed_rmse_mm"] < outcome.metrics["rmse_mm"]
@@ -201,7 +215,7 @@ def test_a_refused_deformable_stage_leaves_the_rigid_result(oracle: dict[str, An
     def refused(*_: object, **__: object) -> None:
         raise RegistrationInputError("moving_mm: expected points near the fixed ones, received none")
 
-    outcome = run(tmp_path, deformable={"cpd": refused})
+    outcome = run(tmp_path, deformable={"cpd": refused}, surface=no_surface)
     assert outcome.metrics["tre_mm"] < 0.5
     assert "deformed_tre_mm" not in outcome.metrics
     said = "No deformable registration: fixed: expected points near the fixed ones, received none."

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from pathlib import Path
 
 import pandas as pd
 import pytest
+import robustness_results
 from vessels import bent_tube
 
 from experiments.cli import compose_sweep, main
@@ -106,7 +106,7 @@ def test_the_presets_leave_the_setting_of_the_same_name_alone() -> None:
         compose_sweep(["+sweep=figure"])
 
 
-def test_a_small_sweep_runs_to_its_page(home: Path, repository: Path) -> None:
+def test_a_small_sweep_runs_to_its_page(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Through the command line to files, and by the script to the committed page."""
     write_surface(home / "tube.ply", bent_tube())
     words = ["+sweep=robustness_small", f"target={home / 'tube.ply'}", "rigid=[single_icp,single_icp_plane]"]
@@ -117,8 +117,8 @@ def test_a_small_sweep_runs_to_its_page(home: Path, repository: Path) -> None:
     assert cases.groupby(["method", "rotation"]).size().tolist() == [4, 1, 4, 1]
     poses = cases.set_index(["rotation", "trial"]).groupby("method")["angle_deg"].apply(list)
     assert poses["single_icp"] == poses["single_icp_plane"]
-    script = [sys.executable, str(repository / "scripts" / "robustness_results.py"), str(home / "found")]
-    subprocess.run([*script, "small", str(home / "results")], check=True, cwd=home)
+    monkeypatch.setattr(sys, "argv", ["script", str(home / "found"), "small", str(home / "results")])
+    assert robustness_results.main() == 0
     page = (home / "results" / "small.md").read_text()
     assert "10 trials of single_icp, single_icp_plane on tube" in page
     assert "### capture_range" in page
@@ -126,4 +126,5 @@ def test_a_small_sweep_runs_to_its_page(home: Path, repository: Path) -> None:
         assert (home / "results" / f"small_{figure}.png").is_file()
     table = pd.read_csv(home / "results" / "small_robustness.csv")
     assert table["trials"].tolist() == [5, 5]
-    assert subprocess.run([*script[:2], str(home)], check=False, capture_output=True).returncode == 2
+    monkeypatch.setattr(sys, "argv", ["script", str(home)])
+    assert robustness_results.main() == 2
