@@ -371,7 +371,7 @@ def _refuse_launcher(word: str) -> None:
     if name in NOT_CHOSEN or name.startswith(tuple(f"{each.replace('/', '.')}." for each in NOT_CHOSEN)):
         raise InputError(
             f"{name}: expected none, because a sweep is every combination and its jobs are started by ctus itself; "
-            "jobs=<number> runs as many at the same time"
+            "jobs=<number> runs as many at the same time, launcher=slurm on a cluster"
         )
 
 

@@ -23,6 +23,9 @@ SHORT_SILENCE_S = 2 * 60.0
 # MLflow's own name for it.
 COMMIT_TAG = "mlflow.source.git.commit"
 USER_TAG = "mlflow.user"
+PID_TAG = "ctus.pid"
+# Id of the job of Slurm that a run was computed in.
+SLURM_TAG = "ctus.slurm_job"
 _PACKAGES = (
     "ctus",
     "torch",
@@ -85,11 +88,18 @@ def process_tags() -> dict[str, str]:
     """
     return {
         "ctus.host": socket.gethostname(),
-        "ctus.pid": str(os.getpid()),
+        PID_TAG: str(os.getpid()),
         "ctus.pid_space": _pid_space(),
         "ctus.process_started": f"{psutil.Process().create_time():.2f}",
         "ctus.heartbeat": f"{time.time():.0f}",
+        **_slurm_tags(),
     }
+
+
+def _slurm_tags() -> dict[str, str]:
+    array, task = os.environ.get("SLURM_ARRAY_JOB_ID"), os.environ.get("SLURM_ARRAY_TASK_ID")
+    identity = f"{array}_{task}" if array and task else os.environ.get("SLURM_JOB_ID", "")
+    return {SLURM_TAG: identity} if identity else {}
 
 
 def _pid_space() -> str:
@@ -151,7 +161,7 @@ def is_gone(tags: Mapping[str, str]) -> bool:
         True if the process has ended.
     """
     silence_s = time.time() - _number(tags.get("ctus.heartbeat"))
-    pid = tags.get("ctus.pid", "")
+    pid = tags.get(PID_TAG, "")
     if not (pid.isdecimal() and tags.get("ctus.host") == socket.gethostname() and _in_this_pid_space(tags)):
         return silence_s > SILENCE_S
     try:

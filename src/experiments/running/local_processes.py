@@ -13,14 +13,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from experiments.provenance import PID_TAG
 from experiments.running import run_job, worker
 from experiments.running.jobs import Job, Plan
 from experiments.running.launcher import Launched, plan_folder
 from experiments.running.run_job import Report
 
 WORKER = (sys.executable, "-m", "experiments.running.worker")
-# What the libraries read, when they are loaded, to learn how many threads they may start.
-THREAD_SETTINGS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 LOOK_EVERY_S = 0.1
 TIME_TO_END_S = 30.0
 
@@ -58,12 +57,15 @@ class LocalProcesses:
             The report of every job, also of one whose process was killed.
         """
         with plan_folder(plan) as folder:
-            self._run_all(planned, plan, folder)
+            processes = self._run_all(planned, plan, folder)
             paths = {job.hash: run_job.report_file(folder, job.hash) for job in planned}
-            return Launched({key: Report.read(path) for key, path in paths.items() if path.is_file()})
+            reports = {key: Report.read(path) for key, path in paths.items() if path.is_file()}
+            return Launched(reports, processes=processes)
 
-    def _run_all(self, planned: Sequence[Job], plan: Plan, folder: Path) -> None:
+    def _run_all(self, planned: Sequence[Job], plan: Plan, folder: Path) -> dict[str, dict[str, str]]:
+        """Run the jobs; returns what their runs say of their processes."""
         waiting, running = list(planned), list[tuple[Job, subprocess.Popen[bytes]]]()
+        processes = {}
         environment = {**os.environ, **_threads(self.at_once), worker.PARENT: str(os.getpid())}
         try:
             while waiting or running:
@@ -73,6 +75,7 @@ class LocalProcesses:
                     command = [*self.command, str(folder), job.hash]
                     own = {**environment, **worker.tracker_secret(job.config)}
                     running.append((job, subprocess.Popen(command, env=own)))
+                    processes[job.hash] = {PID_TAG: str(running[-1][1].pid)}
                 time.sleep(LOOK_EVERY_S)
                 for job, process in [one for one in running if one[1].poll() is not None]:
                     running.remove((job, process))
@@ -80,12 +83,13 @@ class LocalProcesses:
         except BaseException:
             _stop([process for _, process in running])
             raise
+        return processes
 
 
 def _threads(at_once: int) -> dict[str, str]:
     """As many threads for each process as it has cores of its own, unless the user has said how many."""
     share = str(max(1, (os.cpu_count() or 1) // at_once))
-    return {name: os.environ.get(name, share) for name in THREAD_SETTINGS}
+    return {name: os.environ.get(name, share) for name in worker.THREAD_SETTINGS}
 
 
 def _report_killed(job: Job, plan: Plan, folder: Path, code: int) -> None:
