@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -30,7 +30,7 @@ SMALL = [
 
 
 @pytest.fixture
-def place(home: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def place(home: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A project with the study ``waiting``, and a Slurm whose queue is empty again at the end."""
     answer = subprocess.run(["sinfo", "-h"], capture_output=True, text=True, check=False)
     assert answer.returncode == 0, (
@@ -65,8 +65,19 @@ def call(place: Path, parts: range, *more: str) -> subprocess.Popen[str]:
         *SMALL,
         *more,
     ]
-    command = [sys.executable, "-m", "experiments.cli", *words]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=place)
+    return begun(place, words)
+
+
+def begun(place: Path, words: list[str]) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "experiments.cli", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=place,
+        # A shell has what it starts in the background ignore Ctrl-C.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
 
 
 def started(place: Path, part: int) -> list[list[str]]:
@@ -131,11 +142,10 @@ def test_an_array_outlives_a_call_that_is_killed_and_resume_waits_for_it(place: 
     running.kill()
     running.wait()
     assert len(queue()) == 2
-    for more in ([], ["launcher=local"], ["launcher=local", "resume=true"]):
-        words = [word for word in SMALL if not word.startswith("launcher")] if more else []
-        beside = call(place, range(2), *words, *more) if not more else local(place, *more)
-        _, errors = beside.communicate(timeout=PATIENCE_S)
-        assert beside.returncode == 2 and "are in the queue of Slurm" in errors, errors
+    words = ["study=waiting", "parts=[0,1]", f"notes={place / 'notes'}"]
+    for more in ([*SMALL], ["resume=true"]):
+        _, errors = begun(place, [*words, *more]).communicate(timeout=PATIENCE_S)
+        assert "2 of 2 jobs of this call are in the queue of Slurm" in errors, errors
     again = call(place, range(2), "resume=true")
     wait_for(lambda: len(of_kind("sweep")) == 1)
     time.sleep(2.0)
@@ -147,12 +157,6 @@ def test_an_array_outlives_a_call_that_is_killed_and_resume_waits_for_it(place: 
     (sweep,) = of_kind("sweep")
     assert {run.data.tags[PARENT_TAG] for run in of_kind("job")} == {sweep.info.run_id}
     assert {run.info.status for run in [sweep, *of_kind("job")]} == {"FINISHED"}
-
-
-def local(place: Path, *more: str) -> subprocess.Popen[str]:
-    words = ["study=waiting", "parts=[0,1]", f"notes={place / 'notes'}", *more]
-    command = [sys.executable, "-m", "experiments.cli", *words]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=place)
 
 
 def test_each_job_gets_a_gpu_of_its_own_and_what_slurm_will_not_take_is_refused(place: Path) -> None:

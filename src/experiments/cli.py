@@ -329,8 +329,13 @@ def _called(config: DictConfig) -> dict[str, Any]:
     options = {}
     for group, chosen in config.hydra.runtime.choices.items():
         name = str(group).partition("@")[2] or str(group)
-        # A part of an option (trainer/recipe) and what is Hydra's own fill no setting of the study.
-        if "/" not in str(group) and chosen is not None and name in {*config, "preset", "sweep"}:
+        # A part of an option (trainer/recipe), what is Hydra's own and where the jobs run fill no setting of the study.
+        if (
+            "/" not in str(group)
+            and name != "launcher"
+            and chosen is not None
+            and name in {*config, "preset", "sweep"}
+        ):
             options[name] = ", ".join(chosen) if isinstance(chosen, (list, ListConfig)) else str(chosen)
     words = [str(word).lstrip("+").partition("=")[0] for word in config.hydra.overrides.task]
     return {"options": options, "settings": [name for name in words if "@" not in name and "~" not in name]}

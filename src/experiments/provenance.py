@@ -61,7 +61,7 @@ def environment_tags() -> dict[str, str]:
                 socket.gethostname(),
                 f"{platform.system()} {platform.machine()}",
                 f"{os.cpu_count()} CPUs",
-                *_gpus(),
+                *gpu_names(),
             ]
         ),
         "ctus.python": platform.python_version(),
@@ -112,8 +112,14 @@ def _pid_space() -> str:
 
 
 @cache
-def _gpus() -> list[str]:
-    """Names of the GPUs by NVIDIA's own tool: torch would take seconds to import for those who do without."""
+def gpu_names() -> list[str]:
+    """List the GPUs of this machine.
+
+    Returns
+    -------
+    list of str
+        Their names, by NVIDIA's own tool: torch would take seconds to import for those who do without.
+    """
     words = ["nvidia-smi", "--query-gpu=name", "--format=csv,noheader"]
     try:
         finished = subprocess.run(words, capture_output=True, text=True, timeout=10)

@@ -18,6 +18,7 @@ from experiments.tracking import HASH_TAG, Store
 
 # The newest runs tell more of the code and the machine as they are now.
 NEWEST = 20
+AGAIN = "runs again"
 # Parameters that decide most of what a job costs, for jobs that have no closer runs.
 _COSTLY = (*run_names.METHODS, "budget")
 
@@ -50,7 +51,7 @@ class Price:
     job : Job
         The job.
     state : str
-        ``finished``, ``finished, runs again`` or ``to run``.
+        ``finished`` (and skipped), ``runs again`` or ``to run``.
     seconds : float
         Expected time in s: 0 for a job that is skipped, NaN where nothing is known.
     source : str
@@ -143,7 +144,7 @@ def priced(planned: Sequence[Job], earlier: Sequence[EarlierRun]) -> list[Price]
         if job.hash in done and job.config.get("resume"):
             found.append(Price(job, "finished", 0.0, "has a finished run"))
             continue
-        state = "finished, runs again" if job.hash in done else "to run"
+        state = AGAIN if job.hash in done else "to run"
         seconds, source = _expected(job, earlier)
         found.append(Price(job, state, seconds, source))
     return found
@@ -167,7 +168,9 @@ def summary(prices: Sequence[Price], at_once: int) -> str:
     to_run = [price for price in prices if price.state != "finished"]
     known = [price.seconds for price in to_run if not math.isnan(price.seconds)]
     jobs = f"{len(prices)} job{'s' if len(prices) != 1 else ''}"
-    parts = [f"{jobs}: {len(prices) - len(to_run)} finished already, {len(to_run)} to run"]
+    again = sum(price.state == AGAIN for price in to_run)
+    note = f" ({again} of them had finished: resume=true skips these)" if again else ""
+    parts = [f"{jobs}: {len(prices) - len(to_run)} finished, {len(to_run)} to run{note}"]
     if known:
         together = max(sum(known) / at_once, *known)
         parts.append(f"about {sum(known):.0f} s of jobs, {together:.0f} s with {at_once} at a time")

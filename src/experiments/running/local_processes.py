@@ -15,6 +15,7 @@ from pathlib import Path
 
 from experiments.provenance import PID_TAG
 from experiments.running import run_job, worker
+from experiments.running.gpu_shares import VISIBLE, next_gpu, visible_gpus
 from experiments.running.jobs import Job, Plan
 from experiments.running.launcher import Launched, plan_folder
 from experiments.running.run_job import Report
@@ -28,7 +29,7 @@ TIME_TO_END_S = 30.0
 class LocalProcesses:
     """Runs every job in a process of its own on this machine.
 
-    The cores are shared out evenly between the processes.
+    The cores are shared out evenly between the processes, and so are the GPUs: each process sees one.
 
     Parameters
     ----------
@@ -36,10 +37,13 @@ class LocalProcesses:
         Number of processes at the same time.
     command : sequence of str, optional
         Command of a process; it gets the folder of the plan and the job's hash as its last arguments.
+    gpus : tuple of str or None, optional
+        GPUs to share out; None for those that this process may see.
     """
 
     at_once: int
     command: Sequence[str] = WORKER
+    gpus: tuple[str, ...] | None = None
 
     def run(self, planned: Sequence[Job], plan: Plan) -> Launched:
         """Run all jobs to their end.
@@ -65,16 +69,16 @@ class LocalProcesses:
     def _run_all(self, planned: Sequence[Job], plan: Plan, folder: Path) -> dict[str, dict[str, str]]:
         """Run the jobs; returns what their runs say of their processes."""
         waiting, running = list(planned), list[tuple[Job, subprocess.Popen[bytes]]]()
-        processes = {}
-        environment = {**os.environ, **_threads(self.at_once), worker.PARENT: str(os.getpid())}
+        processes, gpu_of = {}, dict[str, str]()
+        gpus = visible_gpus() if self.gpus is None else self.gpus
         try:
             while waiting or running:
                 while waiting and len(running) < self.at_once:
                     job = waiting.pop(0)
-                    worker.write_job(job, folder)
-                    command = [*self.command, str(folder), job.hash]
-                    own = {**environment, **worker.tracker_secret(job.config)}
-                    running.append((job, subprocess.Popen(command, env=own)))
+                    gpu = next_gpu(gpus, [gpu_of[each.hash] for each, _ in running if each.hash in gpu_of])
+                    if gpu is not None:
+                        gpu_of[job.hash] = gpu
+                    running.append((job, self._started(job, folder, gpu)))
                     processes[job.hash] = {PID_TAG: str(running[-1][1].pid)}
                 time.sleep(LOOK_EVERY_S)
                 for job, process in [one for one in running if one[1].poll() is not None]:
@@ -84,6 +88,17 @@ class LocalProcesses:
             _stop([process for _, process in running])
             raise
         return processes
+
+    def _started(self, job: Job, folder: Path, gpu: str | None) -> subprocess.Popen[bytes]:
+        worker.write_job(job, folder)
+        environment = {
+            **os.environ,
+            **_threads(self.at_once),
+            **({} if gpu is None else {VISIBLE: gpu}),
+            **worker.tracker_secret(job.config),
+            worker.PARENT: str(os.getpid()),
+        }
+        return subprocess.Popen([*self.command, str(folder), job.hash], env=environment)
 
 
 def _threads(at_once: int) -> dict[str, str]:

@@ -69,6 +69,9 @@ def run(points: SweepPoints) -> int:
             if tracked and not isinstance(launcher, InProcess):
                 _mark_killed_failed(store, study, launched)
             return _close(planned, plan, store, runs, launched)
+        except run_job.user_errors():
+            runs.withdraw()
+            raise
         except BaseException:
             runs.fail()
             raise

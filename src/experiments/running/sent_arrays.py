@@ -151,7 +151,7 @@ def _living() -> Iterator[SentArray]:
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
             jobs, process = dict(content["jobs"]), dict(content["process"])
-        except (OSError, ValueError, KeyError):  # removed by another call at this moment
+        except (OSError, ValueError, KeyError, TypeError):  # removed by another call at this moment
             continue
         states = slurm_queue.states(jobs.values())
         if states is None:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments import files
-from experiments.masking import masked
+from experiments.masking import masked, masked_values
 from experiments.outcome import Outcome
 from experiments.process_pool import end_with_parent
 from experiments.running import run_job
@@ -109,7 +109,9 @@ def write_job(job: Job, folder: Path) -> None:
     """
     config = job.config
     if tracker_secret(config):
-        config = {**config, "tracking": {**config["tracking"], "uri": None}}
+        # The words of the command line have it too.
+        call = masked_values(config.get("call", {}))
+        config = {**config, "tracking": {**config["tracking"], "uri": None}, "call": call}
     content = json.dumps({"config": config, "label": job.label})
     files.write_text(_job_file(folder, job.hash), content)
 
