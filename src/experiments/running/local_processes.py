@@ -15,7 +15,7 @@ from pathlib import Path
 
 from experiments.provenance import PID_TAG
 from experiments.running import run_job, worker
-from experiments.running.gpu_shares import VISIBLE, next_gpu, visible_gpus
+from experiments.running.gpu_shares import VISIBLE, gpus_needed, next_gpus, visible_gpus
 from experiments.running.jobs import Job, Plan
 from experiments.running.launcher import Launched, plan_folder
 from experiments.running.run_job import Report
@@ -75,7 +75,8 @@ class LocalProcesses:
             while waiting or running:
                 while waiting and len(running) < self.at_once:
                     job = waiting.pop(0)
-                    gpu = next_gpu(gpus, [gpu_of[each.hash] for each, _ in running if each.hash in gpu_of])
+                    busy = [gpu for each, _ in running for gpu in gpu_of.get(each.hash, "").split(",") if gpu]
+                    gpu = next_gpus(gpus, busy, gpus_needed(job.config))
                     if gpu is not None:
                         gpu_of[job.hash] = gpu
                     running.append((job, self._started(job, folder, gpu)))
