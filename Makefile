@@ -26,11 +26,13 @@ PAGES ?= outputs/pages
 test-pages: setup
 	CTUS_SCREENSHOTS=$(PAGES) $(PY) -m pytest -m pages tests
 
-# What needs programs of the system, which this installs on Debian as root: LaTeX.
+# What needs programs of the system, which this installs on Debian as root: LaTeX, and Slurm on this one machine.
 test-services: setup
 	command -v pdflatex >/dev/null || apt-get install -y --no-install-recommends \
 		texlive-latex-base texlive-latex-recommended
-	$(PY) -m pytest -m services tests
+	GPUS=2 ./scripts/slurm_node.sh up >/dev/null
+	@trap './scripts/slurm_node.sh down' EXIT; \
+		SLURM_CONF=/tmp/ctus-slurm/slurm.conf $(PY) -m pytest -m services tests
 
 lint: setup
 	$(PY) -m ruff check .

@@ -332,8 +332,13 @@ def _called(config: DictConfig) -> dict[str, Any]:
     options = {}
     for group, chosen in config.hydra.runtime.choices.items():
         name = str(group).partition("@")[2] or str(group)
-        # A part of an option (trainer/recipe) and what is Hydra's own fill no setting of the study.
-        if "/" not in str(group) and chosen is not None and name in {*config, "preset", "sweep"}:
+        # A part of an option (trainer/recipe), what is Hydra's own and where the jobs run fill no setting of the study.
+        if (
+            "/" not in str(group)
+            and name != "launcher"
+            and chosen is not None
+            and name in {*config, "preset", "sweep"}
+        ):
             options[name] = ", ".join(chosen) if isinstance(chosen, (list, ListConfig)) else str(chosen)
     words = [str(word).lstrip("+").partition("=")[0] for word in config.hydra.overrides.task]
     return {"options": options, "settings": [name for name in words if "@" not in name and "~" not in name]}
@@ -374,7 +379,7 @@ def _refuse_launcher(word: str) -> None:
     if name in NOT_CHOSEN or name.startswith(tuple(f"{each.replace('/', '.')}." for each in NOT_CHOSEN)):
         raise InputError(
             f"{name}: expected none, because a sweep is every combination and its jobs are started by ctus itself; "
-            "jobs=<number> runs as many at the same time"
+            "jobs=<number> runs as many at the same time, launcher=slurm on a cluster"
         )
 
 

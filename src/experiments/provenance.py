@@ -23,6 +23,9 @@ SHORT_SILENCE_S = 2 * 60.0
 # MLflow's own name for it.
 COMMIT_TAG = "mlflow.source.git.commit"
 USER_TAG = "mlflow.user"
+PID_TAG = "ctus.pid"
+# Id of the job of Slurm that a run was computed in.
+SLURM_TAG = "ctus.slurm_job"
 _PACKAGES = (
     "ctus",
     "torch",
@@ -58,7 +61,7 @@ def environment_tags() -> dict[str, str]:
                 socket.gethostname(),
                 f"{platform.system()} {platform.machine()}",
                 f"{os.cpu_count()} CPUs",
-                *_gpus(),
+                *gpu_names(),
             ]
         ),
         "ctus.python": platform.python_version(),
@@ -85,11 +88,18 @@ def process_tags() -> dict[str, str]:
     """
     return {
         "ctus.host": socket.gethostname(),
-        "ctus.pid": str(os.getpid()),
+        PID_TAG: str(os.getpid()),
         "ctus.pid_space": _pid_space(),
         "ctus.process_started": f"{psutil.Process().create_time():.2f}",
         "ctus.heartbeat": f"{time.time():.0f}",
+        **_slurm_tags(),
     }
+
+
+def _slurm_tags() -> dict[str, str]:
+    array, task = os.environ.get("SLURM_ARRAY_JOB_ID"), os.environ.get("SLURM_ARRAY_TASK_ID")
+    identity = f"{array}_{task}" if array and task else os.environ.get("SLURM_JOB_ID", "")
+    return {SLURM_TAG: identity} if identity else {}
 
 
 def _pid_space() -> str:
@@ -102,8 +112,14 @@ def _pid_space() -> str:
 
 
 @cache
-def _gpus() -> list[str]:
-    """Names of the GPUs by NVIDIA's own tool: torch would take seconds to import for those who do without."""
+def gpu_names() -> list[str]:
+    """List the GPUs of this machine.
+
+    Returns
+    -------
+    list of str
+        Their names, by NVIDIA's own tool: torch would take seconds to import for those who do without.
+    """
     words = ["nvidia-smi", "--query-gpu=name", "--format=csv,noheader"]
     try:
         finished = subprocess.run(words, capture_output=True, text=True, timeout=10)
@@ -151,7 +167,7 @@ def is_gone(tags: Mapping[str, str]) -> bool:
         True if the process has ended.
     """
     silence_s = time.time() - _number(tags.get("ctus.heartbeat"))
-    pid = tags.get("ctus.pid", "")
+    pid = tags.get(PID_TAG, "")
     if not (pid.isdecimal() and tags.get("ctus.host") == socket.gethostname() and _in_this_pid_space(tags)):
         return silence_s > SILENCE_S
     try:

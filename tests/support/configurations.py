@@ -14,8 +14,10 @@ STUDIES = sorted(path.stem for path in (CONF / "study").glob("*.yaml"))
 OPTIONS = sorted(
     (path.parent.name, path.stem)
     for path in CONF.glob("*/*.yaml")
-    if path.parent.name not in ("study", "preset")
+    # A launcher belongs to the call; no study takes it.
+    if path.parent.name not in ("study", "preset", "launcher")
 )
+LAUNCHERS = sorted(path.stem for path in (CONF / "launcher").glob("*.yaml"))
 
 
 @functools.lru_cache(maxsize=512)

@@ -17,6 +17,7 @@ SHARED: dict[str, Any] = {
     "seed": int | None,
     "out": str | int | None,
     "resume": bool,
+    "dry_run": bool,
     "tracking.uri": str | None,
     "tracking.enabled": bool,
 }

@@ -28,6 +28,8 @@ Settings of every study
   resume=true              skip the jobs that have a finished run
   seed=<number>            of every random choice; null where a study makes none
   jobs=<number>            jobs at the same time, each in a process of its own
+  launcher=slurm           jobs on a cluster that Slurm runs; slurm_gpu: one GPU a job (docs/launchers.md)
+  dry_run=true             check every job and say what it will cost; start none
   tracking.uri=<address>   an MLflow server; tracking.enabled=false tracks nothing
   --cfg job                print the composed configuration and stop
   --config-dir <folder>    options of your own, in folders named as those of the project

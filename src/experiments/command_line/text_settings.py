@@ -41,6 +41,9 @@ NAMES = frozenset(
         "host",
         "run",
         "runs",
+        "partition",
+        "account",
+        "qos",
     }
 )
 PATHS = frozenset(

@@ -9,7 +9,9 @@ from typing import Any
 
 # How a job is run, where its results go and how it is tracked do not change what it computes.
 # Neither does ``call``, the words of the command line, which the rest of the configuration already is.
-NOT_PART_OF_THE_JOB = frozenset({"tracking", "resume", "out", "workers", "jobs", "call"})
+NOT_PART_OF_THE_JOB = frozenset(
+    {"tracking", "resume", "out", "workers", "jobs", "launcher", "dry_run", "call"}
+)
 # The same, wherever they stand: a folder that only saves work, how many processes share it, and whether what was
 # interrupted is resumed.
 NEVER_PART = frozenset({"cache", "resume", "workers"})

@@ -12,7 +12,7 @@ import shutil
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
@@ -36,10 +36,14 @@ class Launched:
         The report of every job that left one, by the job's hash.
     outcome : Outcome or None, optional
         The result of a call's only job if it ran in this process, with its tables and figures.
+    processes : mapping of str to mapping, optional
+        By the hash of each job that ran in a process of its own, the tags that its runs have of that process: none of
+        them is running any more.
     """
 
     reports: Mapping[str, Report]
     outcome: Outcome | None = None
+    processes: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
 
 class Launcher(Protocol):
@@ -90,6 +94,17 @@ class InProcess:
         return Launched(reports, outcome if len(planned) == 1 else None)
 
 
+def plans_folder() -> Path:
+    """Give the folder that plans lie in, below the project, which other machines see if they see the project.
+
+    Returns
+    -------
+    Path
+        The folder, which need not exist.
+    """
+    return project_root() / ".cache" / "plans"
+
+
 @contextmanager
 def plan_folder(plan: Plan) -> Iterator[Path]:
     """Make a folder below the project that holds the plan, and remove it when the call ends.
@@ -109,16 +124,13 @@ def plan_folder(plan: Plan) -> Iterator[Path]:
     InputError
         If the project's folder cannot be written.
     """
-    plans = project_root() / ".cache" / "plans"
+    plans = plans_folder()
     try:
         plans.mkdir(parents=True, exist_ok=True)
         remove_leftovers(plans)
         folder = Path(tempfile.mkdtemp(prefix=f"{partial_name(plan.study)}-", dir=plans))
     except OSError as error:
-        raise InputError(
-            f"jobs: expected a project folder that can be written for the plan of several processes ({plans}; "
-            f"CTUS_HOME names another project), received {error.strerror or error}"
-        ) from error
+        raise unwritable(plans, error) from error
     try:
         plan.write(folder)
         yield folder
@@ -126,3 +138,24 @@ def plan_folder(plan: Plan) -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
         with contextlib.suppress(OSError):  # another call's plan is there
             plans.rmdir()
+
+
+def unwritable(plans: Path, error: OSError) -> InputError:
+    """Say why no plan can be left for the processes that run its jobs.
+
+    Parameters
+    ----------
+    plans : Path
+        Folder of the plans.
+    error : OSError
+        What the file system said.
+
+    Returns
+    -------
+    InputError
+        The refusal.
+    """
+    return InputError(
+        f"jobs: expected a project folder that can be written for the plan of several processes ({plans}; "
+        f"CTUS_HOME names another project), received {error.strerror or error}"
+    )

@@ -13,14 +13,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from experiments.provenance import PID_TAG
 from experiments.running import run_job, worker
+from experiments.running.gpu_shares import VISIBLE, gpus_needed, next_gpus, visible_gpus
 from experiments.running.jobs import Job, Plan
 from experiments.running.launcher import Launched, plan_folder
 from experiments.running.run_job import Report
 
 WORKER = (sys.executable, "-m", "experiments.running.worker")
-# What the libraries read, when they are loaded, to learn how many threads they may start.
-THREAD_SETTINGS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 LOOK_EVERY_S = 0.1
 TIME_TO_END_S = 30.0
 
@@ -29,7 +29,7 @@ TIME_TO_END_S = 30.0
 class LocalProcesses:
     """Runs every job in a process of its own on this machine.
 
-    The cores are shared out evenly between the processes.
+    The cores are shared out evenly between the processes, and so are the GPUs: each process sees one.
 
     Parameters
     ----------
@@ -37,10 +37,13 @@ class LocalProcesses:
         Number of processes at the same time.
     command : sequence of str, optional
         Command of a process; it gets the folder of the plan and the job's hash as its last arguments.
+    gpus : tuple of str or None, optional
+        GPUs to share out; None for those that this process may see.
     """
 
     at_once: int
     command: Sequence[str] = WORKER
+    gpus: tuple[str, ...] | None = None
 
     def run(self, planned: Sequence[Job], plan: Plan) -> Launched:
         """Run all jobs to their end.
@@ -58,21 +61,26 @@ class LocalProcesses:
             The report of every job, also of one whose process was killed.
         """
         with plan_folder(plan) as folder:
-            self._run_all(planned, plan, folder)
+            processes = self._run_all(planned, plan, folder)
             paths = {job.hash: run_job.report_file(folder, job.hash) for job in planned}
-            return Launched({key: Report.read(path) for key, path in paths.items() if path.is_file()})
+            reports = {key: Report.read(path) for key, path in paths.items() if path.is_file()}
+            return Launched(reports, processes=processes)
 
-    def _run_all(self, planned: Sequence[Job], plan: Plan, folder: Path) -> None:
+    def _run_all(self, planned: Sequence[Job], plan: Plan, folder: Path) -> dict[str, dict[str, str]]:
+        """Run the jobs; returns what their runs say of their processes."""
         waiting, running = list(planned), list[tuple[Job, subprocess.Popen[bytes]]]()
-        environment = {**os.environ, **_threads(self.at_once), worker.PARENT: str(os.getpid())}
+        processes, gpu_of = {}, dict[str, str]()
+        gpus = visible_gpus() if self.gpus is None else self.gpus
         try:
             while waiting or running:
                 while waiting and len(running) < self.at_once:
                     job = waiting.pop(0)
-                    worker.write_job(job, folder)
-                    command = [*self.command, str(folder), job.hash]
-                    own = {**environment, **worker.tracker_secret(job.config)}
-                    running.append((job, subprocess.Popen(command, env=own)))
+                    busy = [gpu for each, _ in running for gpu in gpu_of.get(each.hash, "").split(",") if gpu]
+                    gpu = next_gpus(gpus, busy, gpus_needed(job.config))
+                    if gpu is not None:
+                        gpu_of[job.hash] = gpu
+                    running.append((job, self._started(job, folder, gpu)))
+                    processes[job.hash] = {PID_TAG: str(running[-1][1].pid)}
                 time.sleep(LOOK_EVERY_S)
                 for job, process in [one for one in running if one[1].poll() is not None]:
                     running.remove((job, process))
@@ -80,12 +88,24 @@ class LocalProcesses:
         except BaseException:
             _stop([process for _, process in running])
             raise
+        return processes
+
+    def _started(self, job: Job, folder: Path, gpu: str | None) -> subprocess.Popen[bytes]:
+        worker.write_job(job, folder)
+        environment = {
+            **os.environ,
+            **_threads(self.at_once),
+            **({} if gpu is None else {VISIBLE: gpu}),
+            **worker.tracker_secret(job.config),
+            worker.PARENT: str(os.getpid()),
+        }
+        return subprocess.Popen([*self.command, str(folder), job.hash], env=environment)
 
 
 def _threads(at_once: int) -> dict[str, str]:
     """As many threads for each process as it has cores of its own, unless the user has said how many."""
     share = str(max(1, (os.cpu_count() or 1) // at_once))
-    return {name: os.environ.get(name, share) for name in THREAD_SETTINGS}
+    return {name: os.environ.get(name, share) for name in worker.THREAD_SETTINGS}
 
 
 def _report_killed(job: Job, plan: Plan, folder: Path, code: int) -> None:

@@ -174,8 +174,8 @@ def run_job(
     tracked = is_tracked(plan.study, store)
     run_id = None
     try:
-        if tracked and job.config.get("resume") and (done := _resumable(job, plan, store)) is not None:
-            return _report(job, plan, "resumed", run_id=done), None
+        if (done := resumed(job, plan, store)) is not None:
+            return done, None
         arguments = jobs.arguments(job.config)
         if not tracked:
             outcome = _compute(job, plan, store, progress, arguments, None)
@@ -193,6 +193,29 @@ def run_job(
     except Exception as failure:
         message = masked(f"{type(failure).__name__}: {failure}\n{traceback.format_exc()}")
         return _report(job, plan, "failed", run_id=run_id, message=message), None
+
+
+def resumed(job: Job, plan: Plan, store: Store) -> Report | None:
+    """The report of a job that need not be run again, as ``resume`` asks for and a finished run of it allows.
+
+    Parameters
+    ----------
+    job : Job
+        The job.
+    plan : Plan
+        The plan of the call.
+    store : Store
+        The tracker.
+
+    Returns
+    -------
+    Report or None
+        The report, with the job's files brought back; None for a job that is to be run.
+    """
+    if not (job.config.get("resume") and is_tracked(plan.study, store)):
+        return None
+    done = _resumable(job, plan, store)
+    return None if done is None else _report(job, plan, "resumed", run_id=done)
 
 
 def start_job(job: Job, plan: Plan, store: Store) -> RunWriter:

@@ -11,10 +11,9 @@ from experiments import files
 from experiments.errors import InputError
 from experiments.masking import masked
 from experiments.outcome import JobResult, Outcome
-from experiments.running import jobs, run_job, run_names, terminal
+from experiments.running import dry_run, jobs, launcher_choice, run_job, run_names, terminal
 from experiments.running.jobs import Job, Plan
-from experiments.running.launcher import InProcess, Launched, Launcher
-from experiments.running.local_processes import LocalProcesses
+from experiments.running.launcher import InProcess, Launched
 from experiments.running.sweep_runs import SweepRuns, open_runs
 from experiments.running.variants import hash_of
 from experiments.running.worker import stoppable, store_of
@@ -22,14 +21,14 @@ from experiments.tracking import Store
 
 SweepPoints = list[tuple[Mapping[str, Any], str]]
 # What one call has one of, for all of its jobs.
-OF_THE_CALL = ("study", "out", "jobs", "tracking")
+OF_THE_CALL = ("study", "out", "jobs", "launcher", "dry_run", "tracking")
 
 
 def run(points: SweepPoints) -> int:
     """Run every job of a call and return the process's exit code.
 
-    With ``jobs`` above 1 in the configuration the jobs run in as many processes at a time, else one after the other in
-    this one.
+    How the jobs are started, and where, ``launcher`` and ``jobs`` of the configuration say. With ``dry_run`` none is:
+    all is checked, and what each job will cost is printed.
 
     Parameters
     ----------
@@ -47,16 +46,19 @@ def run(points: SweepPoints) -> int:
         If the points differ in what a call has only one of, or a job is known to be wrong before it starts.
     """
     _require_one_call(points)
-    at_once = jobs_at_once(points[0][0])
+    launcher_choice.require_known(points[0][0])
     study = str(points[0][0]["study"])
     contents: dict[str, str] = {}
     planned = jobs.jobs_of(points, contents)
     for job in planned:
         jobs.check(job.config)
-    launcher = launcher_of(min(at_once, len(planned)))
+    launcher = launcher_choice.launcher_of(points[0][0], planned)
     out = jobs.out_folder(points[0][0], hash_of(planned))
     store = store_of(points[0][0])
     tracked = run_job.is_tracked(study, store)
+    if points[0][0].get("dry_run"):
+        dry_run.show(planned, store, launcher_choice.at_once(points[0][0], planned))
+        return 0
     if tracked:
         _mark_orphans_failed(store, study)
     with stoppable():
@@ -65,8 +67,11 @@ def run(points: SweepPoints) -> int:
         try:
             launched = launcher.run(planned, plan)
             if tracked and not isinstance(launcher, InProcess):
-                _mark_killed_failed(store, study)
+                _mark_killed_failed(store, study, launched)
             return _close(planned, plan, store, runs, launched)
+        except run_job.user_errors():
+            runs.withdraw()
+            raise
         except BaseException:
             runs.fail()
             raise
@@ -80,22 +85,6 @@ def _plan(study: str, planned: list[Job], out: Path, contents: dict[str, str], r
     return Plan(study, labels, str(out), contents, names, runs.parents, runs.levels)
 
 
-def launcher_of(at_once: int) -> Launcher:
-    """Choose how the jobs of a call are started.
-
-    Parameters
-    ----------
-    at_once : int
-        Number of jobs at the same time.
-
-    Returns
-    -------
-    Launcher
-        ``LocalProcesses`` if more than one job may run at a time, else ``InProcess``.
-    """
-    return LocalProcesses(at_once) if at_once > 1 else InProcess()
-
-
 def _mark_orphans_failed(store: Store, study: str) -> None:
     for run_id in store.mark_orphans_failed(study):
         print(
@@ -104,9 +93,15 @@ def _mark_orphans_failed(store: Store, study: str) -> None:
         )
 
 
-def _mark_killed_failed(store: Store, study: str) -> None:
+def _mark_killed_failed(store: Store, study: str, launched: Launched) -> None:
     """Mark the runs of processes that were killed; a tracker that refuses this takes no result away."""
+    ended = [
+        (key, process, report.message or "its process ended before the run did")
+        for key, process in launched.processes.items()
+        if (report := launched.reports.get(key)) is not None
+    ]
     try:
+        store.mark_ended_failed(study, ended)
         store.mark_orphans_failed(study)
     except Exception as refusal:
         print(
@@ -125,25 +120,6 @@ def _require_one_call(points: SweepPoints) -> None:
                 f"{name}: expected one value for all jobs of a call, received {first.get(name)!r} and "
                 f"{other.get(name)!r}; give each a call of its own"
             )
-
-
-def jobs_at_once(config: Mapping[str, Any]) -> int:
-    """How many jobs of a call run at the same time; InputError if ``jobs`` is not a whole number from 1.
-
-    Parameters
-    ----------
-    config : Mapping[str, Any]
-        A resolved configuration.
-
-    Returns
-    -------
-    int
-        Number of jobs.
-    """
-    at_once = config.get("jobs", 1)
-    if isinstance(at_once, bool) or not isinstance(at_once, int) or at_once < 1:
-        raise InputError(f"jobs: expected a whole number from 1, received {at_once!r}")
-    return at_once
 
 
 def _close(

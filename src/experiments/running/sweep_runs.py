@@ -135,8 +135,19 @@ class SweepRuns:
 
     def fail(self) -> None:
         """End all runs as FAILED."""
-        for run in [run for _, run in self.variants] + ([self.sweep] if self.sweep else []):
+        for run in self._all():
             run.end("FAILED")
+
+    def withdraw(self) -> None:
+        """Take the runs back of a call that was refused before a job of it began; those of an earlier call fail."""
+        for run in self._all():
+            if self.resumed:
+                run.end("FAILED")
+            else:
+                run.withdraw()
+
+    def _all(self) -> list[RunWriter]:
+        return [run for _, run in self.variants] + ([self.sweep] if self.sweep else [])
 
     def _end(self, run: RunWriter, ended: Ended) -> None:
         refused = all(report is not None and report.status == "refused" for _, report, _ in ended)

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments import files
-from experiments.masking import masked
+from experiments.masking import masked, masked_values
 from experiments.outcome import Outcome
 from experiments.process_pool import end_with_parent
 from experiments.running import run_job
@@ -27,6 +27,8 @@ from experiments.tracking import Store
 
 # The process whose end is the end of this one too; without it the process is on its own.
 PARENT = "CTUS_PARENT_PROCESS"
+# What the libraries read, when they are loaded, to learn how many threads they may start.
+THREAD_SETTINGS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 def run_one(job: Job, plan: Plan, progress: TerminalProgress) -> tuple[Report, Outcome | None]:
@@ -107,7 +109,9 @@ def write_job(job: Job, folder: Path) -> None:
     """
     config = job.config
     if tracker_secret(config):
-        config = {**config, "tracking": {**config["tracking"], "uri": None}}
+        # The words of the command line have it too.
+        call = masked_values(config.get("call", {}))
+        config = {**config, "tracking": {**config["tracking"], "uri": None}, "call": call}
     content = json.dumps({"config": config, "label": job.label})
     files.write_text(_job_file(folder, job.hash), content)
 
@@ -129,13 +133,16 @@ def tracker_secret(config: Mapping[str, Any]) -> dict[str, str]:
     return {"MLFLOW_TRACKING_URI": uri} if isinstance(uri, str) and masked(uri) != uri else {}
 
 
-def main(arguments: Sequence[str]) -> int:
+def main(arguments: Sequence[str], *, again: bool = False) -> int:
     """Run one job of a plan and leave its report next to the plan.
 
     Parameters
     ----------
     arguments : sequence of str
         The folder of the plan and the job's hash.
+    again : bool, optional
+        Whether the job was begun before and interrupted: a training then goes on from its last whole epoch, and a
+        finished run of the job is taken for it.
 
     Returns
     -------
@@ -144,7 +151,8 @@ def main(arguments: Sequence[str]) -> int:
     """
     folder, key = Path(arguments[0]), arguments[1]
     content = json.loads(_job_file(folder, key).read_text(encoding="utf-8"))
-    job = Job(content["config"], key, content["label"])
+    config = going_on(content["config"]) if again else content["config"]
+    job = Job(config, key, content["label"])
     # Bars of several processes would overwrite each other; lines say whose they are.
     progress = TerminalProgress(plain_console(), prefix=f"{job.label}: " if job.label else "")
     with stoppable():
@@ -153,6 +161,25 @@ def main(arguments: Sequence[str]) -> int:
         report, _ = run_one(job, Plan.read(folder), progress)
         report.write(run_job.report_file(folder, key))
     return 0
+
+
+def going_on(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Have an interrupted job go on; its result is that of one that was never interrupted.
+
+    Parameters
+    ----------
+    config : mapping
+        A resolved configuration.
+
+    Returns
+    -------
+    dict of str to Any
+        The same with ``resume``, also that of a training.
+    """
+    trainer = config.get("trainer")
+    if isinstance(trainer, Mapping) and "resume" in trainer:
+        return {**config, "resume": True, "trainer": {**trainer, "resume": True}}
+    return {**config, "resume": True}
 
 
 def _job_file(folder: Path, key: str) -> Path:

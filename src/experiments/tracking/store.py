@@ -14,7 +14,7 @@ import shlex
 import sys
 import time
 import uuid
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -58,10 +58,13 @@ class Store:
         Tracking address; None for the project's own SQLite file.
     enabled : bool, optional
         Whether runs are tracked.
+    reads_only : bool, optional
+        Whether the project's own store is opened as it is: one whose folder was moved is not told so.
     """
 
     uri: str | None = None
     enabled: bool = True
+    reads_only: bool = False
     _opened: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     @property
@@ -81,6 +84,14 @@ class Store:
             return masked(self.address)
         return f"mlflow ui --backend-store-uri {shlex.quote(masked(self.address))}"
 
+    @property
+    def exists(self) -> bool:
+        """Whether there is a store to look into; of a server and its database this is not known before it is asked."""
+        if not self.address.startswith(("sqlite:///", "sqlite+pysqlite:///")):
+            return True
+        database = sqlite_file(self.address)
+        return database.is_file() and database.stat().st_size > 0
+
     def client(self) -> MlflowClient:
         """The client, opened and initialised at the first call.
 
@@ -91,7 +102,7 @@ class Store:
         """
         if "client" not in self._opened:
             with opening(self.address):
-                self._opened["client"] = _open(self.address, self.folder)
+                self._opened["client"] = _open(self.address, self.folder, self.reads_only)
         client: MlflowClient = self._opened["client"]
         return client
 
@@ -450,15 +461,47 @@ class Store:
         list[str]
             Ids of the runs.
         """
-        gone = [
-            run.info.run_id
-            for run in self.runs([experiment], "attributes.status = 'RUNNING'")
-            if is_gone(run.data.tags)
-        ]
-        for run_id in gone:
-            self.client().set_tag(run_id, "ctus.ended_by", "process is gone")
+        return self._end_failed(
+            experiment, lambda tags: {"ctus.ended_by": "process is gone"} if is_gone(tags) else None
+        )
+
+    def mark_ended_failed(
+        self, experiment: str, ended: Iterable[tuple[str, Mapping[str, str], str]]
+    ) -> list[str]:
+        """End as FAILED the RUNNING runs of jobs whose processes are known to have ended, wherever they were.
+
+        Parameters
+        ----------
+        experiment : str
+            Name of the experiment.
+        ended : iterable of (str, mapping of str to str, str)
+            Hash of each job, the tags that its run has of its process, and what became of that.
+
+        Returns
+        -------
+        list[str]
+            Ids of the runs.
+        """
+        known = {key: (process, message) for key, process, message in ended}
+
+        def why(tags: Mapping[str, str]) -> dict[str, str] | None:
+            process, message = known.get(tags.get(HASH_TAG, ""), ({}, ""))
+            same = process and all(tags.get(name) == value for name, value in process.items())
+            return {"ctus.ended_by": "process is gone", "ctus.error": message} if same else None
+
+        return self._end_failed(experiment, why) if known else []
+
+    def _end_failed(
+        self, experiment: str, why: Callable[[Mapping[str, str]], Mapping[str, str] | None]
+    ) -> list[str]:
+        """End as FAILED the RUNNING runs for which ``why``, asked with their tags, has further ones."""
+        running = self.runs([experiment], "attributes.status = 'RUNNING'")
+        found = {run.info.run_id: tags for run in running if (tags := why(run.data.tags)) is not None}
+        for run_id, tags in found.items():
+            for name, value in shortened(tags).items():
+                self.client().set_tag(run_id, name, value)
             self.client().set_terminated(run_id, "FAILED")
-        return gone
+        return list(found)
 
     def _create_experiment(self, name: str) -> str:
         from mlflow.exceptions import MlflowException
@@ -540,7 +583,7 @@ def _make_database(database: Path) -> None:
     stage.replace(database)
 
 
-def _open(address: str, folder: Path) -> MlflowClient:
+def _open(address: str, folder: Path, reads_only: bool = False) -> MlflowClient:
     """Open the store; a SQLite file that is not there yet is made and given its tables under a lock."""
     os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
     os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
@@ -559,7 +602,7 @@ def _open(address: str, folder: Path) -> MlflowClient:
                 _make_database(database)
             client = MlflowClient(tracking_uri=address, registry_uri=address)
             client.search_experiments(max_results=1)
-            if database == folder / "ctus.db":
+            if database == folder / "ctus.db" and not reads_only:
                 follow_move(database, folder / "artifacts")
         return client
     # MLflow's own seven retries take minutes for each call to a server that is away.

@@ -17,6 +17,7 @@ from torch import Tensor
 
 from models.seeds import DROPOUT, seed_of
 from models.training.datamodule import FoldData
+from models.training.distributed import shared_report
 from models.training.late_weights import LateWeights
 from models.training.phase import Phase
 from models.training.segmenter import Segmenter
@@ -112,7 +113,9 @@ class TrainingCallback(Callback):
         """
         epoch = len(self.history)
         self.data.begin_epoch(epoch)
-        torch.manual_seed(seed_of(self.data.seed, DROPOUT, epoch))
+        # Processes that share a batch drop other units of their parts.
+        own = (self.data.share.number,) if self.data.share.number else ()
+        torch.manual_seed(seed_of(self.data.seed, DROPOUT, epoch, *own))
         self._throughput.start()
 
     def on_train_batch_start(
@@ -157,7 +160,8 @@ class TrainingCallback(Callback):
             Number of the batch in the epoch.
         """
         assert isinstance(pl_module, Segmenter)
-        self._throughput.count(len(batch[0]), last=batch_idx + 1 == self.data.steps_per_epoch)
+        images = len(batch[0]) * self.data.share.processes
+        self._throughput.count(images, last=batch_idx + 1 == self.data.steps_per_epoch)
         self.late.after_step(pl_module.network)
 
     def on_validation_start(self, trainer: Trainer, pl_module: LightningModule) -> None:
@@ -214,6 +218,8 @@ class TrainingCallback(Callback):
             "images_per_s": self._throughput.images_per_s,
             "peak_memory_mb": peak_memory_mb(pl_module.device),
         }
+        if self.data.share.processes > 1:
+            report = shared_report(report)
         self._require_finite(report["validation_loss"])
         self.history.append(report)
         if self.phase.kept(self.history) == len(self.history) - 1:

@@ -23,7 +23,7 @@ from models.labelled_frames import LabelledFrames
 from models.preprocessing.preprocessing import Preprocessing
 from models.seeds import AUGMENTATION, SHUFFLING, seed_of
 from models.training.augmentation import Augmentation
-from models.training.sampling import EmptyFrameSampler
+from models.training.sampling import WHOLE, EmptyFrameSampler, Share
 
 Batch = list[Tensor]
 
@@ -47,6 +47,8 @@ class FoldData(LightningDataModule):
         How often an image without a vessel is drawn in an epoch.
     targets : ndarray of float, shape (n, s, s), or None
         Probabilities that training frames have in the place of masks, at the network's size.
+    share : Share, optional
+        Which part of each training batch this process takes.
     """
 
     def __init__(
@@ -59,8 +61,10 @@ class FoldData(LightningDataModule):
         seed: int,
         empty_weight: float = 1.0,
         targets: Float[np.ndarray, "n s s"] | None = None,
+        share: Share = WHOLE,
     ) -> None:
         super().__init__()
+        self.share = share
         self.preprocessing = preprocessing
         self.augmentation = augmentation
         self.batch_size = batch_size
@@ -142,16 +146,23 @@ class FoldData(LightningDataModule):
         Returns
         -------
         list of Tensor
-            Normalised images in channels-last layout, and masks of 0 and 1 or, in training, the targets given.
+            Normalised images in channels-last layout, and masks of 0 and 1 or, in training, the targets given. Where
+            several processes share a training batch, its part of them, and the weight of that part's mean loss.
         """
         images, masks = batch[0], batch[1].float()
-        if self.trainer is not None and self.trainer.training:
+        training = self.trainer is not None and self.trainer.training
+        if training:
             if self._augmentation_generator is None:
                 seed = seed_of(self.seed, AUGMENTATION, self.epoch)
                 self._augmentation_generator = Generator(images.device).manual_seed(seed)
             images, masks = self.augmentation(images, masks, self._augmentation_generator, binary=self.binary)
         images = self.preprocessing.normalise(images)
-        return [images.contiguous(memory_format=torch.channels_last), masks]
+        more: list[Tensor] = []
+        if training and self.share.processes > 1:
+            # Augmented as a whole before it is divided: the images are those of a training on one device.
+            part, weight = self.share.of(len(images))
+            images, masks, more = images[part], masks[part], [images.new_tensor(weight)]
+        return [images.contiguous(memory_format=torch.channels_last), masks, *more]
 
     def _training_order(self, empty_weight: float) -> RandomSampler | EmptyFrameSampler:
         if empty_weight == 1:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,14 +14,14 @@ from models.checkpoint import Checkpoint
 from models.errors import InputError
 from models.seeds import TRAINING, seed_of
 from models.threads import fixed_threads
-from models.training.phase import Phase
+from models.training.phase import Phase, Progressed
 from models.training.spec import FoldTraining
 from models.training.state import TrainingFolder, TrainingState
 from models.training.training_data import NOTE, as_note
 from models.weights import Weights
 
 if TYPE_CHECKING:
-    from models.training.callback import TrainingCallback
+    from models.training.sampling import Share
 
 OnEpoch = Callable[[Mapping[str, float]], None]
 
@@ -113,17 +114,17 @@ def _train(
             raise InputError(
                 "state_directory: expected the folder that the training keeps its state in, received none"
             )
-        callback = _run(training, Phase.whole(settings), None, directory, lambda epoch: path, None, on_epoch)
-        return _trained(callback, path)
+        whole = Phase.whole(settings)
+        return _trained(_run(training, whole, None, directory, partial(_always, path), None, on_epoch), path)
     folder = TrainingFolder(state_directory, training.fingerprint)
     with folder.locked(on_wait) as waited:
         phase, start, own = _where_to_begin(folder, training, afresh=not (settings.resume or waited))
         weights = {True: own.weights_path, False: folder.weights_path}
-        callback = _run(training, phase, start, directory, own.weights_path, own, on_epoch)
-        kept = phase.kept(callback.history)
+        done = _run(training, phase, start, directory, own.weights_path, own, on_epoch)
+        kept = phase.kept(done.history)
         with atomic_write(path) as temporary:
             shutil.copyfile(weights[kept >= phase.first](kept), temporary)
-    return _trained(callback, path)
+    return _trained(done, path)
 
 
 def _where_to_begin(
@@ -161,46 +162,99 @@ def _run(
     weights_path: Callable[[int], Path],
     folder: TrainingFolder | None,
     on_epoch: OnEpoch | None,
-) -> TrainingCallback:
-    """Train the epochs of a phase that are not done."""
+) -> Progressed:
+    """Train the epochs of a phase that are not done, on one device here, or on several in a process for each."""
+    if training.trainer.devices == 1:
+        return run_share(training, phase, start, directory, weights_path, folder, on_epoch)
+    from models.training.distributed import run_shared
+
+    arguments = (training, phase, start, directory, weights_path, folder)
+    return run_shared(run_share, arguments, training.trainer.devices, on_epoch)
+
+
+def run_share(
+    training: FoldTraining,
+    phase: Phase,
+    start: TrainingState | None,
+    directory: Path,
+    weights_path: Callable[[int], Path],
+    folder: TrainingFolder | None,
+    on_epoch: OnEpoch | None,
+    share: Share | None = None,
+) -> Progressed:
+    """Train the epochs of a phase that are not done, in this process.
+
+    Parameters
+    ----------
+    training : FoldTraining
+        What is trained on what, and how.
+    phase : Phase
+        Epochs to train.
+    start : TrainingState or None
+        State that the training is resumed from.
+    directory : Path
+        Lightning's default folder, to which nothing is written.
+    weights_path : callable
+        Gives the file for the weights of an epoch.
+    folder : TrainingFolder or None
+        Where the state is kept.
+    on_epoch : callable or None
+        Called with each epoch's measures.
+    share : Share or None, optional
+        Which part of each batch is this process's; only the first process writes. None for the whole.
+
+    Returns
+    -------
+    Progressed
+        The measures of all epochs.
+    """
     # Lightning takes seconds to import: whoever only wants the settings' classes should not wait for it.
     from models.training.callback import TrainingCallback
     from models.training.datamodule import FoldData
+    from models.training.sampling import WHOLE
     from models.training.segmenter import Segmenter
     from models.training.trainer import fit, lightning_trainer, quiet, reproducible
 
-    settings = training.trainer
-    seed = seed_of(training.seed, TRAINING, training.fold)
+    settings, share = training.trainer, share or WHOLE
     data = FoldData(
         training.train,
         training.validation,
         training.preprocessing,
         training.augmentation,
         settings.batch_size,
-        seed,
+        seed_of(training.seed, TRAINING, training.fold),
         settings.empty_weight,
         training.targets,
+        share,
     )
-    callback = TrainingCallback(
-        phase, data, start, _writer(training, weights_path), folder.save if folder else None, on_epoch
-    )
-    if phase.is_over(callback.history):
-        return callback
-    steps = data.steps_per_epoch
-    network = training.start.network(training.model)
-    if start is not None:
-        network.load_state_dict(dict(start.weights))
-    module = Segmenter(
-        network,
-        training.loss,
-        settings,
-        lambda step: phase.learning_rate_factor(step, steps),
-        step=len(callback.history) * steps,
-    )
-    with reproducible(settings), quiet():
-        trainer = lightning_trainer(settings, callback, phase.end - len(callback.history), directory)
-        fit(trainer, module, data)
-    return callback
+    writes = share.number == 0
+    save_weights = _writer(training, weights_path) if writes else _write_nothing
+    save_state = folder.save if folder and writes else None
+    callback = TrainingCallback(phase, data, start, save_weights, save_state, on_epoch)
+    if not phase.is_over(callback.history):
+        steps = data.steps_per_epoch
+        network = training.start.network(training.model)
+        if start is not None:
+            network.load_state_dict(dict(start.weights))
+        rate = partial(_rate, phase, steps)
+        module = Segmenter(network, training.loss, settings, rate, step=len(callback.history) * steps)
+        with reproducible(settings), quiet():
+            trainer = lightning_trainer(settings, callback, phase.end - len(callback.history), directory)
+            fit(trainer, module, data)
+    return Progressed(phase, tuple(callback.history), callback.runtime_s)
+
+
+def _rate(phase: Phase, steps_per_epoch: int, step: int) -> float:
+    return phase.learning_rate_factor(step, steps_per_epoch)
+
+
+def _write_nothing(weights: Weights, epoch: int, dsc: float) -> None:
+    """Leave the weights to the first process."""
+
+
+def _always(path: Path, epoch: int) -> Path:
+    del epoch
+    return path
 
 
 def _writer(
@@ -226,6 +280,6 @@ def _writer(
     return write
 
 
-def _trained(callback: TrainingCallback, path: Path) -> TrainedFold:
-    kept, history = callback.phase.kept(callback.history), tuple(callback.history)
-    return TrainedFold(path, history, kept, history[kept]["validation_dsc"], callback.runtime_s)
+def _trained(done: Progressed, path: Path) -> TrainedFold:
+    kept = done.phase.kept(done.history)
+    return TrainedFold(path, done.history, kept, done.history[kept]["validation_dsc"], done.runtime_s)

@@ -6,6 +6,7 @@ before there is a trainer, and patience counts anew in an extension.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from models.training.selection import History
@@ -108,3 +109,22 @@ class Phase:
             Factor, 0 to 1.
         """
         return EXTENSION_FACTOR if self.first else self.settings.learning_rate_factor(step, steps_per_epoch)
+
+
+@dataclass(frozen=True)
+class Progressed:
+    """How far a training has come.
+
+    Parameters
+    ----------
+    phase : Phase
+        Its epochs.
+    history : tuple of mapping
+        Measures of each epoch that is done.
+    runtime_s : float
+        Time in s that it has taken, including that before an interruption.
+    """
+
+    phase: Phase
+    history: tuple[Mapping[str, float], ...]
+    runtime_s: float

@@ -3,10 +3,51 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import torch
 from torch import Generator, Tensor
 from torch.utils.data import Sampler
+
+
+@dataclass(frozen=True)
+class Share:
+    """Which part of each training batch one of several processes takes.
+
+    Parameters
+    ----------
+    number : int, optional
+        Number of the process, from 0.
+    processes : int, optional
+        Number of processes that share a batch.
+    """
+
+    number: int = 0
+    processes: int = 1
+
+    def of(self, count: int) -> tuple[slice, float]:
+        """Divide a batch so that the mean over processes of weighted mean losses is the mean over all images.
+
+        Parameters
+        ----------
+        count : int
+            Number of images in the batch, from 1.
+
+        Returns
+        -------
+        part : slice
+            The process's images. Where there are fewer images than processes, one that has none takes the first.
+        weight : float
+            Weight of its mean loss; 0 for a process that has no image of its own.
+        """
+        begin = self.number * count // self.processes
+        end = (self.number + 1) * count // self.processes
+        if begin == end:
+            return slice(0, 1), 0.0
+        return slice(begin, end), (end - begin) * self.processes / count
+
+
+WHOLE = Share()
 
 
 class EmptyFrameSampler(Sampler[int]):

@@ -73,7 +73,7 @@ class Segmenter(LightningModule):
         Parameters
         ----------
         batch : list of Tensor
-            Images and masks, shape (b, 1, h, w).
+            Images and masks, shape (b, 1, h, w), and the weight of their loss where they are part of a batch.
         batch_idx : int
             Not used.
 
@@ -83,6 +83,8 @@ class Segmenter(LightningModule):
             Loss.
         """
         loss = training_loss(self.loss, self.network(batch[0]), batch[1])
+        if len(batch) > 2:
+            loss = loss * batch[2]
         self._losses["train_loss"].append(loss.detach())
         return loss
 

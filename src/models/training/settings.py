@@ -12,6 +12,7 @@ from models.training.selection import EpochSelection
 ACCELERATORS = ("cpu", "gpu", "auto")
 LATE_WEIGHTS = ("none", "ema", "swa")
 PRECISIONS = ("32-true", "16-mixed", "bf16-mixed")
+STRATEGIES = ("auto", "ddp")
 # Fraction of the highest learning rate that a finished training is extended with.
 EXTENSION_FACTOR = 0.1
 
@@ -69,6 +70,12 @@ class TrainerSettings:
         How often a frame without a vessel is drawn in an epoch, from 0; all others are drawn once.
     smoke : bool
         Whether the training shows that all works and not how well; its results are marked so and not compared.
+    devices : int
+        Number of devices that share each batch, a process each. Gradients are averaged over the parts, weighted by
+        their images; the overlap in a loss and the statistics of a batch normalisation are those of a part, so that
+        another number of devices is another training.
+    strategy : str
+        ``ddp`` (``DistributedDataParallel``) for several devices, ``auto`` for that or one device alone.
 
     Raises
     ------
@@ -97,9 +104,11 @@ class TrainerSettings:
     swa_share: float = 0.25
     empty_weight: float = 1.0
     smoke: bool = False
+    devices: int = 1
+    strategy: str = "auto"
 
     def __post_init__(self) -> None:
-        for name in ("max_epochs", "batch_size", "patience", "threads"):
+        for name in ("max_epochs", "batch_size", "patience", "threads", "devices"):
             if getattr(self, name) < 1:
                 raise InputError(f"{name}: expected at least 1, received {getattr(self, name)}")
         for name in ("learning_rate", "gradient_clip", "ema_epochs"):
@@ -114,6 +123,7 @@ class TrainerSettings:
             ("accelerator", ACCELERATORS),
             ("precision", PRECISIONS),
             ("late_weights", LATE_WEIGHTS),
+            ("strategy", STRATEGIES),
         ):
             if getattr(self, name) not in known:
                 raise InputError(
@@ -125,6 +135,10 @@ class TrainerSettings:
         if not 0 < self.swa_share <= 1:
             raise InputError(f"swa_share: expected above 0 to 1, received {self.swa_share}")
         _ = self.epoch_selection
+        if self.devices > self.batch_size:
+            raise InputError(
+                f"devices: expected at most one for each image of a batch ({self.batch_size}), received {self.devices}"
+            )
         if self.accelerator == "cpu" and self.precision != "32-true":
             raise InputError(
                 f"precision: expected 32-true on a CPU, where mixed precision is slower, received {self.precision!r}"

@@ -27,6 +27,8 @@ from models.training.training_data import TrainingData
 VERSION = 3
 # Settings of how far a training is continued, not of which one it is.
 _HOW_FAR = ("resume", "extend_epochs")
+# Settings that say nothing of a training on one device.
+_OF_SEVERAL = ("devices", "strategy")
 
 
 @dataclass(frozen=True)
@@ -63,8 +65,8 @@ class FoldTraining:
     ------
     InputError
         If the network does not take the image size, if the start is of another architecture or has learnt from
-        ``data``, if targets are of another size, if the training or validation frames show no vessel, or if a GPU
-        is asked for and there is none.
+        ``data``, if targets are of another size, if the training or validation frames show no vessel, or if GPUs
+        are asked for that are not there.
     """
 
     model: NetworkRecipe
@@ -98,6 +100,12 @@ class FoldTraining:
         gpu = torch.cuda.is_available() or torch.backends.mps.is_available()
         if self.trainer.accelerator == "gpu" and not gpu:
             raise InputError("accelerator: expected a machine with a GPU, found none")
+        several = self.trainer.devices
+        if self.trainer.accelerator != "cpu" and several > max(1, torch.cuda.device_count()):
+            raise InputError(
+                f"devices: expected at most the {torch.cuda.device_count()} GPUs of CUDA that are visible, "
+                f"received {several}"
+            )
         if self.trainer.precision != "32-true" and not gpu:
             raise InputError(
                 f"precision: expected 32-true on a machine without a GPU, received {self.trainer.precision!r}"
@@ -116,7 +124,8 @@ class FoldTraining:
     @cached_property
     def fingerprint(self) -> str:
         """SHA-256 over the settings and every image and mask of either side: equal for the same training alone."""
-        budget = {key: value for key, value in vars(self.trainer).items() if key not in _HOW_FAR}
+        left_out = _HOW_FAR if self.trainer.devices > 1 else (*_HOW_FAR, *_OF_SEVERAL)
+        budget = {key: value for key, value in vars(self.trainer).items() if key not in left_out}
         content = {
             "version": VERSION,
             "model": [self.model.name, settings_of(self.model)],

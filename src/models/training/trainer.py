@@ -13,12 +13,16 @@ from typing import Any
 import torch
 from lightning.pytorch import Callback, LightningDataModule, LightningModule, Trainer
 from lightning.pytorch.plugins.environments import LightningEnvironment
+from lightning.pytorch.strategies import DDPStrategy
 
 from models.training.settings import TrainerSettings
 
 
 def lightning_trainer(settings: TrainerSettings, callback: Callback, epochs: int, directory: Path) -> Trainer:
     """Set up a trainer that writes, logs and stops nothing by itself: that is left to ``callback``.
+
+    With several devices it is the trainer of one process, which ``models.training.distributed`` has started and given
+    its number.
 
     Parameters
     ----------
@@ -34,11 +38,12 @@ def lightning_trainer(settings: TrainerSettings, callback: Callback, epochs: int
     Returns
     -------
     Trainer
-        Lightning's trainer for one process and one device.
+        Lightning's trainer.
     """
     return Trainer(
         accelerator=settings.accelerator,
-        devices=1,
+        devices=settings.devices,
+        strategy=_strategy(settings),
         precision=settings.precision,
         max_epochs=epochs,
         gradient_clip_val=settings.gradient_clip,
@@ -53,6 +58,13 @@ def lightning_trainer(settings: TrainerSettings, callback: Callback, epochs: int
         num_sanity_val_steps=0,
         use_distributed_sampler=False,
     )
+
+
+def _strategy(settings: TrainerSettings) -> str | DDPStrategy:
+    if settings.devices == 1:
+        return "auto"
+    backend = "gloo" if settings.accelerator == "cpu" else "nccl"
+    return DDPStrategy(process_group_backend=backend)
 
 
 def fit(trainer: Trainer, module: LightningModule, data: LightningDataModule) -> None:

@@ -24,6 +24,7 @@ from pathlib import Path
 folder, key = Path(sys.argv[1]), sys.argv[2]
 config = json.loads((folder / f"{key}.job.json").read_text())["config"]
 Path(__file__).with_name(f"{key}.threads").write_text(os.environ["OMP_NUM_THREADS"])
+Path(__file__).with_name(f"{key}.gpu").write_text(os.environ.get("CUDA_VISIBLE_DEVICES", "none"))
 Path(__file__).with_name(f"{key}.plan").write_text(str(folder / "plan.json"))
 (folder / f"{key}.started").write_text("")
 if config["ends"] == "killed":
@@ -84,6 +85,18 @@ def test_the_cores_are_shared_out_unless_the_user_says_otherwise(
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
     LocalProcesses(3, worker).run(jobs, plan)
     assert (tmp_path / "a.threads").read_text() == "7"
+
+
+def test_two_jobs_at_a_time_have_a_gpu_each_where_there_are_two(
+    home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    waiting = {"ends": "waits for the other"}
+    jobs, plan, worker = planned(tmp_path, a={**waiting, "other": "b"}, b={**waiting, "other": "a"})
+    LocalProcesses(2, worker, gpus=("0", "1")).run(jobs, plan)
+    assert [(tmp_path / f"{key}.gpu").read_text() for key in "ab"] == ["0", "1"]
+    monkeypatch.delenv("CUDA_VISIBLE_DEVICES", raising=False)
+    LocalProcesses(2, worker, gpus=("0",)).run(jobs, plan)
+    assert [(tmp_path / f"{key}.gpu").read_text() for key in "ab"] == ["none", "none"]
 
 
 def test_a_study_gives_the_same_by_one_process_and_by_two(home: Path) -> None:

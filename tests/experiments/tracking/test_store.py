@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from experiments.outcome import InputData
-from experiments.tracking import Store
+from experiments.tracking import HASH_TAG, Store
 from experiments.tracking.store import sqlite_file
 
 
@@ -147,3 +147,28 @@ def test_files_that_another_project_keeps_stay_where_they_are(
     (found,) = Store().runs(["shared"])
     assert found.info.artifact_uri.startswith(other.as_uri())
     assert [file.path for file in Store().client().list_artifacts(found.info.run_id)] == ["config.yaml"]
+
+
+def test_the_run_of_a_process_that_is_known_to_have_ended_is_failed_with_the_reason_and_no_other(
+    home: Path,
+) -> None:
+    store = Store()
+    # Of another machine, whose processes cannot be looked up here.
+    far = {"ctus.host": "node7", "ctus.pid_space": "elsewhere"}
+    killed = store.start("jobs", "killed", {HASH_TAG: "a", "ctus.slurm_job": "5_0", **far})
+    other_try = store.start("jobs", "of another call", {HASH_TAG: "a", "ctus.slurm_job": "6_0", **far})
+    other_job = store.start("jobs", "other job", {HASH_TAG: "b", "ctus.slurm_job": "5_0", **far})
+    assert store.mark_orphans_failed("jobs") == []
+    found = store.mark_ended_failed("jobs", [("a", {"ctus.slurm_job": "5_0"}, "TIMEOUT"), ("b", {}, "never")])
+    assert found == [killed.run_id]
+    run = store.run(killed.run_id)
+    assert run is not None and run.info.status == "FAILED" and run.data.tags["ctus.error"] == "TIMEOUT"
+    for writer in (other_try, other_job):
+        run = store.run(writer.run_id)
+        assert run is not None and run.info.status == "RUNNING"
+
+
+def test_a_store_is_there_once_it_was_made(home: Path, tmp_path: Path) -> None:
+    assert Store().exists and Store("http://127.0.0.1:1").exists
+    absent = Store(f"sqlite:///{tmp_path / 'none' / 'runs.db'}")
+    assert not absent.exists and not (tmp_path / "none").exists()

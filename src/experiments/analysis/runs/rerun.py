@@ -81,7 +81,13 @@ def write_points(points: Sequence[tuple[Mapping[str, Any], str]], project: Path,
     sweep : bool
         Whether they are all jobs of one sweep.
     """
-    own = {"out": str(project / "out"), "resume": False, "tracking": {"uri": None, "enabled": True}}
+    own = {
+        "out": str(project / "out"),
+        "resume": False,
+        "dry_run": False,
+        "launcher": {"kind": "local"},
+        "tracking": {"uri": None, "enabled": True},
+    }
     content = {"sweep": sweep, "points": [[{**config, **own}, label] for config, label in points]}
     files.write_text(project / POINTS, json.dumps(content))
 

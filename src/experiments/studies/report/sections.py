@@ -25,7 +25,7 @@ from experiments.tracking.run_lookup import Family, find_families
 from experiments.tracking.run_record import config_of
 
 # Settings that say where files are and what else a call does: no part of what is measured.
-OF_THE_CALL = ("call", "out", "resume", "jobs", "tracking", "fold")
+OF_THE_CALL = ("call", "out", "resume", "jobs", "launcher", "dry_run", "tracking", "fold")
 # Settings that a phantom or a method is named by; they are compared within one section.
 WITHIN = ("phantoms", "phantom", "subset")
 _PRESET = re.compile(r"\+preset=([\w./-]+)")
