@@ -53,6 +53,10 @@ def main(argv: list[str] | None = None) -> int:
     if "--version" in words:
         return _print_version()
     try:
+        if words[:1] == ["doctor"]:
+            from experiments.command_line.doctor.report import doctor
+
+            return doctor(words[1:])
         if not words or any(word in ("--help", "-h") for word in words):
             return _print_help(words)
         asked = read_options(words)

@@ -20,6 +20,7 @@ ctus: CT-ultrasound registration of vessels, as tracked experiments
   ctus -m study=<name> model=a,b seed=0,1,2 ...    a sweep over every combination
   ctus -m +sweep=<preset> [setting=value ...]      all that a published figure needs
   ctus study=<name> [model=<option> ...] --help    the settings of a study with these options
+  ctus doctor                                      what this machine has, what is missing, how to install it
 """
 
 _AFTER = """\
