@@ -18,7 +18,8 @@ from experiments.running.jobs import Job, Plan
 from experiments.running.launcher import Launched, plan_folder
 from experiments.running.run_job import Report
 
-WORKER = (sys.executable, "-m", "experiments.running.worker")
+# -P: a folder called models in the current one is none of ours.
+WORKER = (sys.executable, "-P", "-m", "experiments.running.worker")
 # What the libraries read, when they are loaded, to learn how many threads they may start.
 THREAD_SETTINGS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 LOOK_EVERY_S = 0.1
