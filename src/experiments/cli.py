@@ -21,6 +21,7 @@ from experiments.command_line.text_settings import loader_with_text, quoted_over
 from experiments.errors import InputError
 from experiments.paths import conf_dir, project_root
 from experiments.plugins import plugin_config_folders
+from experiments.running.verbosity import read_verbosity, saying
 
 if TYPE_CHECKING:
     from hydra.core.override_parser.types import Override
@@ -49,7 +50,16 @@ def main(argv: list[str] | None = None) -> int:
     int
         Exit code: 0 all is well, 1 a job failed, 2 the input is at fault.
     """
-    words = [quoted_override(word) for word in cli_words.read_presets(sys.argv[1:] if argv is None else argv)]
+    try:
+        given, level = read_verbosity(sys.argv[1:] if argv is None else argv)
+    except InputError as refusal:
+        print(refusal, file=sys.stderr)
+        return 2
+    with saying(level):
+        return _main([quoted_override(word) for word in cli_words.read_presets(given)])
+
+
+def _main(words: list[str]) -> int:
     if "--version" in words:
         return _print_version()
     try:
@@ -129,6 +139,7 @@ def _run(overrides: list[str], folder: str | None, *, multirun: bool) -> int:
     from experiments.running import jobs, run_sweep
     from experiments.running.run_job import user_errors
 
+    points: SweepPoints = []
     try:
         points = compose_sweep(overrides, folder, multirun=multirun)
         for config, _ in points:
@@ -140,7 +151,15 @@ def _run(overrides: list[str], folder: str | None, *, multirun: bool) -> int:
         print(refusal, file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("Stopped by the keyboard; what had finished is kept.", file=sys.stderr)
+        settings = (
+            "resume=true trainer.resume=true"
+            if any("trainer" in each for each, _ in points)
+            else "resume=true"
+        )
+        print(
+            f"Stopped by the keyboard; what had finished is kept. Continue with the same command and {settings}.",
+            file=sys.stderr,
+        )
         return 130
 
 

@@ -29,6 +29,7 @@ Settings of every study
   resume=true              skip the jobs that have a finished run
   seed=<number>            of every random choice; null where a study makes none
   jobs=<number>            jobs at the same time, each in a process of its own
+  quiet=true               say where the files are and no more; verbose=true: all columns, lines with times
   tracking.uri=<address>   an MLflow server; tracking.enabled=false tracks nothing
   --cfg job                print the composed configuration and stop
   --config-dir <folder>    options of your own, in folders named as those of the project
