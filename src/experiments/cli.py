@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.command_line import words as cli_words
 from experiments.command_line.call_options import CallOptions, read_options
+from experiments.command_line.completion import own_completion
 from experiments.command_line.foreign_folder import require_harmless_folder
 from experiments.command_line.text_settings import loader_with_text, quoted_override
 from experiments.errors import InputError
@@ -73,6 +74,9 @@ def _main(words: list[str]) -> int:
         overrides, folder = list(asked.overrides), asked.config_dir
         if folder:
             require_harmless_folder(Path(folder))
+        if asked.shell_completion and (found := own_completion(words, os.environ)) is not None:
+            print(found)
+            return 0
         if asked.hydra_help or asked.shell_completion:
             _call_hydra(words)
             return 0
