@@ -89,9 +89,9 @@ def _main(words: list[str]) -> int:
 
 
 def _print_help(words: list[str]) -> int:
-    from experiments.command_line.help_page import help_text
+    from experiments.command_line.help_page import fitted, help_text
 
-    text = help_text(words)
+    text = fitted(help_text(words)) if sys.stdout.isatty() else help_text(words)
     try:
         print(text, flush=True)
     except (

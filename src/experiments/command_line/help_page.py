@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import re
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -34,7 +36,7 @@ Settings of every study
   --cfg job                print the composed configuration and stop
   --config-dir <folder>    options of your own, in folders named as those of the project
   --version                the version of ctus
-  --shell-completion install=bash|zsh|fish   completion for the shell (see the README)
+  --shell-completion install=bash|zsh|fish   completion for the shell (docs/commands.md)
 """
 
 
@@ -69,6 +71,43 @@ def help_text(words: Sequence[str]) -> str:
             f"{did_you_mean(choices.study, names)}"
         )
     return _study_page(choices, folders)
+
+
+def fitted(page: str, width: int = 100) -> str:
+    """Break the long lines of a page, so that it fits a terminal.
+
+    Parameters
+    ----------
+    page : str
+        The page.
+    width : int, optional
+        Longest line.
+
+    Returns
+    -------
+    str
+        The page; text goes on below itself, options at a ``|``, and settings with their comments stay as they are.
+    """
+    return "\n".join(_fitted(line, width) for line in page.split("\n"))
+
+
+def _fitted(line: str, width: int) -> str:
+    named = re.match(r" +\S.*?\s{2,}(?=\S)", line)
+    if len(line) <= width or "#" in line:
+        return line
+    if "|" in line and named is None:
+        indent = " " * (line.index("=") + 1)
+        joined = textwrap.fill(
+            line.replace("|", " |"), width, subsequent_indent=indent, break_long_words=False
+        )
+        return joined.replace(" |", "|").replace(f"\n{indent[1:]}|", f"|\n{indent}")
+    return textwrap.fill(
+        line,
+        width,
+        subsequent_indent=" " * (len(named[0]) if named else 2),
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
 
 
 def description(path: Path) -> str:
