@@ -3,7 +3,7 @@ PY := .venv/bin/python
 # Two cores are the smallest machine the tests are meant for; more are used where there are more.
 WORKERS ?= $(shell nproc)
 
-.PHONY: setup demo thesis test test-pages test-services lint bench bench-cpd rigid-benchmark fuzz clean
+.PHONY: setup docs demo thesis test test-pages test-services lint bench bench-cpd rigid-benchmark fuzz clean
 
 setup:
 	@./scripts/setup.sh
@@ -33,6 +33,13 @@ test-services: setup
 	GPUS=2 ./scripts/slurm_node.sh up >/dev/null
 	@trap './scripts/slurm_node.sh down' EXIT; \
 		SLURM_CONF=/tmp/ctus-slurm/slurm.conf $(PY) -m pytest -m services tests
+
+# The documentation as a site in build/site; a link that leads nowhere fails.
+docs: setup
+	$(PY) -c "import mkdocs, mkdocstrings" 2>/dev/null || \
+		$(PY) -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[docs]'
+	NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --strict --quiet
+	@echo "Open build/site/index.html"
 
 lint: setup
 	$(PY) -m ruff check .

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-PACKAGES = ("experiments", "models", "registration")
+PACKAGES = ("ctus", "experiments", "models", "registration")
 # Lines of a function's body, without signature and docstring: one that is longer does more than one thing.
 LONGEST_BODY = 40
 
@@ -35,12 +35,12 @@ class Module:
 
 
 def read_modules(src: Path) -> dict[str, Module]:
-    """Parse every module of the three packages below ``src``.
+    """Parse every module of the packages below ``src``.
 
     Parameters
     ----------
     src : Path
-        The folder that holds ``experiments``, ``models`` and ``registration``.
+        The folder that holds ``PACKAGES``.
 
     Returns
     -------

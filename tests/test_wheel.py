@@ -67,12 +67,21 @@ def test_the_installed_wheel_registers_a_users_files(
     assert installed.returncode == 0, installed.stderr
     work = tmp_path / "work"
     (work / "mlruns").mkdir(parents=True)
+    # Many a user has a package of this name where the command is started.
+    (work / "models").mkdir()
+    (work / "models" / "__init__.py").write_text("MINE = True\n")
     (work / "mlruns" / "ctus.db").write_bytes((store_template / "ctus.db").read_bytes())
 
     where = run(
         python, "-c", "import experiments; print(experiments.__file__)", folder=work, environment=environment
     )
     assert str(place) in where.stdout, where.stderr
+    both = run(
+        python, "-c", "import models, ctus.models.metrics as m; print(models.MINE, m.hd95_mm.__module__)",
+        folder=work, environment=environment,
+    )  # fmt: skip
+    assert both.stdout.split()[0] == "True", both.stderr
+    assert both.stdout.split()[1].startswith("ctus.models."), both.stdout
     page = run(place / "bin" / "ctus", "--help", folder=work, environment=environment)
     assert "register" in page.stdout, page.stderr
 

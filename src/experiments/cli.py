@@ -16,11 +16,13 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.command_line import words as cli_words
 from experiments.command_line.call_options import CallOptions, read_options
+from experiments.command_line.completion import own_completion
 from experiments.command_line.foreign_folder import require_harmless_folder
 from experiments.command_line.text_settings import fast_loader, loader_with_text, quoted_override
 from experiments.errors import InputError
 from experiments.paths import conf_dir, project_root
 from experiments.plugins import plugin_config_folders
+from experiments.running.verbosity import read_verbosity, saying
 
 if TYPE_CHECKING:
     from hydra.core.override_parser.types import Override
@@ -49,16 +51,32 @@ def main(argv: list[str] | None = None) -> int:
     int
         Exit code: 0 all is well, 1 a job failed, 2 the input is at fault.
     """
-    words = [quoted_override(word) for word in cli_words.read_presets(sys.argv[1:] if argv is None else argv)]
+    try:
+        given, level = read_verbosity(sys.argv[1:] if argv is None else argv)
+    except InputError as refusal:
+        print(refusal, file=sys.stderr)
+        return 2
+    with saying(level):
+        return _main([quoted_override(word) for word in cli_words.read_presets(given)])
+
+
+def _main(words: list[str]) -> int:
     if "--version" in words:
         return _print_version()
     try:
+        if words[:1] == ["doctor"]:
+            from experiments.command_line.doctor.report import doctor
+
+            return doctor(words[1:])
         if not words or any(word in ("--help", "-h") for word in words):
             return _print_help(words)
         asked = read_options(words)
         overrides, folder = list(asked.overrides), asked.config_dir
         if folder:
             require_harmless_folder(Path(folder))
+        if asked.shell_completion and (found := own_completion(words, os.environ)) is not None:
+            print(found)
+            return 0
         if asked.hydra_help or asked.shell_completion:
             _call_hydra(words)
             return 0
@@ -71,9 +89,9 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _print_help(words: list[str]) -> int:
-    from experiments.command_line.help_page import help_text
+    from experiments.command_line.help_page import fitted, help_text
 
-    text = help_text(words)
+    text = fitted(help_text(words)) if sys.stdout.isatty() else help_text(words)
     try:
         print(text, flush=True)
     except (
@@ -125,6 +143,7 @@ def _run(overrides: list[str], folder: str | None, *, multirun: bool) -> int:
     from experiments.running import jobs, run_sweep
     from experiments.running.run_job import user_errors
 
+    points: SweepPoints = []
     try:
         points = compose_sweep(overrides, folder, multirun=multirun)
         for config, _ in points:
@@ -136,7 +155,15 @@ def _run(overrides: list[str], folder: str | None, *, multirun: bool) -> int:
         print(refusal, file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("Stopped by the keyboard; what had finished is kept.", file=sys.stderr)
+        settings = (
+            "resume=true trainer.resume=true"
+            if any("trainer" in each for each, _ in points)
+            else "resume=true"
+        )
+        print(
+            f"Stopped by the keyboard; what had finished is kept. Continue with the same command and {settings}.",
+            file=sys.stderr,
+        )
         return 130
 
 

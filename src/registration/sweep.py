@@ -118,6 +118,21 @@ class TrackedSweep:
             raise InputError("pose_times_s: expected strictly increasing times, received poses out of order")
         transforms.require_rigid(self.world_T_ee, "world_T_ee")
 
+    def __repr__(self) -> str:
+        """One screen: sizes, times and counts, no pixels."""
+        shape = " x ".join(map(str, self.images.shape[1:]))
+        rows = [
+            f"TrackedSweep({len(self.images)} frames of {shape} px, {len(self.world_T_ee)} poses,",
+            *(
+                f"    {name} {times_s[0]:.3f} to {times_s[-1]:.3f} s,"
+                for name, times_s in (("frames", self.image_times_s), ("poses", self.pose_times_s))
+                if len(times_s)
+            ),
+            f"    calibration.spacing_mm={tuple(round(each, 4) for each in self.calibration.spacing_mm)},",
+            f"    dropped={dict(self.dropped)}, notes={len(self.notes)})",
+        ]
+        return "\n".join(rows)
+
     @property
     def frames_dropped(self) -> int:
         """How many recorded frames the reader left out."""

@@ -48,3 +48,10 @@ def test_a_calibration_that_cannot_be_is_refused() -> None:
         ProbeCalibration(CALIBRATION.probe_A_pixel, CALIBRATION.probe_A_pixel)
     with pytest.raises(InputError, match="probe_A_pixel: expected an invertible matrix"):
         ProbeCalibration(np.eye(4), np.diag([0.1, 0.1, 0.0, 1.0]))
+
+
+def test_a_sweep_is_shown_on_one_screen() -> None:
+    shown = repr(known_sweep(frame_count=6, height=8, width=11))
+    assert shown.splitlines()[0] == "TrackedSweep(6 frames of 8 x 11 px, 28 poses,"
+    assert "frames 0.530 to 1.030 s" in shown
+    assert len(shown.splitlines()) == 5

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import re
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -20,6 +22,7 @@ ctus: CT-ultrasound registration of vessels, as tracked experiments
   ctus -m study=<name> model=a,b seed=0,1,2 ...    a sweep over every combination
   ctus -m +sweep=<preset> [setting=value ...]      all that a published figure needs
   ctus study=<name> [model=<option> ...] --help    the settings of a study with these options
+  ctus doctor                                      what this machine has, what is missing, how to install it
 """
 
 _AFTER = """\
@@ -30,11 +33,12 @@ Settings of every study
   jobs=<number>            jobs at the same time, each in a process of its own
   launcher=slurm           jobs on a cluster that Slurm runs; slurm_gpu: one GPU a job (docs/launchers.md)
   dry_run=true             check every job and say what it will cost; start none
+  quiet=true               say where the files are and no more; verbose=true: all columns, lines with times
   tracking.uri=<address>   an MLflow server; tracking.enabled=false tracks nothing
   --cfg job                print the composed configuration and stop
   --config-dir <folder>    options of your own, in folders named as those of the project
   --version                the version of ctus
-  --shell-completion install=bash|zsh|fish   completion for the shell (see the README)
+  --shell-completion install=bash|zsh|fish   completion for the shell (docs/commands.md)
 """
 
 
@@ -69,6 +73,43 @@ def help_text(words: Sequence[str]) -> str:
             f"{did_you_mean(choices.study, names)}"
         )
     return _study_page(choices, folders)
+
+
+def fitted(page: str, width: int = 100) -> str:
+    """Break the long lines of a page, so that it fits a terminal.
+
+    Parameters
+    ----------
+    page : str
+        The page.
+    width : int, optional
+        Longest line.
+
+    Returns
+    -------
+    str
+        The page; text goes on below itself, options at a ``|``, and settings with their comments stay as they are.
+    """
+    return "\n".join(_fitted(line, width) for line in page.split("\n"))
+
+
+def _fitted(line: str, width: int) -> str:
+    named = re.match(r" +\S.*?\s{2,}(?=\S)", line)
+    if len(line) <= width or "#" in line:
+        return line
+    if "|" in line and named is None:
+        indent = " " * (line.index("=") + 1)
+        joined = textwrap.fill(
+            line.replace("|", " |"), width, subsequent_indent=indent, break_long_words=False
+        )
+        return joined.replace(" |", "|").replace(f"\n{indent[1:]}|", f"|\n{indent}")
+    return textwrap.fill(
+        line,
+        width,
+        subsequent_indent=" " * (len(named[0]) if named else 2),
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
 
 
 def description(path: Path) -> str:

@@ -20,7 +20,8 @@ from experiments.running.jobs import Job, Plan
 from experiments.running.launcher import Launched, plan_folder
 from experiments.running.run_job import Report
 
-WORKER = (sys.executable, "-m", "experiments.running.worker")
+# -P: a folder called models in the current one is none of ours.
+WORKER = (sys.executable, "-P", "-m", "experiments.running.worker")
 LOOK_EVERY_S = 0.1
 TIME_TO_END_S = 30.0
 

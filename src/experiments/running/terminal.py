@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+import textwrap
 import time
 from collections.abc import Iterable, Iterator, Sized
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from rich import box
 from rich.console import Console
+from rich.measure import Measurement
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -23,6 +25,8 @@ from rich.progress import (
 from rich.table import Table
 from rich.text import Text
 
+from experiments.running.verbosity import Verbosity, verbosity
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -30,6 +34,8 @@ Item = TypeVar("Item")
 # Without a terminal (a log file, CI) a bar can't be redrawn; a line now and then says the same.
 LINE_EVERY_S = 15.0
 WIDEST_TABLE = 160
+# Of a terminal so many columns are used, however wide it is: lines stay easy to read, and to show to others.
+WIDEST_LINE = 100
 
 
 class TerminalProgress:
@@ -40,6 +46,7 @@ class TerminalProgress:
         self.prefix = prefix
         self._display: Progress | None = None
         self._open = 0
+        self._started = time.monotonic()
 
     def track(self, items: Iterable[Item], description: str, total: int | None = None) -> Iterator[Item]:
         """Pass ``items`` through while the bar advances.
@@ -58,6 +65,9 @@ class TerminalProgress:
         Iterator[Item]
             The items.
         """
+        if verbosity() is Verbosity.QUIET:
+            yield from items
+            return
         if total is None and isinstance(items, Sized):
             total = len(items)
         yield from (
@@ -74,8 +84,14 @@ class TerminalProgress:
         text : str
             Line to print.
         """
+        level = verbosity()
+        if level is Verbosity.QUIET:
+            return
+        passed = f"{time.monotonic() - self._started:7.1f} s  " if level is Verbosity.VERBOSE else ""
         # As it is: square brackets are no markup, and ":x:" is no picture.
-        self.console.print(f"{self.prefix}{text}", markup=False, emoji=False, highlight=False, soft_wrap=True)
+        self.console.print(
+            f"{passed}{self.prefix}{text}", markup=False, emoji=False, highlight=False, soft_wrap=True
+        )
 
     def _bar(self, items: Iterable[Item], description: str, total: int | None) -> Iterator[Item]:
         # One display holds the bars of all levels: a second display at once would overwrite the first.
@@ -131,6 +147,9 @@ def _columns() -> tuple[ProgressColumn, ...]:
 def print_tables(tables: dict[str, pd.DataFrame], console: Console | None = None) -> None:
     """Print small result tables. Names of columns break at their underscores, so that the tables stay narrow.
 
+    On a terminal a table has the columns that fit, from the left, and a line that names the others; ``verbose=true``
+    and a pipe get all of them, ``quiet=true`` none.
+
     Parameters
     ----------
     tables : dict[str, pd.DataFrame]
@@ -138,25 +157,64 @@ def print_tables(tables: dict[str, pd.DataFrame], console: Console | None = None
     console : Console or None, optional
         Where to print; None for standard output.
     """
+    level = verbosity()
+    if level is Verbosity.QUIET:
+        return
     console = console or Console(file=sys.stdout)
-    # A table wider than the terminal had better wrap than lose digits.
-    console.width = max(console.width, WIDEST_TABLE)
+    fitting = console.is_terminal and level is not Verbosity.VERBOSE
+    # Elsewhere a table wider than the terminal had better wrap than lose digits.
+    console.width = line_width(console) if fitting else max(console.width, WIDEST_TABLE)
     for title, frame in tables.items():
-        # As Text: in a plain string rich takes what stands in square brackets for markup and leaves it out.
-        table = Table(title=Text(title, "table.title"), title_justify="left", box=box.SIMPLE_HEAD)
-        rows = [[cell_text(value) for value in row] for row in frame.itertuples(index=False)]
-        for index, column in enumerate(frame.columns):
-            numeric = frame[column].dtype.kind in "if"
-            width = max([len(row[index]) for row in rows] + [9])
-            table.add_column(
-                Text(_broken(str(column), width)),
-                justify="right" if numeric else "left",
-                no_wrap=True,
-                overflow="ellipsis",
+        count = _columns_that_fit(title, frame, console) if fitting else len(frame.columns)
+        console.print(_table(title, frame.iloc[:, :count]))
+        if left := [str(name) for name in frame.columns[count:]]:
+            more = f"{len(left)} more in summary.md: {', '.join(left)}"
+            print(
+                textwrap.shorten(more, console.width - 2, placeholder=" ..."), end="\n\n", file=console.file
             )
-        for row in rows:
-            table.add_row(*map(Text, row))
-        console.print(table)
+
+
+def line_width(console: Console) -> int:
+    """The columns of a terminal that are used.
+
+    Parameters
+    ----------
+    console : Console
+        The terminal.
+
+    Returns
+    -------
+    int
+        Its width, at most ``WIDEST_LINE``.
+    """
+    return min(console.width, WIDEST_LINE)
+
+
+def _columns_that_fit(title: str, frame: pd.DataFrame, console: Console) -> int:
+    """How many columns, from the left, the terminal is wide enough for; one at least."""
+    for count in range(len(frame.columns), 1, -1):
+        table = _table(title, frame.iloc[:, :count])
+        if Measurement.get(console, console.options.update_width(10_000), table).maximum <= console.width:
+            return count
+    return 1
+
+
+def _table(title: str, frame: pd.DataFrame) -> Table:
+    # As Text: in a plain string rich takes what stands in square brackets for markup and leaves it out.
+    table = Table(title=Text(title, "table.title"), title_justify="left", box=box.SIMPLE_HEAD)
+    rows = [[cell_text(value) for value in row] for row in frame.itertuples(index=False)]
+    for index, column in enumerate(frame.columns):
+        numeric = frame[column].dtype.kind in "if"
+        width = max([len(row[index]) for row in rows] + [9])
+        table.add_column(
+            Text(_broken(str(column), width)),
+            justify="right" if numeric else "left",
+            no_wrap=True,
+            overflow="ellipsis",
+        )
+    for row in rows:
+        table.add_row(*map(Text, row))
+    return table
 
 
 def _broken(name: str, width: int) -> str:
@@ -226,8 +284,18 @@ def print_closing(findings: Iterable[str], folder: Path, dashboard: str | None) 
     dashboard : str or None
         Command or address that opens the dashboard; None if nothing is tracked.
     """
-    for finding in findings:
-        print(finding)
+    level = verbosity()
+    if level is not Verbosity.QUIET:
+        console = Console(file=sys.stdout)
+        for finding in findings:
+            # A pipe gets a sentence a line, so that what reads it finds whole ones.
+            print(_wrapped(finding, line_width(console)) if console.is_terminal else finding)
     print(f"Files: {folder}")
-    if dashboard is not None:
+    if dashboard is not None and level is not Verbosity.QUIET:
         print(f"Dashboard: {dashboard}")
+
+
+def _wrapped(sentence: str, width: int) -> str:
+    return textwrap.fill(
+        sentence, width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
+    )

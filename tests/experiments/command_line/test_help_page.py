@@ -9,7 +9,7 @@ import yaml
 from configurations import OPTIONS, mandatory, taker
 
 from experiments.cli import compose_sweep, main
-from experiments.command_line.help_page import help_text
+from experiments.command_line.help_page import fitted, help_text
 from experiments.command_line.options import option_text
 from experiments.command_line.words import setting_names
 from experiments.errors import InputError
@@ -66,3 +66,19 @@ def test_what_is_shown_of_an_option_is_what_is_composed(group: str, option: str)
     followed = [name for name, value in flatten(shown).items() if str(value).startswith("${")]
     rest -= {name for name in rest if name.startswith(tuple(f"{each}." for each in followed))}
     assert not [name for name in rest if name.startswith(f"{group}.")]
+
+
+def test_on_a_terminal_the_page_is_no_wider_than_100_columns_and_says_the_same() -> None:
+    page = help_text(["--help"])
+    narrow = fitted(page)
+    assert max(map(len, page.splitlines())) > 100 >= max(map(len, narrow.splitlines()))
+    assert "".join(narrow.split()) == "".join(page.split())
+    # Descriptions go on below themselves.
+    lines = narrow.splitlines()
+    (first,) = [number for number, line in enumerate(lines) if line.startswith("  accuracy ")]
+    assert lines[first + 1].index(lines[first + 1].strip()) == lines[first].index("What is left")
+
+
+def test_settings_with_their_comments_are_not_broken() -> None:
+    line = f"  moving: ???             # {'a long comment ' * 10}"
+    assert fitted(line) == line

@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import io
+import re
 
 import pandas as pd
 import pytest
 from rich.console import Console
 
-from experiments.running.terminal import TerminalProgress, cell_text, markdown, print_tables
+from experiments.running.terminal import (
+    WIDEST_LINE,
+    TerminalProgress,
+    cell_text,
+    markdown,
+    print_closing,
+    print_tables,
+)
+from experiments.running.verbosity import VARIABLE
 
 TABLE = pd.DataFrame({"model": ["unet"], "dsc": [0.91234], "hd95_mm": [float("nan")]})
 
@@ -69,3 +78,63 @@ def test_names_in_a_bar_and_a_note_stand_as_they_are(terminal: bool) -> None:
     assert f"reading {ODD} [/b]" in stream.getvalue()
     if terminal:
         assert f"{ODD} [/b]" in stream.getvalue().split("reading")[0]
+
+
+WIDE = pd.DataFrame({f"measure_number_{number}_mm": [float(number)] for number in range(20)})
+
+
+@pytest.mark.parametrize("width", [40, 80, 100, 220])
+def test_on_a_terminal_a_table_has_the_columns_that_fit_and_names_the_others(width: int) -> None:
+    stream = io.StringIO()
+    print_tables({"Wide": WIDE}, Console(file=stream, force_terminal=True, width=width, color_system=None))
+    lines = stream.getvalue().splitlines()
+    assert max(map(len, lines)) <= min(width, WIDEST_LINE)
+    assert "0.000" in stream.getvalue() and "19.000" not in stream.getvalue()
+    (more,) = [line for line in lines if " more in summary.md" in line]
+    shown = stream.getvalue().split(more)[0].count(".000")
+    assert more.startswith(f"{20 - shown} more")
+
+
+def test_a_pipe_and_verbose_get_every_column(monkeypatch) -> None:
+    for terminal, level in ((False, "normal"), (True, "verbose")):
+        monkeypatch.setenv(VARIABLE, level)
+        stream = io.StringIO()
+        print_tables({"Wide": WIDE.iloc[:, :12]}, Console(file=stream, force_terminal=terminal, width=80))
+        assert "11.000" in stream.getvalue() and "more in summary.md" not in stream.getvalue()
+
+
+def test_a_pipe_gets_no_colours_and_whole_sentences(capsys, tmp_path) -> None:
+    sentence = "A finding " + "of many words " * 20
+    print_tables({"Folds": TABLE})
+    print_closing([sentence], tmp_path, "mlflow ui")
+    printed = capsys.readouterr().out
+    assert "\x1b[" not in printed
+    assert sentence in printed.splitlines()
+    assert printed.endswith(f"Files: {tmp_path}\nDashboard: mlflow ui\n")
+
+
+def test_on_a_terminal_a_long_sentence_is_wrapped(capsys, tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "160")
+    print_closing(["A finding " + "of many words " * 20], tmp_path, None)
+    lines = capsys.readouterr().out.splitlines()[:-1]
+    assert len(lines) > 2 and max(map(len, lines)) <= WIDEST_LINE
+
+
+def test_quiet_shows_no_bar_no_note_and_no_table(capsys, tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv(VARIABLE, "quiet")
+    stream = io.StringIO()
+    progress = TerminalProgress(Console(file=stream, force_terminal=True))
+    assert list(progress.track([1, 2], "bar")) == [1, 2]
+    progress.note("a note")
+    print_tables({"Folds": TABLE}, Console(file=stream))
+    print_closing(["a finding"], tmp_path, "mlflow ui")
+    assert stream.getvalue() == ""
+    assert capsys.readouterr().out == f"Files: {tmp_path}\n"
+
+
+def test_verbose_says_when(monkeypatch) -> None:
+    monkeypatch.setenv(VARIABLE, "verbose")
+    stream = io.StringIO()
+    TerminalProgress(Console(file=stream), prefix="fold=0: ").note("reading")
+    assert re.fullmatch(r" *\d+\.\d s  fold=0: reading\n", stream.getvalue())

@@ -24,7 +24,7 @@ from experiments.tracking import PARENT_TAG, Store
 from experiments.tracking.run_lookup import Family, find_families
 from experiments.tracking.store import sqlite_address
 
-COMMAND = (sys.executable, "-m", "experiments.analysis.runs.rerun")
+COMMAND = (sys.executable, "-P", "-m", "experiments.analysis.runs.rerun")
 POINTS, REFUSAL, PRINTED = "points.json", "refusal.txt", "printed.txt"
 
 
