@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import shlex
 import signal
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -98,7 +100,10 @@ def submit(
     """
     submitit = _submitit()
     with _environment_of_jobs(settings, environment):
-        executor = submitit.SlurmExecutor(folder / LOGS, max_num_timeout=settings.timeout_requeues)
+        # -P: a folder called models where the call was made is none of ours.
+        python = f"{shlex.quote(sys.executable)} -P"
+        place, requeues = folder / LOGS, settings.timeout_requeues
+        executor = submitit.SlurmExecutor(place, max_num_timeout=requeues, python=python)
         executor.update_parameters(**settings.parameters(name))
         try:
             sent = executor.submit_array([ArrayTask(str(folder), key) for key in keys])
