@@ -18,7 +18,8 @@ from experiments.running.local_processes import LocalProcesses
 from experiments.running.sweep_runs import SweepRuns, open_runs
 from experiments.running.variants import hash_of
 from experiments.running.worker import stoppable, store_of
-from experiments.tracking import Store
+from experiments.tracking import ServerAwayError, Store
+from experiments.tracking.undelivered import deliver
 
 SweepPoints = list[tuple[Mapping[str, Any], str]]
 # What one call has one of, for all of its jobs.
@@ -57,16 +58,21 @@ def run(points: SweepPoints) -> int:
     out = jobs.out_folder(points[0][0], hash_of(planned))
     store = store_of(points[0][0])
     tracked = run_job.is_tracked(study, store)
+    if store.enabled:
+        deliver(store)
     if tracked:
-        _mark_orphans_failed(store, study)
+        _begin_tracking(store, study, resume=bool(points[0][0].get("resume")))
     with stoppable():
-        runs = open_runs(store, planned) if tracked else SweepRuns()
+        runs = open_runs(store, planned, out) if tracked else SweepRuns()
         plan = _plan(study, planned, out, contents, runs)
         try:
             launched = launcher.run(planned, plan)
             if tracked and not isinstance(launcher, InProcess):
                 _mark_killed_failed(store, study)
-            return _close(planned, plan, store, runs, launched)
+            code = _close(planned, plan, store, runs, launched)
+            if tracked:
+                deliver(store)
+            return code
         except BaseException:
             runs.fail()
             raise
@@ -94,6 +100,20 @@ def launcher_of(at_once: int) -> Launcher:
         ``LocalProcesses`` if more than one job may run at a time, else ``InProcess``.
     """
     return LocalProcesses(at_once) if at_once > 1 else InProcess()
+
+
+def _begin_tracking(store: Store, study: str, *, resume: bool) -> None:
+    """Tidy the tracker; one that is away gets its runs later, unless it has to say what is finished."""
+    try:
+        _mark_orphans_failed(store, study)
+    except ServerAwayError as away:
+        if resume:
+            raise
+        print(
+            f"{away}. The call goes on: its runs wait in {store.undelivered} "
+            "and are delivered when the server answers.",
+            file=sys.stderr,
+        )
 
 
 def _mark_orphans_failed(store: Store, study: str) -> None:
