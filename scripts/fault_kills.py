@@ -56,14 +56,14 @@ class Outcome:
 PHASES = (
     Phase("store creation", ("study=faults", "parts=[1]", "seconds=0.2"), "out", template="empty"),
     Phase("training", TRAINING, "out"),
-    Phase("sweep, a job at a time", ("study=faults", "seconds=0.3"), "out"),
-    Phase("sweep, two jobs at a time", ("study=faults", "seconds=0.3", "jobs=2"), "out"),
+    Phase("sweep, a job at a time", ("study=faults", "seconds=0.1"), "out"),
+    Phase("sweep, two jobs at a time", ("study=faults", "parts=[1,2]", "seconds=0.3", "jobs=2"), "out"),
     Phase("export_runs", ("study=export_runs",), "results/runs", template="exported", tracked=False),
     Phase("import_runs", ("study=import_runs",), "results/runs", template="archive", tracked=False),
     Phase("report", ("study=report", "archive={home}/results/runs"), "results", "archive", tracked=False),
 )
 # Attempts of each phase when a hundred are asked for.
-SHARES = (16, 16, 20, 12, 12, 14, 10)
+SHARES = (10, 12, 26, 5, 18, 20, 9)
 
 
 class Campaign:

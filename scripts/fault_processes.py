@@ -69,6 +69,7 @@ class Command:
     pid: int = 0
     begun_s: float = 0.0
     took_s: float = 0.0
+    code: int | None = None
 
     def start(self) -> Command:
         """Fork the process that runs the command."""
@@ -81,17 +82,23 @@ class Command:
     def wait(self, timeout_s: float = 600.0) -> int | None:
         """The exit code, or minus the signal that ended it; None if it runs on after the time."""
         deadline = time.monotonic() + timeout_s
-        while time.monotonic() < deadline:
+        while self.code is None and time.monotonic() < deadline:
             pid, status = os.waitpid(self.pid, os.WNOHANG)
             if pid:
                 self.took_s = time.monotonic() - self.begun_s
-                return os.waitstatus_to_exitcode(status)
+                self.code = os.waitstatus_to_exitcode(status)
+                return self.code
             time.sleep(0.005)
-        return None
+        return self.code
 
     def run(self, timeout_s: float = 600.0) -> int:
         """Start, wait, and kill what takes too long."""
-        self.start()
+        return self.start().finish(timeout_s)
+
+    def finish(self, timeout_s: float = 600.0) -> int:
+        """Wait for a command that has been started; it is killed where it takes too long."""
+        if self.code is not None:
+            return self.code
         code = self.wait(timeout_s)
         if code is None:
             self.kill()

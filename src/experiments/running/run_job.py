@@ -7,7 +7,8 @@ import inspect
 import json
 import sys
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from experiments.masking import masked, masked_values
 from experiments.outcome import InputData, JobResult, Outcome
 from experiments.reporting.figure_files import save_figure
 from experiments.running import jobs, run_names, terminal
+from experiments.running.cost import Cost, Meter, metered
 from experiments.running.jobs import Job, Plan
 from experiments.tracking import HASH_TAG, LABEL_TAG, METRICS_FILE, RunWriter, Store, ending
 from experiments.tracking.headline import (
@@ -60,6 +62,8 @@ class Report:
         Results as plain sentences.
     refused : tuple[str, ...], optional
         Inputs that a finished job left out, a sentence each.
+    cost : Cost or None, optional
+        What it needed; None for a job that was not run, or whose process was killed.
     """
 
     hash: str
@@ -70,6 +74,7 @@ class Report:
     message: str = ""
     findings: tuple[str, ...] = ()
     refused: tuple[str, ...] = ()
+    cost: Cost | None = None
 
     def write(self, path: Path) -> None:
         """Write as JSON, so that the process that waits for all jobs can read it.
@@ -79,7 +84,7 @@ class Report:
         path : Path
             File of the report.
         """
-        files.write_text(path, json.dumps(self.__dict__))
+        files.write_text(path, json.dumps(asdict(self)))
 
     @staticmethod
     def read(path: Path) -> Report:
@@ -97,7 +102,8 @@ class Report:
         """
         content = json.loads(path.read_text(encoding="utf-8"))
         lists = {"findings": tuple(content["findings"]), "refused": tuple(content.get("refused", ()))}
-        return Report(**{**content, **lists})
+        cost = content.get("cost")
+        return Report(**{**content, **lists, "cost": None if cost is None else Cost(**cost)})
 
 
 def report_file(folder: Path, key: str) -> Path:
@@ -171,6 +177,14 @@ def run_job(
     tuple[Report, Outcome or None]
         How the job ended, and its result if it finished just now.
     """
+    with metered(alone=job.config.get("jobs", 1) == 1) as meter:
+        report, outcome = _run(job, plan, store, progress, meter)
+        return dataclasses.replace(report, cost=None if report.status == "resumed" else meter.cost()), outcome
+
+
+def _run(
+    job: Job, plan: Plan, store: Store, progress: terminal.TerminalProgress, meter: Meter
+) -> tuple[Report, Outcome | None]:
     tracked = is_tracked(plan.study, store)
     run_id = None
     try:
@@ -183,7 +197,7 @@ def run_job(
         run = start_job(job, plan, store)
         run_id = run.run_id
         try:
-            with ending(run, user_errors()):
+            with ending(run, user_errors()), _costed(run, meter):
                 outcome = _compute(job, plan, store, progress, arguments, run)
         finally:
             place = plan.folder_of(job.hash) / "untracked"
@@ -195,6 +209,15 @@ def run_job(
     except Exception as failure:
         message = masked(f"{type(failure).__name__}: {failure}\n{traceback.format_exc()}")
         return _report(job, plan, "failed", run_id=run_id, message=message), None
+
+
+@contextmanager
+def _costed(run: RunWriter, meter: Meter) -> Iterator[None]:
+    """Log what the block has needed, however it ends."""
+    try:
+        yield
+    finally:
+        log_results(run, Outcome(tags=meter.cost().tags()), Path(), ())
 
 
 def start_job(job: Job, plan: Plan, store: Store) -> RunWriter:

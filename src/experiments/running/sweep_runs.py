@@ -9,7 +9,7 @@ from pathlib import Path
 
 from experiments.masking import masked
 from experiments.outcome import InputData, JobResult, Outcome
-from experiments.running import run_names
+from experiments.running import cost, run_names
 from experiments.running.jobs import Job
 from experiments.running.run_job import (
     Report,
@@ -119,14 +119,27 @@ class SweepRuns:
             own = [one for one in ended if one[0].hash in {job.hash for job in variant.jobs}]
             if results := [result for _, _, result in own if result is not None]:
                 _log_variant(run, variant, own, results)
+            log_results(run, Outcome(tags=self._cost_tags(own)), Path(), ())
             self._end(run, own, variant.name)
         if self.sweep is not None:
             bad = sum(result is None for _, _, result in ended)
             resumed = sum(report is not None and report.status == "resumed" for _, report, _ in ended)
             counts = {"jobs": len(ended), "jobs_failed": bad, "jobs_resumed": resumed}
-            tags = resumed_tags(self._elsewhere(ended))
+            tags = {**resumed_tags(self._elsewhere(ended)), **self._cost_tags(ended)}
             log_results(self.sweep, Outcome(metrics=counts, tags=tags), Path(), ())
             self._end(self.sweep, ended, "the sweep")
+
+    def _cost_tags(self, ended: Ended) -> dict[str, str]:
+        """What the jobs of a run have cost together, whenever they were run."""
+        costs = [self._cost(report) for _, report, _ in ended]
+        found = cost.total(costs)
+        return {} if found is None else found.tags()
+
+    def _cost(self, report: Report | None) -> cost.Cost | None:
+        if report is None or report.status != "resumed" or self.store is None:
+            return None if report is None else report.cost
+        run = self.store.run(str(report.run_id))
+        return None if run is None else cost.of_tags(run.data.tags)
 
     def _elsewhere(self, ended: Ended) -> list[str]:
         """Runs of jobs that an earlier sweep had finished, which stand below that one, by their first ids."""
