@@ -131,8 +131,9 @@ def mlflow_command(folder: Path, port: int, *, auth: bool) -> list[str]:
     """The server's command line, on which no password stands."""
     hosts = [f"{name}{suffix}" for name in ("localhost", HOST) for suffix in ("", f":{port}")]
     origins = [f"http://{name}:{port}" for name in ("localhost", HOST)]
+    # One process with threads: several are killed and begun anew for ever where they take more than 5 s to start.
     return [
-        *(sys.executable, "-m", "mlflow", "server", "--host", HOST, "--port", str(port), "--workers", "2"),
+        *(sys.executable, "-m", "mlflow", "server", "--host", HOST, "--port", str(port), "--workers", "1"),
         *("--serve-artifacts", "--artifacts-destination", str(folder / "artifacts")),
         *("--allowed-hosts", ",".join(hosts), "--cors-allowed-origins", ",".join(origins)),
         *(["--app-name", "basic-auth"] if auth else []),
