@@ -51,6 +51,7 @@ class Postgres:
         """Make the cluster if there is none, and start it."""
         if not (self.data / "PG_VERSION").exists():
             self.folder.mkdir(parents=True, exist_ok=True)
+            self._require_reach()
             given = self.folder / "password"
             write_secret(given, password)
             for path in (self.folder, given):
@@ -67,9 +68,18 @@ class Postgres:
         )
 
     def stop(self) -> None:
-        """End it if it runs; what was committed is on the disk."""
-        if (self.data / "postmaster.pid").exists():
-            self._call("pg_ctl", "-D", self.data, "-w", "-m", "fast", "stop", check=False)
+        """End it if it runs, without waiting for its users; what was committed is on the disk."""
+        try:
+            pid = int((self.data / "postmaster.pid").read_text().splitlines()[0])
+        except (OSError, ValueError, IndexError):
+            return
+        deadline = time.monotonic() + ENDS_S
+        if runs(pid, "postgres"):
+            os.kill(pid, signal.SIGINT)
+        while runs(pid, "postgres"):
+            if time.monotonic() > deadline:
+                raise SystemExit(f"PostgreSQL: expected process {pid} to end within {ENDS_S:g} s, it runs on")
+            time.sleep(0.1)
 
     def make(self, database: str, password: str) -> str:
         """The address of a database, made if it is not there."""
@@ -88,12 +98,20 @@ class Postgres:
             connection.close()
         return f"postgresql+psycopg2://{USER}:{password}@{HOST}:{self.port}/{database}"
 
-    def _call(self, program: str, *words: object, check: bool = True) -> None:
+    def _require_reach(self) -> None:
+        words = ["test", "-x", str(self.folder)]
+        if self.user and subprocess.run(words, user=self.user, cwd="/", check=False).returncode:
+            raise SystemExit(
+                f"--folder: expected one that the user {self.user} reaches, received {self.folder} "
+                "(a folder above it is closed to others)"
+            )
+
+    def _call(self, program: str, *words: object) -> None:
         done = subprocess.run(
             [postgres_program(program), *map(str, words)],
             user=self.user, cwd="/", stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False,
         )  # fmt: skip
-        if check and done.returncode:
+        if done.returncode:
             raise SystemExit(f"{program}: {done.stderr.strip()}")
 
 
@@ -162,7 +180,9 @@ def serve(folder: Path, port: int, database_port: int, *, auth: bool) -> int:
     # PostgreSQL's user has to reach its own folder in it; nobody needs to list it.
     folder.chmod(0o711)
     state = folder / "server.json"
-    if state.exists() and is_server(known := json.loads(state.read_text(encoding="utf-8"))["pid"]):
+    if state.exists() and runs(
+        known := json.loads(state.read_text(encoding="utf-8"))["pid"], Path(__file__).name
+    ):
         raise SystemExit(f"{folder}: expected no server of it, found one that runs as process {known}")
     if socket.socket().connect_ex((HOST, port)) == 0:
         raise SystemExit(f"port: expected one that is free, received {port}")
@@ -232,10 +252,10 @@ def end(process: subprocess.Popen[bytes] | None) -> None:
             continue
 
 
-def is_server(pid: int) -> bool:
-    """Whether a process is one of this script: its number may have been given out again."""
+def runs(pid: int, name: str) -> bool:
+    """Whether a process is one of that name: its number may have been given out again."""
     try:
-        return Path(__file__).name in Path(f"/proc/{pid}/cmdline").read_text(errors="replace")
+        return name in Path(f"/proc/{pid}/cmdline").read_text(errors="replace")
     except OSError:
         return False
 
@@ -244,15 +264,15 @@ def down(folder: Path) -> int:
     """End the server of a folder."""
     state = folder / "server.json"
     pid = json.loads(state.read_text(encoding="utf-8"))["pid"] if state.exists() else None
-    if pid is None or not is_server(pid):
+    if pid is None or not runs(pid, Path(__file__).name):
         print(f"{folder}: no server runs.")
         state.unlink(missing_ok=True)
         return 0
     os.kill(pid, signal.SIGTERM)
     deadline = time.monotonic() + 2 * ENDS_S
-    while is_server(pid) and time.monotonic() < deadline:
+    while runs(pid, Path(__file__).name) and time.monotonic() < deadline:
         time.sleep(0.2)
-    return int(is_server(pid))
+    return int(runs(pid, Path(__file__).name))
 
 
 def main(arguments: list[str] | None = None) -> int:

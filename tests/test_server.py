@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 import urllib.error
 import urllib.request
@@ -78,17 +79,17 @@ class Running:
 
 
 @pytest.fixture(scope="module")
-def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    folder = tmp_path_factory.mktemp("server") / "server"
-    # PostgreSQL runs as another user, who has to reach its folder.
-    for place in (folder.parent, *list(folder.parents)[1:4]):
-        place.chmod(place.stat().st_mode | 0o011)
-    made = Running(folder, server_script.free_port())
-    made.start()
-    yield made
-    assert made.stop() == 0
-    assert not (folder / "postgres" / "data" / "postmaster.pid").exists()
-    assert not (folder / "server.json").exists()
+def running() -> Iterator[Running]:
+    # PostgreSQL runs as another user, who reaches no folder of pytest's.
+    with tempfile.TemporaryDirectory(prefix="ctus-server-") as place:
+        Path(place).chmod(0o711)
+        folder = Path(place) / "server"
+        made = Running(folder, server_script.free_port())
+        made.start()
+        yield made
+        assert made.stop() == 0
+        assert not (folder / "postgres" / "data" / "postmaster.pid").exists()
+        assert not (folder / "server.json").exists()
 
 
 def status(address: str, password: str | None = None, **headers: str) -> int:

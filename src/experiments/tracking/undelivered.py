@@ -116,8 +116,9 @@ def _deliver_one(store: Store, path: Path) -> None:
     for record in read_archive(path):
         known = known_run(store, record.run_id)
         if known is None:
+            # A run above that is still to come finds those that name it.
             above = None if record.parent_id is None else known_run(store, record.parent_id)
-            known = restore_run(store, record, above)
+            known = restore_run(store, record, above or record.parent_id)
             _adopt(store, record, known)
         else:
             complete_run(store, record, known, exact=True)
