@@ -102,7 +102,8 @@ def store_state(home: Path, address: str | None = None) -> dict[str, Any]:
 
     database, whole = home / "mlruns" / "ctus.db", "ok"
     if address is None:
-        with sqlite3.connect(f"file:{database}?mode=ro", uri=True) as connection:
+        # Not read-only: what a killed process has left in the journal is rolled back by whoever opens the file next.
+        with sqlite3.connect(f"file:{database}?mode=rw", uri=True) as connection:
             whole = str(connection.execute("PRAGMA integrity_check").fetchone()[0])
     store = Store(uri=address)
     runs = [
