@@ -69,7 +69,8 @@ class Server:
 def server_gone(campaign: Campaign, attempts: int) -> Outcome:
     """Attempts in turn: away from the start, away in the middle and back, away in the middle until after the end."""
     outcome = Outcome()
-    campaign.fill("store")
+    # As empty as the server's own store will be.
+    campaign.fill("empty")
     command = campaign.command(SWEEP)
     if command.run() != 0:
         raise RuntimeError(command.said()[-2000:])
