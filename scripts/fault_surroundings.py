@@ -198,7 +198,11 @@ def writers(campaign: Campaign, attempts: int) -> Outcome:
         state = campaign.state()
         complete = [run for run in state["runs"] if run["status"] == "FINISHED" and whole(run)]
         if len(complete) != WRITERS + 1:  # the store has one run of before
-            outcome.harm("lost runs", f"{number}: {len(complete) - 1} of {WRITERS} runs are complete")
+            bad = [run for run in state["runs"] if run not in complete]
+            shown = [(run["kind"], run["status"], run["steps"], run["files"]) for run in bad]
+            outcome.harm(
+                "lost runs", f"{number}: {len(complete) - 1} of {WRITERS} runs are complete, not {shown}"
+            )
     return outcome
 
 

@@ -447,7 +447,8 @@ class Store:
         gone = [
             run.info.run_id
             for run in self.runs([experiment], "attributes.status = 'RUNNING'")
-            if is_gone(run.data.tags)
+            # Its process may have ended it, and then itself, since it was listed; once it is gone, nothing changes.
+            if is_gone(run.data.tags) and self.client().get_run(run.info.run_id).info.status == "RUNNING"
         ]
         for run_id in gone:
             self.client().set_tag(run_id, "ctus.ended_by", "process is gone")

@@ -147,3 +147,18 @@ def test_files_that_another_project_keeps_stay_where_they_are(
     (found,) = Store().runs(["shared"])
     assert found.info.artifact_uri.startswith(other.as_uri())
     assert [file.path for file in Store().client().list_artifacts(found.info.run_id)] == ["config.yaml"]
+
+
+def test_a_run_that_ends_while_orphans_are_looked_for_is_none(
+    home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = Store().start("work", "one", {})
+
+    def ends_and_is_gone(tags: object) -> bool:
+        run.end("FINISHED")
+        return True
+
+    monkeypatch.setattr("experiments.tracking.store.is_gone", ends_and_is_gone)
+    assert Store().mark_orphans_failed("work") == []
+    (found,) = Store().runs(["work"])
+    assert found.info.status == "FINISHED"
