@@ -3,7 +3,8 @@ PY := .venv/bin/python
 # Two cores are the smallest machine the tests are meant for; more are used where there are more.
 WORKERS ?= $(shell nproc)
 
-.PHONY: setup docs demo thesis test test-pages test-services lint bench bench-cpd rigid-benchmark fuzz clean
+.PHONY: setup docs demo thesis test test-pages test-services lint bench bench-cpd rigid-benchmark fuzz faults server \
+	server-down server-needs audit clean
 
 setup:
 	@./scripts/setup.sh
@@ -26,8 +27,9 @@ PAGES ?= outputs/pages
 test-pages: setup
 	CTUS_SCREENSHOTS=$(PAGES) $(PY) -m pytest -m pages tests
 
-# What needs programs of the system, which this installs on Debian as root: LaTeX, and Slurm on this one machine.
-test-services: setup
+# What needs programs of the system, which this installs on Debian as root: LaTeX, PostgreSQL, and Slurm on this one
+# machine.
+test-services: server-needs
 	command -v pdflatex >/dev/null || apt-get install -y --no-install-recommends \
 		texlive-latex-base texlive-latex-recommended
 	GPUS=2 ./scripts/slurm_node.sh up >/dev/null
@@ -50,7 +52,7 @@ lint: setup
 # without --quick; of speeds next to the peers', taken in the same minute, quote the ratios, not the seconds.
 BENCHMARKS := bench_metrics bench_networks bench_training bench_phantom bench_centerline bench_reconstruction \
 	bench_sweep_faults bench_rigid bench_residual_model bench_deformable bench_known_deformations bench_cpd \
-	bench_inference bench_lung
+	bench_inference bench_lung bench_tracking
 bench: setup
 	@failed=; for name in $(BENCHMARKS); do \
 		printf '\n== %s\n' $$name; \
@@ -79,6 +81,32 @@ rigid-benchmark: setup
 FUZZ_COUNT ?= 10000
 fuzz: setup
 	$(PY) scripts/fuzz_readers.py --count $(FUZZ_COUNT) --out outputs/fuzz.md
+
+# Processes killed at random, disks full, stores locked or read-only, servers away, clocks set back; ATTEMPTS kills.
+# Full disks and read-only folders are mounts, for root alone; without that right they are left out, and the page says so.
+ATTEMPTS ?= 100
+faults: setup
+	$(PY) scripts/faults.py --attempts $(ATTEMPTS) --out results/reliability.md
+
+# A tracking server on this machine: MLflow and PostgreSQL on the loopback, with a password (docs/runs.md).
+PORT ?= 5000
+server: server-needs
+	$(PY) scripts/server.py --port $(PORT)
+
+server-down:
+	$(PY) scripts/server.py --down
+
+server-needs: setup
+	ls /usr/lib/postgresql/*/bin/initdb >/dev/null 2>&1 || command -v initdb >/dev/null || \
+		apt-get install -y --no-install-recommends postgresql
+	$(PY) -c 'import psycopg2, flask_wtf' 2>/dev/null || \
+		$(PY) -m pip install --quiet --constraint constraints.txt --editable '.[dev,server]'
+
+# Known vulnerabilities of the pinned versions, by PyPI's service, which has to be reachable.
+audit: setup
+	test -x .cache/audit/bin/pip-audit || ($(PY) -m venv .cache/audit && \
+		.cache/audit/bin/python -m pip install --quiet --constraint constraints.txt pip-audit)
+	.cache/audit/bin/pip-audit --requirement constraints.txt --no-deps --disable-pip
 
 clean:
 	rm -rf .venv .cache outputs build dist

@@ -13,6 +13,7 @@ from sqlalchemy.exc import OperationalError
 
 from experiments.cli import main
 from experiments.tracking import Store
+from experiments.tracking.undelivered import waiting
 
 
 def test_any_name_of_a_metric_is_taken(counting_study: ModuleType, home: Path) -> None:
@@ -122,18 +123,65 @@ def test_what_a_locked_or_read_only_store_refuses_is_kept_for_import(
     monkeypatch.setattr(MlflowClient, call, refuse)
     out = home / "result"
     assert main(["study=counting", f"out={out}"]) == 0
-    assert "study=import_runs archive=" in capsys.readouterr().err
+    assert "a later call delivers it" in capsys.readouterr().err
     monkeypatch.setattr(MlflowClient, call, real)
-    kept = sorted(out.glob("part-*/untracked"))
-    assert kept
-    for folder in kept:
-        assert main(["study=import_runs", f"archive={folder}"]) == 0
+    assert waiting(Store().undelivered)
+    assert main(["study=export_runs"]) == 0
+    assert "runs that had waited for it" in capsys.readouterr().err
+    assert not waiting(Store().undelivered)
+    runs = list(Store().runs(["counting"]))
+    assert {run.info.status for run in runs} == {"FINISHED"}
+    assert sorted(run.data.tags["ctus.kind"] for run in runs) == ["job", "job", "sweep"]
+    (sweep,) = [run for run in runs if run.data.tags["ctus.kind"] == "sweep"]
+    for run in runs:
+        if run is not sweep:
+            assert run.data.tags["mlflow.parentRunId"] == sweep.info.run_id
+            assert Store().metrics(run.info.run_id)["value_mean"] == pytest.approx(
+                (3 + int(run.data.params["part"])) / 3
+            )
+            assert "half.txt" in {file.path for file in Store().client().list_artifacts(run.info.run_id)}
     counting_study.calls.clear()
-    done = {
-        run.data.tags["ctus.label"]: Store().metrics(run.info.run_id)["value_mean"]
-        for run in Store().runs(["counting"])
-        if run.info.status == "FINISHED" and run.data.tags["ctus.kind"] == "job"
-    }
-    assert len(done) == 2
     assert main(["study=counting", f"out={out}", "resume=true"]) == 0
     assert counting_study.calls == []
+
+
+def test_what_the_tracker_refuses_for_good_waits_on_and_holds_nothing_else_up(
+    counting_study: ModuleType,
+    home: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def refuse(self: MlflowClient, *given: object, **named: object) -> object:
+        raise RuntimeError("no data sets here")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(MlflowClient, "log_inputs", refuse)
+        assert main(["study=counting", "parts=[1]", f"out={home / 'a'}"]) == 0
+        assert main(["study=counting", "parts=[2]", f"out={home / 'b'}"]) == 0
+        assert "2 runs wait for the tracker" in capsys.readouterr().err
+        assert main(["study=export_runs"]) == 0
+    assert len(waiting(Store().undelivered)) == 2
+    assert main(["study=export_runs"]) == 0
+    assert not waiting(Store().undelivered)
+    assert [run.info.status for run in Store().runs(["counting"])] == ["FINISHED", "FINISHED"]
+
+
+def test_what_cannot_be_kept_in_the_project_is_kept_with_the_results(
+    counting_study: ModuleType,
+    home: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def refuse(self: MlflowClient, *given: object, **named: object) -> object:
+        raise RuntimeError("no data sets here")
+
+    (home / "mlruns" / "untracked").touch()
+    with monkeypatch.context() as patch:
+        patch.setattr(MlflowClient, "log_inputs", refuse)
+        assert main(["study=counting", "parts=[1]", f"out={home / 'a'}"]) == 0
+    (kept,) = (home / "a" / "untracked").iterdir()
+    assert f"study=import_runs archive={kept} delivers it" in capsys.readouterr().err
+    assert main(["study=import_runs", f"archive={kept}"]) == 0
+    (run,) = Store().runs(["counting"])
+    assert run.info.status == "FINISHED"
+    assert len(run.inputs.dataset_inputs) == 1

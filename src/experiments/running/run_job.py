@@ -7,7 +7,8 @@ import inspect
 import json
 import sys
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from experiments.masking import masked, masked_values
 from experiments.outcome import InputData, JobResult, Outcome
 from experiments.reporting.figure_files import save_figure
 from experiments.running import jobs, run_names, terminal
+from experiments.running.cost import Cost, Meter, metered
 from experiments.running.jobs import Job, Plan
 from experiments.tracking import HASH_TAG, LABEL_TAG, METRICS_FILE, RunWriter, Store, ending
 from experiments.tracking.headline import (
@@ -60,6 +62,8 @@ class Report:
         Results as plain sentences.
     refused : tuple[str, ...], optional
         Inputs that a finished job left out, a sentence each.
+    cost : Cost or None, optional
+        What it needed; None for a job that was not run, or whose process was killed.
     """
 
     hash: str
@@ -70,6 +74,7 @@ class Report:
     message: str = ""
     findings: tuple[str, ...] = ()
     refused: tuple[str, ...] = ()
+    cost: Cost | None = None
 
     def write(self, path: Path) -> None:
         """Write as JSON, so that the process that waits for all jobs can read it.
@@ -79,7 +84,7 @@ class Report:
         path : Path
             File of the report.
         """
-        files.write_text(path, json.dumps(self.__dict__))
+        files.write_text(path, json.dumps(asdict(self)))
 
     @staticmethod
     def read(path: Path) -> Report:
@@ -97,7 +102,8 @@ class Report:
         """
         content = json.loads(path.read_text(encoding="utf-8"))
         lists = {"findings": tuple(content["findings"]), "refused": tuple(content.get("refused", ()))}
-        return Report(**{**content, **lists})
+        cost = content.get("cost")
+        return Report(**{**content, **lists, "cost": None if cost is None else Cost(**cost)})
 
 
 def report_file(folder: Path, key: str) -> Path:
@@ -171,6 +177,14 @@ def run_job(
     tuple[Report, Outcome or None]
         How the job ended, and its result if it finished just now.
     """
+    with metered(alone=job.config.get("jobs", 1) == 1) as meter:
+        report, outcome = _run(job, plan, store, progress, meter)
+        return dataclasses.replace(report, cost=None if report.status == "resumed" else meter.cost()), outcome
+
+
+def _run(
+    job: Job, plan: Plan, store: Store, progress: terminal.TerminalProgress, meter: Meter
+) -> tuple[Report, Outcome | None]:
     tracked = is_tracked(plan.study, store)
     run_id = None
     try:
@@ -182,10 +196,12 @@ def run_job(
             return _report(job, plan, "finished", refused=outcome.refused), outcome
         run = start_job(job, plan, store)
         run_id = run.run_id
-        with ending(run, user_errors()):
-            outcome = _compute(job, plan, store, progress, arguments, run)
-        if run.lost or run.refused:
-            _keep_for_later(job, plan, run, outcome)
+        try:
+            with ending(run, user_errors()), _costed(run, meter):
+                outcome = _compute(job, plan, store, progress, arguments, run)
+        finally:
+            place = plan.folder_of(job.hash) / "untracked"
+            keep_for_later(run, store.undelivered, place, job.label or plan.study)
         said, refused = outcome.findings, outcome.refused
         return _report(job, plan, "finished", run_id=run_id, findings=said, refused=refused), outcome
     except user_errors() as refusal:
@@ -216,6 +232,15 @@ def resumed(job: Job, plan: Plan, store: Store) -> Report | None:
         return None
     done = _resumable(job, plan, store)
     return None if done is None else _report(job, plan, "resumed", run_id=done)
+
+
+@contextmanager
+def _costed(run: RunWriter, meter: Meter) -> Iterator[None]:
+    """Log what the block has needed, however it ends."""
+    try:
+        yield
+    finally:
+        log_results(run, Outcome(tags=meter.cost().tags()), Path(), ())
 
 
 def start_job(job: Job, plan: Plan, store: Store) -> RunWriter:
@@ -322,28 +347,40 @@ def read_inputs(folder: Path) -> list[InputData]:
     return [InputData(**data) for data in json.loads(record.read_text(encoding="utf-8")).get("inputs", [])]
 
 
-def _keep_for_later(job: Job, plan: Plan, run: RunWriter, outcome: Outcome) -> None:
-    """Write a finished run that the tracking server did not get as files that ``study=import_runs`` reads."""
-    from experiments.tracking.archive import write_archive
-    from experiments.tracking.run_record import finished_run
+def keep_for_later(run: RunWriter, folder: Path, fallback: Path, name: str) -> None:
+    """Keep a run of which the tracker lacks something as files, which a later call delivers.
 
-    folder = plan.folder_of(job.hash) / "untracked"
-    name = job.label or plan.study
-    try:
-        shown = shown_outcome(outcome, job, run.run_id)
-        write_archive([finished_run(run, job.config, outcome, run_names.parameters(job), shown)], folder)
-    except Exception as failure:  # the job's own files are there all the same
-        print(f"{name}: could not be kept for the tracker ({_first_line(failure)}).", file=sys.stderr)
+    Parameters
+    ----------
+    run : RunWriter
+        The run, which has ended.
+    folder : Path
+        Folder of waiting runs.
+    fallback : Path
+        Folder for it where that one can't be written; it is not delivered by itself from there.
+    name : str
+        What to call it.
+    """
+    from experiments.tracking.undelivered import keep
+
+    if not run.incomplete or run.written.status is None:
         return
     why = (
         f"The tracker refused {', '.join(run.refused)}"
         if run.refused
         else "The tracking server did not come back"
     )
-    print(
-        f"{why}. Once it is well again, ctus study=import_runs archive={folder} tracks {name}.",
-        file=sys.stderr,
-    )
+    try:
+        try:
+            kept = keep(run, folder)
+            then = "a later call delivers it"
+        except OSError:
+            kept = keep(run, fallback)
+            then = f"ctus study=import_runs archive={kept} delivers it"
+    except Exception as failure:  # the job's own files are there all the same
+        print(f"{name}: could not be kept for the tracker ({_first_line(failure)}).", file=sys.stderr)
+        return
+    print(f"{why}: {name} waits in {kept}; {then}.", file=sys.stderr)
 
 
 def load_result(report: Report, job: Job, store: Store) -> JobResult:
@@ -447,15 +484,19 @@ def log_beginning(run: RunWriter, config: Mapping[str, Any], params: Mapping[str
     params : Mapping[str, Any]
         Parameters by name.
     """
-    try:
-        run.text(yaml.safe_dump(masked_values(config), sort_keys=False), "config.yaml")
-        run.params(params)
-    except Exception as refusal:
-        run.refused.append("the configuration")
-        print(
-            f"The tracker refused the configuration of run {run.run_id} ({_first_line(refusal)}).",
-            file=sys.stderr,
-        )
+    text = yaml.safe_dump(masked_values(config), sort_keys=False)
+    parts: dict[str, Callable[[], None]] = {
+        "the configuration": lambda: run.text(text, "config.yaml"),
+        "the parameters": lambda: run.params(params),
+    }
+    for part, log in parts.items():
+        try:
+            log()
+        except Exception as refusal:
+            run.refused.append(part)
+            print(
+                f"The tracker refused {part} of run {run.run_id} ({_first_line(refusal)}).", file=sys.stderr
+            )
 
 
 def _compute(

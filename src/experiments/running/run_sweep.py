@@ -17,7 +17,8 @@ from experiments.running.launcher import InProcess, Launched
 from experiments.running.sweep_runs import SweepRuns, open_runs
 from experiments.running.variants import hash_of
 from experiments.running.worker import stoppable, store_of
-from experiments.tracking import Store
+from experiments.tracking import ServerAwayError, Store
+from experiments.tracking.undelivered import deliver
 
 SweepPoints = list[tuple[Mapping[str, Any], str]]
 # What one call has one of, for all of its jobs.
@@ -59,22 +60,27 @@ def run(points: SweepPoints) -> int:
     if points[0][0].get("dry_run"):
         dry_run.show(planned, store, launcher_choice.at_once(points[0][0], planned))
         return 0
+    if store.enabled:
+        deliver(store)
     if tracked:
-        _mark_orphans_failed(store, study)
+        _begin_tracking(store, study, resume=bool(points[0][0].get("resume")))
     with stoppable():
-        runs = open_runs(store, planned) if tracked else SweepRuns()
+        runs = open_runs(store, planned, out) if tracked else SweepRuns()
         plan = _plan(study, planned, out, contents, runs)
         try:
             launched = launcher.run(planned, plan)
             if tracked and not isinstance(launcher, InProcess):
                 _mark_killed_failed(store, study, launched)
-            return _close(planned, plan, store, runs, launched)
+            code = _close(planned, plan, store, runs, launched)
         except run_job.user_errors():
             runs.withdraw()
             raise
         except BaseException:
             runs.fail()
             raise
+        if tracked:
+            deliver(store)
+        return code
 
 
 def _plan(study: str, planned: list[Job], out: Path, contents: dict[str, str], runs: SweepRuns) -> Plan:
@@ -83,6 +89,20 @@ def _plan(study: str, planned: list[Job], out: Path, contents: dict[str, str], r
     alone = len(planned) == 1 or len({run_names.subject(job.config) for job in planned}) > 1
     names = {job.hash: run_names.job_name(job, with_subject=alone) for job in planned}
     return Plan(study, labels, str(out), contents, names, runs.parents, runs.levels)
+
+
+def _begin_tracking(store: Store, study: str, *, resume: bool) -> None:
+    """Tidy the tracker; one that is away gets its runs later, unless it has to say what is finished."""
+    try:
+        _mark_orphans_failed(store, study)
+    except ServerAwayError as away:
+        if resume:
+            raise
+        print(
+            f"{away}. The call goes on: its runs wait in {store.undelivered} "
+            "and are delivered when the server answers.",
+            file=sys.stderr,
+        )
 
 
 def _mark_orphans_failed(store: Store, study: str) -> None:

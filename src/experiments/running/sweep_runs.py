@@ -9,11 +9,12 @@ from pathlib import Path
 
 from experiments.masking import masked
 from experiments.outcome import InputData, JobResult, Outcome
-from experiments.running import run_names
+from experiments.running import cost, run_names
 from experiments.running.jobs import Job
 from experiments.running.run_job import (
     Report,
     headline_names,
+    keep_for_later,
     log_beginning,
     log_results,
     read_inputs,
@@ -57,6 +58,8 @@ class SweepRuns:
         Whether the run of the call was there before.
     store : Store or None, optional
         The tracker.
+    folder : Path, optional
+        Folder for the results of the call.
     """
 
     sweep: RunWriter | None = None
@@ -66,6 +69,7 @@ class SweepRuns:
     levels: dict[str, str] = field(default_factory=dict)
     resumed: bool = False
     store: Store | None = None
+    folder: Path = Path()
 
     def log_summary(
         self,
@@ -115,14 +119,27 @@ class SweepRuns:
             own = [one for one in ended if one[0].hash in {job.hash for job in variant.jobs}]
             if results := [result for _, _, result in own if result is not None]:
                 _log_variant(run, variant, own, results)
-            self._end(run, own)
+            log_results(run, Outcome(tags=self._cost_tags(own)), Path(), ())
+            self._end(run, own, variant.name)
         if self.sweep is not None:
             bad = sum(result is None for _, _, result in ended)
             resumed = sum(report is not None and report.status == "resumed" for _, report, _ in ended)
             counts = {"jobs": len(ended), "jobs_failed": bad, "jobs_resumed": resumed}
-            tags = resumed_tags(self._elsewhere(ended))
+            tags = {**resumed_tags(self._elsewhere(ended)), **self._cost_tags(ended)}
             log_results(self.sweep, Outcome(metrics=counts, tags=tags), Path(), ())
-            self._end(self.sweep, ended)
+            self._end(self.sweep, ended, "the sweep")
+
+    def _cost_tags(self, ended: Ended) -> dict[str, str]:
+        """What the jobs of a run have cost together, whenever they were run."""
+        costs = [self._cost(report) for _, report, _ in ended]
+        found = cost.total(costs)
+        return {} if found is None else found.tags()
+
+    def _cost(self, report: Report | None) -> cost.Cost | None:
+        if report is None or report.status != "resumed" or self.store is None:
+            return None if report is None else report.cost
+        run = self.store.run(str(report.run_id))
+        return None if run is None else cost.of_tags(run.data.tags)
 
     def _elsewhere(self, ended: Ended) -> list[str]:
         """Runs of jobs that an earlier sweep had finished, which stand below that one, by their first ids."""
@@ -137,27 +154,34 @@ class SweepRuns:
         """End all runs as FAILED."""
         for run in self._all():
             run.end("FAILED")
+            self._keep(run, "a run above the jobs")
 
     def withdraw(self) -> None:
         """Take the runs back of a call that was refused before a job of it began; those of an earlier call fail."""
         for run in self._all():
             if self.resumed:
                 run.end("FAILED")
+                self._keep(run, "a run above the jobs")
             else:
                 run.withdraw()
 
     def _all(self) -> list[RunWriter]:
         return [run for _, run in self.variants] + ([self.sweep] if self.sweep else [])
 
-    def _end(self, run: RunWriter, ended: Ended) -> None:
+    def _end(self, run: RunWriter, ended: Ended, name: str) -> None:
         refused = all(report is not None and report.status == "refused" for _, report, _ in ended)
         if refused and not self.resumed:
             run.withdraw()
         else:
             run.end("FINISHED" if all(result is not None for _, _, result in ended) else "FAILED")
+            self._keep(run, name)
+
+    def _keep(self, run: RunWriter, name: str) -> None:
+        if self.store is not None:
+            keep_for_later(run, self.store.undelivered, self.folder / "untracked", name)
 
 
-def open_runs(store: Store, jobs: Sequence[Job]) -> SweepRuns:
+def open_runs(store: Store, jobs: Sequence[Job], folder: Path = Path()) -> SweepRuns:
     """Begin the runs above the jobs of a call, or go on with those of the same sweep where ``resume`` asks for it.
 
     Parameters
@@ -166,6 +190,8 @@ def open_runs(store: Store, jobs: Sequence[Job]) -> SweepRuns:
         The tracker.
     jobs : sequence of Job
         All jobs of the call.
+    folder : Path, optional
+        Folder for the results of the call.
 
     Returns
     -------
@@ -180,7 +206,7 @@ def open_runs(store: Store, jobs: Sequence[Job]) -> SweepRuns:
     single = len(variants) == 1
     known = _known(store, jobs, "sweep") if jobs[0].config.get("resume") else None
     sweep = _opened(store, jobs, run_names.sweep_name(jobs), "sweep", RESULT if single else SWEEP, known)
-    runs = SweepRuns(sweep, single, resumed=known is not None, store=store)
+    runs = SweepRuns(sweep, single, resumed=known is not None, store=store, folder=folder)
     for variant in variants:
         above, repeated = sweep.run_id, len(variant.jobs) > 1
         if repeated and not single:

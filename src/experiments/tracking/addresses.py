@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 from experiments.errors import InputError
 from experiments.masking import masked
-from experiments.tracking.run_writer import server_unreachable
+from experiments.tracking.run_writer import ServerAwayError, server_unreachable
 
 SERVERS = ("http", "https")
 DATABASES = ("sqlite", "postgresql", "mysql", "mssql")
@@ -17,6 +17,7 @@ _EXPECTED = (
     "tracking.uri: expected the address of an MLflow server (http://host:port, https://...) or of a database "
     "(sqlite:///file, postgresql://..., mysql://..., mssql://...)"
 )
+_UNKNOWN_NAME = re.compile(r"NameResolutionError|Name or service not known|getaddrinfo failed")
 # What a server says with a number instead of an answer; of the others it is enough that they are none of MLflow's.
 _SAID = {
     "401": (
@@ -74,10 +75,11 @@ def opening(address: str) -> Iterator[None]:
     except Exception as error:  # of MLflow, of the database's driver, of the network, of the file system
         if server_unreachable(error):
             reason = f"expected an MLflow server that answers at {masked(address)}, received no answer"
-        elif address.startswith(SERVERS):
-            reason = _of_server(address, str(error))
-        else:
-            reason = _of_database(address, error)
+            # A name that nobody knows is a wrong address, not a server that is away.
+            kind = InputError if _UNKNOWN_NAME.search(str(error)) else ServerAwayError
+            raise kind(f"tracking.uri: {reason}") from error
+        served = address.startswith(SERVERS)
+        reason = _of_server(address, str(error)) if served else _of_database(address, error)
         raise InputError(f"tracking.uri: {reason}") from error
 
 

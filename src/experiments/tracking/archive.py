@@ -41,7 +41,7 @@ _RUN_ID = re.compile(r"[\w-]{1,64}", re.ASCII)
 _ABSOLUTE = re.compile(r"(?:(?<![\w.:/])|(?<=sqlite:///))/(?:[^\s/:'\",\]]+/)+([^\s/:'\",\]]*)")
 
 
-def write_archive(records: Iterable[RunRecord], folder: Path) -> int:
+def write_archive(records: Iterable[RunRecord], folder: Path, *, as_is: bool = False) -> int:
     """Write runs into ``folder``, next to those already there; a run written before is replaced. Returns the count.
 
     A run that has lost its files keeps the configuration and the table that an earlier export has of it.
@@ -52,6 +52,8 @@ def write_archive(records: Iterable[RunRecord], folder: Path) -> int:
         Runs to write.
     folder : Path
         Folder of the archive.
+    as_is : bool, optional
+        Whether folders of this machine stay in the texts: of an archive that waits here for this machine's tracker.
 
     Returns
     -------
@@ -73,7 +75,7 @@ def write_archive(records: Iterable[RunRecord], folder: Path) -> int:
         for each in (place, place / "cases"):
             each.mkdir(parents=True, exist_ok=True)
             remove_leftovers(each)
-        rows = pd.DataFrame([_row(record) for record in fresh.values()])
+        rows = pd.DataFrame([_row(record if as_is else shared(record)) for record in fresh.values()])
         history = pd.concat([record.history.assign(run_id=record.run_id) for record in fresh.values()])
         # The list of runs comes last: stopped at any point, all that it names is there.
         for record in fresh.values():
@@ -213,7 +215,7 @@ def shared(record: RunRecord) -> RunRecord:
 
 
 def _row(record: RunRecord) -> dict[str, Any]:
-    row = {key: value for key, value in asdict(shared(record)).items() if key not in ("history", "cases")}
+    row = {key: value for key, value in asdict(record).items() if key not in ("history", "cases")}
     texts = {key: json.dumps(row[key], sort_keys=True) for key in _JSON_COLUMNS}
     return {**row, **texts, "metrics": metrics_text(record.metrics), "inputs": json.dumps(row["inputs"])}
 

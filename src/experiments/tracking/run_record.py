@@ -4,22 +4,19 @@ from __future__ import annotations
 
 import json
 import tempfile
-import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 import yaml
 
-from experiments.masking import masked
-from experiments.outcome import InputData, Outcome
+from experiments.outcome import InputData
 from experiments.provenance import process_tags
-from experiments.tracking import METRICS_FILE, ORIGIN_TAG, PARENT_TAG, RunWriter, Store, loggable
+from experiments.tracking import METRICS_FILE, ORIGIN_TAG, PARENT_TAG, RunWriter, Store
 from experiments.tracking.headline import NOTE_TAG, metrics_text, without_figures
 from experiments.tracking.run_files import run_file
-from experiments.tracking.run_writer import DIGEST_LENGTH
 
 if TYPE_CHECKING:
     from mlflow.entities import Metric
@@ -250,54 +247,6 @@ def _source(text: str) -> str:
         return text
 
 
-def finished_run(
-    run: RunWriter, config: Mapping[str, Any], outcome: Outcome, params: Mapping[str, str], shown: Outcome
-) -> RunRecord:
-    """A run of this process that has just finished, as ``read_run`` would have read it.
-
-    Parameters
-    ----------
-    run : RunWriter
-        The run that is being written.
-    config : Mapping[str, Any]
-        A resolved configuration.
-    outcome : Outcome
-        The result.
-    params : Mapping[str, str]
-        Parameters by name.
-    shown : Outcome
-        What the dashboard shows of the result.
-
-    Returns
-    -------
-    RunRecord
-        The run.
-    """
-    start = run.start
-    assert start is not None, "a run begun by Store.start knows what it was begun with"
-    now_ms = int(time.time() * 1000)
-    steps = [*enumerate(shown.history), (0, shown.metrics)]
-    points = [
-        (name, step, value, now_ms) for step, metrics in steps for name, value in loggable(metrics).items()
-    ]
-    return RunRecord(
-        run_id=run.run_id,
-        experiment=start.experiment,
-        name=start.name,
-        status="FINISHED",
-        start_ms=start.start_ms,
-        end_ms=now_ms,
-        parent_id=start.parent_id,
-        tags={key: value for key, value in {**start.tags, **shown.tags}.items() if key != PARENT_TAG},
-        params=dict(params),
-        config=masked(yaml.safe_dump(dict(config), sort_keys=False)),
-        history=pd.DataFrame(points, columns=["metric", "step", "value", "timestamp_ms"]),
-        cases=outcome.cases,
-        metrics=dict(outcome.metrics),
-        inputs=tuple(replace(data, digest=data.digest[:DIGEST_LENGTH]) for data in outcome.inputs),
-    )
-
-
 def restore_run(store: Store, record: RunRecord, parent_id: str | None) -> str:
     """Write a run into the store and return its new id there; the tag ``ctus.run_id`` keeps the first one.
 
@@ -319,6 +268,25 @@ def restore_run(store: Store, record: RunRecord, parent_id: str | None) -> str:
     if NOTE_TAG in tags:
         tags[NOTE_TAG] = without_figures(tags[NOTE_TAG])
     writer = store.begin_copy(record.experiment, record.name, tags, record.start_ms)
+    write_record(writer, record)
+    # While it was copied, the run named this process; now it says again who ran it.
+    names = process_tags().keys()
+    writer.tags({name: record.tags[name] for name in names if name in record.tags})
+    writer.drop_tags(name for name in names if name not in record.tags)
+    writer.end(record.status, record.end_ms)
+    return writer.run_id
+
+
+def write_record(writer: RunWriter, record: RunRecord) -> None:
+    """Log all of a record but its tags and its end.
+
+    Parameters
+    ----------
+    writer : RunWriter
+        The run that is being written.
+    record : RunRecord
+        The run that it is to become.
+    """
     writer.params(record.params)
     columns = ("metric", "value", "timestamp_ms", "step")
     writer.inputs(record.inputs)
@@ -331,9 +299,3 @@ def restore_run(store: Store, record: RunRecord, parent_id: str | None) -> str:
         with tempfile.TemporaryDirectory() as folder:
             record.cases.to_parquet(Path(folder) / "cases.parquet", index=False)
             writer.files(Path(folder), ["cases.parquet"])
-    # While it was copied, the run named this process; now it says again who ran it.
-    names = process_tags().keys()
-    writer.tags({name: record.tags[name] for name in names if name in record.tags})
-    writer.drop_tags(name for name in names if name not in record.tags)
-    writer.end(record.status, record.end_ms)
-    return writer.run_id

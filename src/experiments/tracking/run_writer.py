@@ -9,15 +9,16 @@ import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from experiments.errors import InputError
 from experiments.masking import masked
 from experiments.outcome import InputData
 from experiments.tracking.names import tracked_name
-from experiments.tracking.retry_queue import Call, Deferred
+from experiments.tracking.retry_queue import Deferred
+from experiments.tracking.written import RunStart, Written
 
 if TYPE_CHECKING:
     from mlflow.tracking import MlflowClient
@@ -26,46 +27,26 @@ HEARTBEAT_S = 30.0
 # The tracker takes no more of a digest.
 DIGEST_LENGTH = 36
 # How long a run that has ended waits for a server that does not answer, before it is kept as files.
-LAST_WAIT_S = 60.0
+LAST_WAIT_S = 20.0
 # What one request may carry at most (MLflow's REST limits, which its SQL store keeps as well).
 _METRICS_A_BATCH, _PARAMS_A_BATCH, _TAGS_A_BATCH, _PARAM_LENGTH, _TAG_LENGTH = 1000, 100, 100, 6000, 8000
 
 
-@dataclass(frozen=True)
-class RunStart:
-    """What a run was begun with.
-
-    Parameters
-    ----------
-    experiment : str
-        Name of the experiment.
-    name : str
-        Name of the run.
-    parent_id : str or None
-        Id of the run above; None if there is none.
-    tags : Mapping[str, str]
-        Tags by name.
-    start_ms : int
-        Start in ms since 1970.
-    """
-
-    experiment: str
-    name: str
-    parent_id: str | None
-    tags: Mapping[str, str]
-    start_ms: int
+class ServerAwayError(InputError):
+    """The tracking server does not answer: what is computed meanwhile is kept for it."""
 
 
 class RunWriter:
     """A run that is being written. A thread keeps its heartbeat until it ends.
 
     While a server does not answer, what is logged waits, and is sent when it answers again. ``lost`` says, after the
-    end, that it never did; ``known`` is false for a run that the server has not even heard of.
+    end, that it never did; ``known`` is false for a run that the server has not even heard of, which then needs no
+    ``client``. ``written`` has all that was logged, for a later delivery.
     """
 
     def __init__(
         self,
-        client: MlflowClient,
+        client: MlflowClient | None,
         run_id: str,
         *,
         beating: bool = True,
@@ -74,6 +55,7 @@ class RunWriter:
     ) -> None:
         self.run_id = run_id
         self.start = start
+        self.written = Written()
         self.lost = not known
         # What the tracker refused, by name: the run is not complete there, and is kept as files.
         self.refused: list[str] = []
@@ -83,9 +65,14 @@ class RunWriter:
         if beating:
             threading.Thread(target=self._beat, daemon=True, name=f"heartbeat {run_id}").start()
 
-    def _send(self, call: Call) -> None:
+    @property
+    def incomplete(self) -> bool:
+        """Whether the tracker lacks something of the run."""
+        return self.lost or bool(self.refused)
+
+    def _send(self, method: str, *given: Any, **named: Any) -> None:
         if not self.lost:
-            self._deferred(call)
+            self._deferred(partial(getattr(self._client, method), self.run_id, *given, **named))
 
     def params(self, params: Mapping[str, Any]) -> None:
         """Log flat parameters; a value too long for the tracker is cut (the resolved configuration holds it whole).
@@ -97,11 +84,11 @@ class RunWriter:
         """
         from mlflow.entities import Param
 
-        entries = [
-            Param(tracked_name(key), masked(str(value))[:_PARAM_LENGTH]) for key, value in params.items()
-        ]
+        shown = {tracked_name(key): masked(str(value))[:_PARAM_LENGTH] for key, value in params.items()}
+        self.written.params.update(shown)
+        entries = [Param(key, value) for key, value in shown.items()]
         for batch in _batches(entries, _PARAMS_A_BATCH):
-            self._send(partial(self._client.log_batch, self.run_id, params=batch))
+            self._send("log_batch", params=batch)
 
     def metrics(self, metrics: Mapping[str, float], step: int = 0) -> None:
         """Log metrics of one step.
@@ -142,9 +129,11 @@ class RunWriter:
         """
         from mlflow.entities import Metric
 
-        entries = [Metric(tracked_name(name), *point) for name, *point in points]
+        named = [(tracked_name(name), value, time_ms, step) for name, value, time_ms, step in points]
+        self.written.points += named
+        entries = [Metric(*point) for point in named]
         for batch in _batches(entries, _METRICS_A_BATCH):
-            self._send(partial(self._client.log_batch, self.run_id, metrics=batch))
+            self._send("log_batch", metrics=batch)
 
     def tags(self, tags: Mapping[str, str]) -> None:
         """Set tags.
@@ -156,9 +145,10 @@ class RunWriter:
         """
         from mlflow.entities import RunTag
 
+        self.written.tags.update(shortened(tags))
         entries = [RunTag(key, value) for key, value in shortened(tags).items()]
         for batch in _batches(entries, _TAGS_A_BATCH):
-            self._send(partial(self._client.log_batch, self.run_id, tags=batch))
+            self._send("log_batch", tags=batch)
 
     def drop_tags(self, names: Iterable[str]) -> None:
         """Remove tags.
@@ -169,7 +159,7 @@ class RunWriter:
             Names of tags.
         """
         for name in names:
-            self._send(partial(self._client.delete_tag, self.run_id, name))
+            self._send("delete_tag", name)
 
     def inputs(self, data: Iterable[InputData]) -> None:
         """Record the data sets the run used.
@@ -181,20 +171,17 @@ class RunWriter:
         """
         from mlflow.entities import Dataset, DatasetInput
 
+        shown = [InputData(each.name, each.digest[:DIGEST_LENGTH], masked(each.source)) for each in data]
+        self.written.inputs += shown
         entries = [
             DatasetInput(
-                Dataset(
-                    item.name,
-                    item.digest[:DIGEST_LENGTH],
-                    "local",
-                    json.dumps({"uri": masked(item.source)}),
-                ),
+                Dataset(item.name, item.digest, "local", json.dumps({"uri": item.source})),
                 tags=[],
             )
-            for item in data
+            for item in shown
         ]
         if entries:
-            self._send(partial(self._client.log_inputs, self.run_id, datasets=entries))
+            self._send("log_inputs", datasets=entries)
 
     def text(self, text: str, name: str) -> None:
         """Store ``text`` as an artifact.
@@ -206,7 +193,8 @@ class RunWriter:
         name : str
             Name of the artifact.
         """
-        self._send(partial(self._client.log_text, self.run_id, masked(text), name))
+        self.written.texts[name] = masked(text)
+        self._send("log_text", masked(text), name)
 
     def files(self, folder: Path, names: Iterable[str]) -> None:
         """Store the files ``names`` (paths from ``folder`` on) as artifacts under these names.
@@ -220,10 +208,12 @@ class RunWriter:
         names : Iterable[str]
             Names of the files, from that folder on.
         """
+        names = tuple(names)
+        self.written.add_files(folder, names)
         for name in names:
             inside = Path(name).parent.as_posix()
             place = None if inside == "." else inside
-            self._send(partial(self._client.log_artifact, self.run_id, str(folder / name), place))
+            self._send("log_artifact", str(folder / name), place)
             if self._deferred.waiting:
                 self._give_up()
 
@@ -231,7 +221,8 @@ class RunWriter:
         """Set how the run ended, FINISHED, FAILED or KILLED, and when (now by default).
 
         A tracker that refuses this is no failure of what was computed: it is reported, and the run counts as failed at
-        the next call. A run of which the tracker refused anything is not complete there and ends as FAILED.
+        the next call. A run of which the tracker refused anything is not complete there and ends as FAILED, until it is
+        delivered.
 
         Parameters
         ----------
@@ -241,10 +232,12 @@ class RunWriter:
             End in ms since 1970; None for now.
         """
         self._ended.set()
+        self.written.status = status
+        self.written.end_ms = int(time.time() * 1000) if end_ms is None else end_ms
         if self.refused and status == "FINISHED":
             status = "FAILED"
         try:
-            self._send(partial(self._client.set_terminated, self.run_id, status, end_ms))
+            self._send("set_terminated", status, end_ms)
         except Exception as refusal:
             self.refused.append("its end")
             _say(f"The tracker refused to end run {self.run_id} as {status}: {refusal}")
@@ -254,8 +247,8 @@ class RunWriter:
         """Remove the run, which has computed nothing, from the dashboard."""
         self._ended.set()
         try:
-            self._send(partial(self._client.set_terminated, self.run_id, "FAILED"))
-            self._send(partial(self._client.delete_run, self.run_id))
+            self._send("set_terminated", "FAILED")
+            self._send("delete_run")
         except Exception as refusal:
             _say(f"The tracker refused to remove run {self.run_id}: {refusal}")
         self._give_up()
@@ -273,6 +266,7 @@ class RunWriter:
     def _beat(self) -> None:
         while not self._ended.wait(HEARTBEAT_S):
             try:
+                assert self._client is not None, "only a run that the tracker knows beats"
                 self._client.set_tag(self.run_id, "ctus.heartbeat", f"{time.time():.0f}")
             except Exception:  # a store that is busy or away for a moment must not end the heartbeat
                 continue
@@ -346,7 +340,7 @@ def server_unreachable(error: Exception) -> bool:
     from mlflow.exceptions import MlflowException
     from requests.exceptions import ConnectionError, Timeout
 
-    if isinstance(error, (ConnectionError, Timeout)):
+    if isinstance(error, (ConnectionError, Timeout, ServerAwayError)):
         return True
     # MLflow has no class of its own for this, only its words.
     signs = (

@@ -7,6 +7,7 @@ processes that open a new one at once leave it broken.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import re
@@ -30,8 +31,9 @@ from experiments.tracking.addresses import opening
 from experiments.tracking.moved import follow_move
 from experiments.tracking.names import LONGEST
 from experiments.tracking.run_files import run_file
-from experiments.tracking.run_writer import RunStart, RunWriter, server_unreachable, shortened
+from experiments.tracking.run_writer import RunWriter, ServerAwayError, server_unreachable, shortened
 from experiments.tracking.saved_view import KIND_TAGS, VIEW_TAG, view_tag
+from experiments.tracking.written import RunStart
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -92,6 +94,11 @@ class Store:
         database = sqlite_file(self.address)
         return database.is_file() and database.stat().st_size > 0
 
+    @property
+    def undelivered(self) -> Path:
+        """The folder of runs that wait for this tracker; each address has its own."""
+        return self.folder / "untracked" / hashlib.sha256(self.address.encode()).hexdigest()[:12]
+
     def client(self) -> MlflowClient:
         """The client, opened and initialised at the first call.
 
@@ -149,8 +156,9 @@ class Store:
             for name, value in wanted.items():
                 if tags.get(name) != value and (name == VIEW_TAG or name not in tags):
                     self.client().set_experiment_tag(identity, name, value)
-        except InputError:
-            raise
+        except InputError as refusal:
+            if not isinstance(refusal, ServerAwayError):
+                raise
         except Exception as error:  # a view is a convenience: without it the runs are the same
             if not server_unreachable(error):
                 print(masked(f"The tracker refused a view ({str(error).splitlines()[0]})."), file=sys.stderr)
@@ -189,14 +197,16 @@ class Store:
                 self.experiment_id(experiment), tags=shortened(all_tags), run_name=name[:LONGEST]
             )
         except Exception as error:
-            if isinstance(error, InputError):
+            if isinstance(error, InputError) and not isinstance(error, ServerAwayError):
                 raise
-            # The tracker was there when the call began: what the job computes is kept for it.
+            # What the job computes is kept for the tracker.
             if not server_unreachable(error):
                 print(
                     masked(f"The tracker refused a new run ({str(error).splitlines()[0]})."), file=sys.stderr
                 )
-            return RunWriter(self.client(), uuid.uuid4().hex, beating=False, start=start, known=False)
+            return RunWriter(
+                self._opened.get("client"), uuid.uuid4().hex, beating=False, start=start, known=False
+            )
         return RunWriter(self.client(), run.info.run_id, start=start)
 
     def reopen(self, run_id: str) -> RunWriter:
@@ -214,7 +224,11 @@ class Store:
         RunWriter
             The writer of the run.
         """
-        writer = RunWriter(self.client(), run_id)
+        run = self.client().get_run(run_id)
+        experiment = self.client().get_experiment(run.info.experiment_id).name
+        tags = dict(run.data.tags)
+        start = RunStart(experiment, run.info.run_name, tags.pop(PARENT_TAG, None), tags, run.info.start_time)
+        writer = RunWriter(self.client(), run_id, start=start)
         writer.tags(process_tags())
         self.client().update_run(run_id, status="RUNNING")
         return writer
@@ -496,7 +510,13 @@ class Store:
     ) -> list[str]:
         """End as FAILED the RUNNING runs for which ``why``, asked with their tags, has further ones."""
         running = self.runs([experiment], "attributes.status = 'RUNNING'")
-        found = {run.info.run_id: tags for run in running if (tags := why(run.data.tags)) is not None}
+        found = {
+            run.info.run_id: tags
+            for run in running
+            # Its process may have ended it, and then itself, since it was listed; once it is gone, nothing changes.
+            if (tags := why(run.data.tags)) is not None
+            and self.client().get_run(run.info.run_id).info.status == "RUNNING"
+        }
         for run_id, tags in found.items():
             for name, value in shortened(tags).items():
                 self.client().set_tag(run_id, name, value)

@@ -172,3 +172,18 @@ def test_a_store_is_there_once_it_was_made(home: Path, tmp_path: Path) -> None:
     assert Store().exists and Store("http://127.0.0.1:1").exists
     absent = Store(f"sqlite:///{tmp_path / 'none' / 'runs.db'}")
     assert not absent.exists and not (tmp_path / "none").exists()
+
+
+def test_a_run_that_ends_while_orphans_are_looked_for_is_none(
+    home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = Store().start("work", "one", {})
+
+    def ends_and_is_gone(tags: object) -> bool:
+        run.end("FINISHED")
+        return True
+
+    monkeypatch.setattr("experiments.tracking.store.is_gone", ends_and_is_gone)
+    assert Store().mark_orphans_failed("work") == []
+    (found,) = Store().runs(["work"])
+    assert found.info.status == "FINISHED"
