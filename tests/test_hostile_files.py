@@ -60,10 +60,11 @@ def table(path: Path) -> Any:
 
 def refuse(read: Callable[[Path], Any], path: Path) -> str:
     """What the reader says; at once, and by the name of the file."""
-    began = time.monotonic()
+    # Time of this process: what else runs on the machine does not count.
+    began = time.process_time()
     how, message = said(read, path)
     assert how == REFUSED, (how, message)
-    assert time.monotonic() - began < 5
+    assert time.process_time() - began < 5
     assert len(message) < 800
     return message
 

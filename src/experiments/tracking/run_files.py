@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from experiments.tracking.moved import local_folder
 
-if TYPE_CHECKING:
-    from mlflow.entities import Run as MlflowRun
-    from mlflow.tracking import MlflowClient
 
-
-def run_file(client: MlflowClient, run: MlflowRun, name: str) -> Path | None:
+def run_file(client: Any, run: Any, name: str) -> Path | None:
     """Find a file of a run.
 
     The tracker looks a run up several times for each file that it hands out, which takes most of the time that a report
@@ -20,7 +16,7 @@ def run_file(client: MlflowClient, run: MlflowRun, name: str) -> Path | None:
 
     Parameters
     ----------
-    client : MlflowClient
+    client : mlflow.tracking.MlflowClient
         Client of the store.
     run : mlflow.entities.Run
         The run.

@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pandas as pd
 import yaml
@@ -17,11 +17,6 @@ from experiments.provenance import process_tags
 from experiments.tracking import METRICS_FILE, ORIGIN_TAG, PARENT_TAG, RunWriter, Store
 from experiments.tracking.headline import NOTE_TAG, metrics_text, without_figures
 from experiments.tracking.run_files import run_file
-
-if TYPE_CHECKING:
-    from mlflow.entities import Metric
-    from mlflow.entities import Run as MlflowRun
-    from mlflow.tracking import MlflowClient
 
 CONFIG_FILE = "config.yaml"
 RESUMED_TAG, KIND_TAG, KINDS_ABOVE = "ctus.resumed", "ctus.kind", ("sweep", "variant")
@@ -210,7 +205,7 @@ def read_run(store: Store, run_id: str, experiment: str) -> RunRecord:
     )
 
 
-def _all_points(client: MlflowClient, run: MlflowRun) -> Iterator[Metric]:
+def _all_points(client: Any, run: Any) -> Iterator[Any]:
     """Every value of a run's metrics; one that stands at step 0 was logged once and is not asked for again."""
     newest = {metric.key: metric for metric in getattr(run.data, "_metric_objs", ())}
     for key in run.data.metrics:

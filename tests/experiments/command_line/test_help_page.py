@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 import yaml
-from configurations import OPTIONS, mandatory, taker
+from configurations import OPTIONS, composed, mandatory, taker
 
-from experiments.cli import compose_sweep, main
+from experiments.cli import main
 from experiments.command_line.help_page import fitted, help_text
 from experiments.command_line.options import option_text
 from experiments.command_line.words import setting_names
@@ -56,7 +56,7 @@ def test_an_option_that_there_is_not_is_refused(capsys: pytest.CaptureFixture[st
 @pytest.mark.parametrize("group, option", OPTIONS)
 def test_what_is_shown_of_an_option_is_what_is_composed(group: str, option: str) -> None:
     study = taker(group)
-    ((config, _),) = compose_sweep([f"study={study}", f"{group}={option}", *mandatory(study)])
+    config = composed(f"study={study}", f"{group}={option}", *mandatory(study))
     shown = yaml.safe_load(option_text(group, option, group, [conf_dir()]))
     assert set(setting_names(shown)) <= set(setting_names(config))
     # A study may set more of an option in its own file, which its page shows first.
