@@ -8,8 +8,8 @@ from __future__ import annotations
 import sqlite3
 from contextlib import closing
 from pathlib import Path
-from urllib.parse import urlsplit
-from urllib.request import url2pathname
+
+from experiments.tracking.artifacts import local_folder
 
 
 def follow_move(database: Path, artifacts: Path) -> int:
@@ -61,21 +61,3 @@ def _moved(uri: str | None, before: Path, artifacts: Path) -> Path | None:
         return None
     now = artifacts / place.relative_to(before)
     return now if now.is_dir() or not place.exists() else None
-
-
-def local_folder(uri: str | None) -> Path | None:
-    """The folder of a local address.
-
-    Parameters
-    ----------
-    uri : str or None
-        Address of a run's files.
-
-    Returns
-    -------
-    Path or None
-        The folder; None for the address of anything but a folder of this machine.
-    """
-    if not uri or not uri.startswith("file:"):
-        return None
-    return Path(url2pathname(urlsplit(uri).path))

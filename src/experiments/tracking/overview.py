@@ -9,7 +9,7 @@ from typing import Any
 
 from experiments.tracking import ORIGIN_TAG, PARENT_TAG, Store
 from experiments.tracking.archive import read_archive
-from experiments.tracking.run_files import run_file
+from experiments.tracking.artifacts import run_file
 from experiments.tracking.run_record import CONFIG_FILE, is_job, resumed_ids
 
 FINISHED = "FINISHED"

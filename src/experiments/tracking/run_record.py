@@ -15,8 +15,8 @@ import yaml
 from experiments.outcome import InputData
 from experiments.provenance import process_tags
 from experiments.tracking import METRICS_FILE, ORIGIN_TAG, PARENT_TAG, RunWriter, Store
+from experiments.tracking.artifacts import run_file
 from experiments.tracking.headline import NOTE_TAG, metrics_text, without_figures
-from experiments.tracking.run_files import run_file
 
 CONFIG_FILE = "config.yaml"
 RESUMED_TAG, KIND_TAG, KINDS_ABOVE = "ctus.resumed", "ctus.kind", ("sweep", "variant")

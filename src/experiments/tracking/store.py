@@ -28,9 +28,9 @@ from experiments.masking import masked
 from experiments.paths import project_root
 from experiments.provenance import environment_tags, is_gone, process_tags
 from experiments.tracking.addresses import opening
+from experiments.tracking.artifacts import run_file
 from experiments.tracking.moved import follow_move
 from experiments.tracking.names import LONGEST
-from experiments.tracking.run_files import run_file
 from experiments.tracking.run_writer import RunWriter, ServerAwayError, server_unreachable, shortened
 from experiments.tracking.saved_view import KIND_TAGS, VIEW_TAG, view_tag
 from experiments.tracking.written import RunStart

@@ -39,7 +39,7 @@ class Server:
 @pytest.fixture
 def server(home: Path, monkeypatch: pytest.MonkeyPatch) -> Server:
     made = Server(Store().client())
-    monkeypatch.setattr(store, "_open", lambda address, folder: made)
+    monkeypatch.setattr(store, "_open", lambda *_: made)
     monkeypatch.setattr(run_writer, "LAST_WAIT_S", 0.0)
     return made
 
@@ -91,7 +91,7 @@ def test_a_server_that_goes_away_in_the_middle_loses_no_result(
 def test_a_server_that_is_away_when_the_call_begins_gets_everything_later_in_order_and_once(
     counting_study: ModuleType, home: Path, server: Server, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def opened(address: str, folder: Path) -> Server:
+    def opened(address: str, folder: Path, reads_only: bool) -> Server:
         server.search_experiments(max_results=1)
         return server
 

@@ -24,7 +24,7 @@ def behind_a_password(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     real = store._open
     own = sqlite_address(home / "mlruns" / "ctus.db")
     monkeypatch.setattr(
-        store, "_open", lambda address, folder: real(own if address == ADDRESS else address, folder)
+        store, "_open", lambda address, *more: real(own if address == ADDRESS else address, *more)
     )
 
 
@@ -69,7 +69,7 @@ def test_no_file_of_a_run_and_no_printed_line_holds_it(
 def test_an_address_that_cannot_be_opened_is_named_without_it(
     home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def refuse(address: str, folder: Path) -> None:
+    def refuse(address: str, folder: Path, reads_only: bool) -> None:
         raise RuntimeError(f"could not connect to {address}")
 
     monkeypatch.setattr(store, "_open", refuse)

@@ -4,8 +4,26 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
-from experiments.tracking.moved import local_folder
+
+def local_folder(uri: str | None) -> Path | None:
+    """The folder of a local address.
+
+    Parameters
+    ----------
+    uri : str or None
+        Address of a run's files.
+
+    Returns
+    -------
+    Path or None
+        The folder; None for the address of anything but a folder of this machine.
+    """
+    if not uri or not uri.startswith("file:"):
+        return None
+    return Path(url2pathname(urlsplit(uri).path))
 
 
 def run_file(client: Any, run: Any, name: str) -> Path | None:
