@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 NAMES = [str(page.relative_to(ROOT)) for page in PAGES]
 # Programs of others that pages name.
-OTHERS = {"cd", "conda", "git", "mlflow", "pip", "source"}
+OTHERS = {"cd", "conda", "export", "git", "mlflow", "pip", "source"}
 README = ROOT / "README.md"
 
 

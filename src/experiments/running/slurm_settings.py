@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from experiments.errors import InputError
@@ -60,8 +60,8 @@ class SlurmSettings:
         How often a job is queued again that ran out of time.
     poll_s : float, optional
         Time between two looks at the queue in s.
-    sbatch : mapping of str to Any, optional
-        Further options of sbatch by their long names; true for one that has no value.
+    sbatch : mapping of str to Any or None, optional
+        Further options of sbatch by their long names; true for one that has no value. None for none.
 
     Raises
     ------
@@ -81,7 +81,7 @@ class SlurmSettings:
     requeue: bool = True
     timeout_requeues: int = 0
     poll_s: float = 5.0
-    sbatch: Mapping[str, Any] = field(default_factory=dict)
+    sbatch: Mapping[str, Any] | None = None
 
     def __post_init__(self) -> None:
         for name in ("timeout_min", "cpus", "array_parallelism", "array_size"):
@@ -102,7 +102,7 @@ class SlurmSettings:
         for name in ("partition", "account", "qos"):
             if (value := getattr(self, name)) is not None:
                 _require_line(f"launcher.{name}", value)
-        for name, value in self.sbatch.items():
+        for name, value in (self.sbatch or {}).items():
             _require_option(str(name), value)
 
     def parameters(self, name: str) -> dict[str, Any]:
@@ -118,7 +118,7 @@ class SlurmSettings:
         dict of str to Any
             Arguments of ``submitit.SlurmExecutor.update_parameters``.
         """
-        more: dict[str, Any] = {"requeue" if self.requeue else "no-requeue": True, **self.sbatch}
+        more: dict[str, Any] = {"requeue" if self.requeue else "no-requeue": True, **(self.sbatch or {})}
         asked = {
             "partition": self.partition,
             "account": self.account,

@@ -229,7 +229,8 @@ def _confidence(
     fall = np.zeros(len(points_px))
     # The points come in the order of the frames.
     frames, begins = np.unique(index, return_index=True)
-    for frame, begin, end in zip(frames, begins, [*begins[1:], len(index)], strict=True):
+    ends = np.append(begins[1:], len(index))
+    for frame, begin, end in zip(frames, begins, ends[: len(frames)], strict=True):
         own = slice(begin, end)
         sides = [
             map_coordinates(

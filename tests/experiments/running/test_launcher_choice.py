@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from pretended_slurm import pretend
 
+from experiments.cli import compose_sweep
 from experiments.errors import InputError
 from experiments.running import launcher_choice
 from experiments.running.jobs import Job
@@ -58,3 +59,9 @@ def test_settings_that_are_none_are_refused(config: dict, said: str) -> None:
 def test_runs_of_earlier_versions_have_no_launcher() -> None:
     require_known({"study": "x"})
     assert launcher_choice.jobs_at_once({}) == 1
+
+
+def test_further_options_of_sbatch_are_given_on_the_command_line() -> None:
+    words = ["study=segmentation", "dataset=phantom", "launcher=slurm", "launcher.sbatch={constraint: a100}"]
+    ((config, _),) = compose_sweep(words)
+    assert launcher_choice.slurm_settings(config).sbatch == {"constraint": "a100"}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import signal
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -135,7 +134,7 @@ def test_ctrl_c_cancels_what_was_sent(
     def states(ids: Any) -> dict[str, SlurmState] | None:
         looks.append(1)
         if len(looks) == 2:
-            signal.raise_signal(signal.SIGINT)
+            raise KeyboardInterrupt
         return slurm.states(ids)
 
     monkeypatch.setattr(slurm_queue, "states", states)
