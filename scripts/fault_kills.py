@@ -34,7 +34,6 @@ class Phase:
     words: Sequence[str]
     result: str
     template: str = "store"
-    tracked: bool = True
 
 
 @dataclass
@@ -58,9 +57,9 @@ PHASES = (
     Phase("training", TRAINING, "out"),
     Phase("sweep, a job at a time", ("study=faults", "seconds=0.1"), "out"),
     Phase("sweep, two jobs at a time", ("study=faults", "parts=[1,2]", "seconds=0.3", "jobs=2"), "out"),
-    Phase("export_runs", ("study=export_runs",), "results/runs", template="exported", tracked=False),
-    Phase("import_runs", ("study=import_runs",), "results/runs", template="archive", tracked=False),
-    Phase("report", ("study=report", "archive={home}/results/runs"), "results", "archive", tracked=False),
+    Phase("export_runs", ("study=export_runs",), "results/runs", template="exported"),
+    Phase("import_runs", ("study=import_runs",), "results/runs", template="archive"),
+    Phase("report", ("study=report", "archive={home}/results/runs"), "results", "archive"),
 )
 # Attempts of each phase when a hundred are asked for.
 SHARES = (10, 12, 26, 5, 18, 20, 9)
@@ -145,7 +144,7 @@ def kill_phase(campaign: Campaign, phase: Phase, attempts: int) -> Outcome:
     outcome = Outcome()
     for number in range(attempts):
         campaign.fill(phase.template)
-        known = numbers(campaign.home / phase.result) if (campaign.home / phase.result).is_dir() else {}
+        known = numbers(campaign.home / phase.result)
         command = campaign.command(_words(phase)).start()
         moment_s = chance.uniform(0, took_s)
         time.sleep(moment_s)
@@ -165,8 +164,6 @@ def _after_kill(
     campaign: Campaign, phase: Phase, known: dict[str, str], outcome: Outcome, where: str
 ) -> None:
     folder = campaign.home / phase.result
-    if not folder.is_dir():
-        return
     for name in half_written(folder):
         outcome.harm("half-written files", f"{where}: {name}")
     # What was there before is there, as it was or as the command makes it.
@@ -189,22 +186,9 @@ def _after_resume(
     if (code := command.run()) != 0:
         outcome.harm("refused afterwards", f"{where}: {code}, {command.said()[-300:]!r}")
         return
-    if (campaign.home / phase.result).is_dir() and numbers(campaign.home / phase.result) != expected:
-        outcome.harm("other numbers", f"{where}: {_differing(campaign, phase, expected)}")
-    for name in half_written(campaign.home / phase.result):
-        outcome.harm("half-written files", f"{where}: {name} after resume")
-    for name in leftovers(campaign.home):
-        outcome.harm("leftovers", f"{where}: {name}")
-    try:
-        state = campaign.state()
-    except RuntimeError as failure:
-        outcome.harm("broken stores", f"{where}: {str(failure)[-300:]!r}")
+    state = compared(campaign, phase.result, expected, outcome, where)
+    if state is None:
         return
-    if state["whole"] != "ok":
-        outcome.harm("broken stores", f"{where}: {state['whole']}")
-    for run in state["runs"]:
-        if run["status"] == "RUNNING":
-            outcome.harm("still RUNNING", f"{where}: {run['kind']} {run['id']}")
     found = tracked(state)
     for key in metrics.keys() - found.keys():
         outcome.harm("lost runs", f"{where}: job {key[:8]}")
@@ -212,6 +196,30 @@ def _after_resume(
         if metrics[key] != found[key]:
             outcome.harm("other numbers", f"{where}: metrics of job {key[:8]}")
     _kept_jobs(before, state, outcome, where)
+
+
+def compared(
+    campaign: Campaign, result: str, expected: dict[str, str], outcome: Outcome, where: str
+) -> dict[str, Any] | None:
+    """Count what is not as after an undisturbed call: numbers, files, store, runs; the store's state if it opens."""
+    now = numbers(campaign.home / result)
+    if differing := [name for name in sorted({*now, *expected}) if now.get(name) != expected.get(name)]:
+        outcome.harm("other numbers", f"{where}: {', '.join(differing[:5])}")
+    for name in half_written(campaign.home / result):
+        outcome.harm("half-written files", f"{where}: {name} after the next call")
+    for name in leftovers(campaign.home):
+        outcome.harm("leftovers", f"{where}: {name}")
+    try:
+        state = campaign.state()
+    except RuntimeError as failure:
+        outcome.harm("broken stores", f"{where}: {str(failure)[-300:]!r}")
+        return None
+    if state["whole"] != "ok":
+        outcome.harm("broken stores", f"{where}: {state['whole']}")
+    for run in state["runs"]:
+        if run["status"] == "RUNNING":
+            outcome.harm("still RUNNING", f"{where}: {run['kind']} {run['id']}")
+    return state
 
 
 def _finished(campaign: Campaign) -> set[str]:
@@ -235,9 +243,3 @@ def _kept_jobs(before: set[str], state: dict[str, Any], outcome: Outcome, where:
     for key, count in hashes.items():
         if count > 1:
             outcome.harm("lost runs", f"{where}: job {key[:8]} finished {count} times")
-
-
-def _differing(campaign: Campaign, phase: Phase, expected: dict[str, str]) -> str:
-    now = numbers(campaign.home / phase.result)
-    names = [name for name in sorted({*now, *expected}) if now.get(name) != expected.get(name)]
-    return ", ".join(names[:5])

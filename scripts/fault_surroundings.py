@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from fault_checks import half_written, leftovers, numbers, statuses, tracked
-from fault_kills import Campaign, Outcome
+from fault_checks import half_written, numbers, tracked
+from fault_kills import Campaign, Outcome, compared
 
 SWEEP = ("study=faults", "parts=[1,2,3]", "seconds=0.1", "out={home}/out")
 BIG = (*SWEEP, "size_kb=500")
@@ -59,22 +59,8 @@ def after(campaign: Campaign, words: tuple[str, ...], truth: tuple, outcome: Out
 
 def compare(campaign: Campaign, truth: tuple, outcome: Outcome, where: str) -> None:
     """Count what is not as in an undisturbed call."""
-    if numbers(campaign.home / "out") != truth[0]:
-        outcome.harm("other numbers", where)
-    for name in half_written(campaign.home / "out"):
-        outcome.harm("half-written files", f"{where}: {name}")
-    for name in leftovers(campaign.home):
-        outcome.harm("leftovers", f"{where}: {name}")
-    try:
-        state = campaign.state()
-    except RuntimeError as failure:
-        outcome.harm("broken stores", f"{where}: {str(failure)[-300:]!r}")
-        return
-    if state["whole"] != "ok":
-        outcome.harm("broken stores", f"{where}: {state['whole']}")
-    if statuses(state)["RUNNING"]:
-        outcome.harm("still RUNNING", where)
-    if tracked(state) != truth[1]:
+    state = compared(campaign, "out", truth[0], outcome, where)
+    if state is not None and tracked(state) != truth[1]:
         outcome.harm("lost runs", f"{where}: {sorted(tracked(state))} are not {sorted(truth[1])}")
 
 
@@ -97,7 +83,7 @@ def full_disk(campaign: Campaign, attempts: int) -> Outcome:
             where = f"{number}, {size_kb} kB"
             if "Traceback" in command.said() and "No space left" not in command.said():
                 outcome.harm("refused afterwards", f"{where}: {command.said()[-200:]!r}")
-            for name in half_written(campaign.home / "out") if (campaign.home / "out").is_dir() else ():
+            for name in half_written(campaign.home / "out"):
                 outcome.harm("half-written files", f"{where}: {name}")
             _shell("mount", "-o", "remount,size=500m", campaign.home)
             after(campaign, BIG, truth, outcome, where)

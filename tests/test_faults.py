@@ -54,6 +54,14 @@ def test_a_campaign_sees_what_is_lost(campaign: Campaign, monkeypatch: pytest.Mo
     assert {"broken stores", "still RUNNING", "other numbers", "lost runs"} <= set(outcome.counts)
 
 
+def test_results_that_are_gone_are_not_identical(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Campaign, "state", lambda self: {"whole": "ok", "runs": []})
+    campaign.home.mkdir()
+    outcome = Outcome()
+    fault_kills.compared(campaign, "out", {"cases.parquet": "digest"}, outcome, "0")
+    assert outcome.counts == {"other numbers": 1}
+
+
 def test_half_written_files_and_leftovers_are_found(tmp_path: Path) -> None:
     pd.DataFrame({"value": [1.0, 2.0]}).to_parquet(tmp_path / "whole.parquet")
     (tmp_path / "cut.parquet").write_bytes((tmp_path / "whole.parquet").read_bytes()[:-20])
