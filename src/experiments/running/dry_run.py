@@ -12,6 +12,7 @@ import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from experiments.reporting.labels import counted
 from experiments.running import run_job, run_names, terminal
 from experiments.running.jobs import Job
 from experiments.tracking import HASH_TAG, Store
@@ -167,10 +168,11 @@ def summary(prices: Sequence[Price], at_once: int) -> str:
     """
     to_run = [price for price in prices if price.state != "finished"]
     known = [price.seconds for price in to_run if not math.isnan(price.seconds)]
-    jobs = f"{len(prices)} job{'s' if len(prices) != 1 else ''}"
     again = sum(price.state == AGAIN for price in to_run)
     note = f" ({again} of them had finished: resume=true skips these)" if again else ""
-    parts = [f"{jobs}: {len(prices) - len(to_run)} finished, {len(to_run)} to run{note}"]
+    parts = [
+        f"{counted(len(prices), 'job')}: {len(prices) - len(to_run)} finished, {len(to_run)} to run{note}"
+    ]
     if known:
         together = max(sum(known) / at_once, *known)
         parts.append(f"about {sum(known):.0f} s of jobs, {together:.0f} s with {at_once} at a time")

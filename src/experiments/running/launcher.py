@@ -106,13 +106,16 @@ def plans_folder() -> Path:
 
 
 @contextmanager
-def plan_folder(plan: Plan) -> Iterator[Path]:
+def plan_folder(plan: Plan, prefix: str | None = None) -> Iterator[Path]:
     """Make a folder below the project that holds the plan, and remove it when the call ends.
 
     Parameters
     ----------
     plan : Plan
         The plan, which is written into the folder.
+    prefix : str or None, optional
+        What its name begins with; None for a name by which the next call finds and removes it where this one was
+        killed.
 
     Yields
     ------
@@ -128,34 +131,28 @@ def plan_folder(plan: Plan) -> Iterator[Path]:
     try:
         plans.mkdir(parents=True, exist_ok=True)
         remove_leftovers(plans)
-        folder = Path(tempfile.mkdtemp(prefix=f"{partial_name(plan.study)}-", dir=plans))
+        name = f"{partial_name(plan.study)}-" if prefix is None else prefix
+        folder = Path(tempfile.mkdtemp(prefix=name, dir=plans))
     except OSError as error:
-        raise unwritable(plans, error) from error
+        raise InputError(
+            f"jobs: expected a project folder that can be written for the plan of several processes ({plans}; "
+            f"CTUS_HOME names another project), received {error.strerror or error}"
+        ) from error
     try:
         plan.write(folder)
         yield folder
     finally:
-        shutil.rmtree(folder, ignore_errors=True)
-        with contextlib.suppress(OSError):  # another call's plan is there
-            plans.rmdir()
+        remove_plan(folder)
 
 
-def unwritable(plans: Path, error: OSError) -> InputError:
-    """Say why no plan can be left for the processes that run its jobs.
+def remove_plan(folder: Path) -> None:
+    """Remove the folder of a plan, and the folder of plans with the last of them.
 
     Parameters
     ----------
-    plans : Path
-        Folder of the plans.
-    error : OSError
-        What the file system said.
-
-    Returns
-    -------
-    InputError
-        The refusal.
+    folder : Path
+        The folder of the plan.
     """
-    return InputError(
-        f"jobs: expected a project folder that can be written for the plan of several processes ({plans}; "
-        f"CTUS_HOME names another project), received {error.strerror or error}"
-    )
+    shutil.rmtree(folder, ignore_errors=True)
+    with contextlib.suppress(OSError):  # another call's plan is there
+        folder.parent.rmdir()

@@ -23,7 +23,7 @@ from experiments.reporting.figure_files import save_figure
 from experiments.running import jobs, run_names, terminal
 from experiments.running.cost import Cost, Meter, metered
 from experiments.running.jobs import Job, Plan
-from experiments.tracking import HASH_TAG, LABEL_TAG, METRICS_FILE, RunWriter, Store, ending
+from experiments.tracking import CASES_FILE, HASH_TAG, LABEL_TAG, METRICS_FILE, RunWriter, Store, ending
 from experiments.tracking.headline import (
     LEVEL_TAG,
     NOTE_TAG,
@@ -403,7 +403,7 @@ def load_result(report: Report, job: Job, store: Store) -> JobResult:
     import pandas as pd
 
     folder = Path(report.folder)
-    table = folder / "cases.parquet"
+    table = folder / CASES_FILE
     if _holds(folder, job):
         metrics = _read_metrics(folder / METRICS_FILE)
         cases = pd.read_parquet(table) if table.is_file() else None
@@ -428,7 +428,7 @@ def write_outcome(outcome: Outcome, folder: Path) -> None:
 
         files.write_text(folder / "history.csv", pd.DataFrame(outcome.history).to_csv(index_label="epoch"))
     if outcome.cases is not None:
-        outcome.cases.to_parquet(folder / "cases.parquet", index=False)
+        outcome.cases.to_parquet(folder / CASES_FILE, index=False)
     if outcome.tables:
         files.write_text(folder / "summary.md", terminal.markdown(dict(outcome.tables)))
     for name, figure in outcome.figures.items():

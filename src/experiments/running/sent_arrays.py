@@ -7,12 +7,9 @@ Slurm. The call that sent it removes it at the end. Where the call was killed, t
 
 from __future__ import annotations
 
-import contextlib
 import json
-import shutil
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,7 +18,7 @@ from experiments.files import write_text
 from experiments.provenance import is_gone, process_tags
 from experiments.running import slurm_queue
 from experiments.running.jobs import Job, Plan
-from experiments.running.launcher import plans_folder, unwritable
+from experiments.running.launcher import plan_folder, plans_folder, remove_plan
 
 _PREFIX = "slurm-"
 _IDS = "array.json"
@@ -46,35 +43,20 @@ class SentArray:
     orphaned: bool
 
 
-@contextmanager
-def folder(plan: Plan) -> Iterator[Path]:
-    """Make a folder for the plan of an array, and remove it once the call has collected what the jobs left.
+def folder(plan: Plan) -> AbstractContextManager[Path]:
+    """Make a folder for the plan of an array, which later calls know where this one was killed.
 
     Parameters
     ----------
     plan : Plan
         The plan, which is written into the folder.
 
-    Yields
-    ------
-    Path
-        The folder.
-
-    Raises
-    ------
-    InputError
-        If the project's folder cannot be written.
+    Returns
+    -------
+    AbstractContextManager of Path
+        The folder; it is removed once the call has collected what the jobs left.
     """
-    try:
-        plans_folder().mkdir(parents=True, exist_ok=True)
-        made = Path(tempfile.mkdtemp(prefix=f"{_PREFIX}{plan.study}-", dir=plans_folder()))
-    except OSError as error:
-        raise unwritable(plans_folder(), error) from error
-    try:
-        plan.write(made)
-        yield made
-    finally:
-        _remove(made)
+    return plan_folder(plan, f"{_PREFIX}{plan.study}-")
 
 
 def write(folder: Path, ids: Mapping[str, str]) -> None:
@@ -162,12 +144,6 @@ def _living() -> Iterator[SentArray]:
         gone = is_gone(process)
         living = {key: one for key, one in jobs.items() if not states[one].ended}
         if gone and not living:
-            _remove(path.parent)
+            remove_plan(path.parent)
         elif living:
             yield SentArray(path.parent, living, gone)
-
-
-def _remove(folder: Path) -> None:
-    shutil.rmtree(folder, ignore_errors=True)
-    with contextlib.suppress(OSError):  # another call's plan is there
-        folder.parent.rmdir()

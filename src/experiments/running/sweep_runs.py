@@ -22,7 +22,7 @@ from experiments.running.run_job import (
 )
 from experiments.running.terminal import markdown
 from experiments.running.variants import Variant, hash_of, metrics_of, shown_metrics, variants_of
-from experiments.tracking import HASH_TAG, METRICS_FILE, ORIGIN_TAG, PARENT_TAG, RunWriter, Store
+from experiments.tracking import HASH_TAG, METRICS_FILE, PARENT_TAG, RunWriter, Store, origin_of
 from experiments.tracking.headline import (
     LEVEL_TAG,
     NOTE_TAG,
@@ -147,7 +147,7 @@ class SweepRuns:
         for report in (report for _, report, _ in ended if report is not None and report.status == "resumed"):
             run = self.store.run(str(report.run_id)) if self.store is not None else None
             if run is not None and run.data.tags.get(PARENT_TAG) not in own:
-                found.append(str(run.data.tags.get(ORIGIN_TAG, run.info.run_id)))
+                found.append(origin_of(run))
         return found
 
     def fail(self) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from experiments.outcome import Outcome, Progress
-from experiments.tracking import ORIGIN_TAG, Store
+from experiments.tracking import Store, origin_of
 from experiments.tracking.archive import read_archive
 from experiments.tracking.external_training import is_training, read_training
 from experiments.tracking.run_record import RunRecord, restore_run
@@ -39,7 +39,7 @@ def run(*, experiments: list[str] | None, archive: str, store: Store, progress: 
     """
     # Newest first: of two runs with one origin, the newer stays under its name.
     runs = list(store.runs())[::-1]
-    known = {run_.data.tags.get(ORIGIN_TAG, run_.info.run_id): run_.info.run_id for run_ in runs}
+    known = {origin_of(run_): run_.info.run_id for run_ in runs}
     incomplete = {run_.info.run_id for run_ in runs if not store.is_under_way(run_)}
     status = {run_.info.run_id: run_.info.status for run_ in runs}
     folder = Path(archive).expanduser()

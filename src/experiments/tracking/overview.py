@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from experiments.tracking import ORIGIN_TAG, PARENT_TAG, Store
+from experiments.tracking import PARENT_TAG, Store, origin_of
 from experiments.tracking.archive import read_archive
 from experiments.tracking.artifacts import run_file
 from experiments.tracking.run_record import CONFIG_FILE, is_job, resumed_ids
@@ -94,29 +94,25 @@ def _stored(store: Store, experiments: Sequence[str]) -> Iterator[TopRun]:
     names = {each.experiment_id: each.name for each in client.search_experiments()}
     runs = list(store.runs(experiments, "attributes.status != 'RUNNING'"))
     ids = {run.info.run_id for run in runs}
-    origins = {_origin(run): run for run in runs}
+    origins = {origin_of(run): run for run in runs}
     below: dict[str | None, list[Any]] = {}
     for run in runs:
         below.setdefault(run.data.tags.get(PARENT_TAG), []).append(run)
     for top in (run for run in runs if run.data.tags.get(PARENT_TAG) not in ids):
         own = [*_leaves(top, lambda run: below.get(run.info.run_id, ())), *_resumed(top.data.tags, origins)]
         ended = [leaf for leaf in own if leaf.info.status == FINISHED and is_job(leaf.data.tags)]
-        first = min(ended, key=lambda leaf: (leaf.info.start_time, _origin(leaf)), default=None)
+        first = min(ended, key=lambda leaf: (leaf.info.start_time, origin_of(leaf)), default=None)
         path = None if first is None else run_file(client, first, CONFIG_FILE)
         config = "" if path is None else path.read_text(encoding="utf-8")
         info, tags = top.info, dict(top.data.tags)
         experiment = names[info.experiment_id]
         told = (info.run_name, info.status, info.start_time, tags)
-        yield TopRun(_origin(top), experiment, *told, config, len(ended))
+        yield TopRun(origin_of(top), experiment, *told, config, len(ended))
 
 
 def _resumed(tags: Mapping[str, str], known: Mapping[str, Any]) -> list[Any]:
     """The jobs of an earlier sweep that a later one did not run again."""
     return [known[run_id] for run_id in resumed_ids(tags) if run_id in known]
-
-
-def _origin(run: Any) -> str:
-    return str(run.data.tags.get(ORIGIN_TAG, run.info.run_id))
 
 
 def _leaves(run: Any, below: Any) -> Iterator[Any]:

@@ -10,7 +10,7 @@ from typing import Any
 from experiments.errors import InputError
 from experiments.masking import masked
 from experiments.paths import project_root
-from experiments.tracking import ORIGIN_TAG, PARENT_TAG, Store
+from experiments.tracking import PARENT_TAG, Store, origin_of
 from experiments.tracking.archive import read_archive
 from experiments.tracking.run_record import RunRecord, is_job, read_run, resumed_ids
 
@@ -153,7 +153,7 @@ class _Listed:
         below: dict[str, list[Any]] = {}
         runs = list(store.runs())
         for run in runs:
-            origins.setdefault(_origin(run), run)
+            origins.setdefault(origin_of(run), run)
             if PARENT_TAG in run.data.tags:
                 below.setdefault(run.data.tags[PARENT_TAG], []).append(run)
         names = {each.experiment_id: each.name for each in store.client().search_experiments()}
@@ -166,16 +166,12 @@ class _Listed:
         return read_run(store, run.info.run_id, self.names[run.info.experiment_id])
 
 
-def _origin(run: Any) -> str:
-    return str(run.data.tags.get(ORIGIN_TAG, run.info.run_id))
-
-
 def _stored(reference: str, store: Store, listed: _Listed, setting: str) -> Family:
     found: dict[str, Any] = {}
     # Of two runs with one origin, the newer is seen first and kept.
     for run in listed.runs:
-        if _origin(run).startswith(reference) or run.info.run_id.startswith(reference):
-            found.setdefault(_origin(run), run)
+        if origin_of(run).startswith(reference) or run.info.run_id.startswith(reference):
+            found.setdefault(origin_of(run), run)
     titles = {origin: listed.title(run) for origin, run in found.items()}
     top = found[_only(reference, titles, f"the store {masked(store.address)}", setting)]
     below, waiting = list[RunRecord](), [top]

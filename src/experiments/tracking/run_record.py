@@ -14,7 +14,7 @@ import yaml
 
 from experiments.outcome import InputData
 from experiments.provenance import process_tags
-from experiments.tracking import METRICS_FILE, ORIGIN_TAG, PARENT_TAG, RunWriter, Store
+from experiments.tracking import CASES_FILE, METRICS_FILE, ORIGIN_TAG, PARENT_TAG, RunWriter, Store
 from experiments.tracking.artifacts import run_file
 from experiments.tracking.headline import NOTE_TAG, metrics_text, without_figures
 
@@ -292,5 +292,5 @@ def write_record(writer: RunWriter, record: RunRecord) -> None:
         writer.text(metrics_text(record.metrics), METRICS_FILE)
     if record.cases is not None:
         with tempfile.TemporaryDirectory() as folder:
-            record.cases.to_parquet(Path(folder) / "cases.parquet", index=False)
-            writer.files(Path(folder), ["cases.parquet"])
+            record.cases.to_parquet(Path(folder) / CASES_FILE, index=False)
+            writer.files(Path(folder), [CASES_FILE])

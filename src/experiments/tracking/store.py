@@ -50,6 +50,22 @@ METRICS_FILE, CASES_FILE = "metrics.json", "cases.parquet"
 _PLAIN_PATH = re.compile(r"[\w./+=@,~ -]*")
 
 
+def origin_of(run: MlflowRun) -> str:
+    """The id that a run had where it was first run.
+
+    Parameters
+    ----------
+    run : mlflow.entities.Run
+        The run as the store has it.
+
+    Returns
+    -------
+    str
+        The first id; its own for a run that was not copied.
+    """
+    return str(run.data.tags.get(ORIGIN_TAG, run.info.run_id))
+
+
 @dataclass(frozen=True)
 class Store:
     """Where runs go. ``uri`` is an MLflow tracking address or null for the project's own SQLite file.
@@ -343,7 +359,7 @@ class Store:
         # Asked for by every run below it, and never changed.
         known: dict[str, str] = self._opened.setdefault("origins", {})
         if run_id not in known and (run := self.run(run_id)) is not None:
-            known[run_id] = str(run.data.tags.get(ORIGIN_TAG, run_id))
+            known[run_id] = origin_of(run)
         return known.get(run_id, run_id)
 
     def metrics(self, run_id: str) -> dict[str, float]:

@@ -18,7 +18,15 @@ from filelock import FileLock, Timeout
 
 from experiments.masking import masked
 from experiments.provenance import process_tags
-from experiments.tracking import METRICS_FILE, ORIGIN_TAG, PARENT_TAG, RunWriter, Store, server_unreachable
+from experiments.tracking import (
+    CASES_FILE,
+    METRICS_FILE,
+    ORIGIN_TAG,
+    PARENT_TAG,
+    RunWriter,
+    Store,
+    server_unreachable,
+)
 from experiments.tracking.archive import read_archive, write_archive
 from experiments.tracking.run_record import RunRecord, restore_run, write_record
 from experiments.tracking.run_writer import shortened
@@ -181,7 +189,7 @@ def written_run(run: RunWriter) -> RunRecord:
     start, written = run.start, run.written
     assert start is not None, "a run begun or reopened by Store knows what it was begun with"
     assert written.status is not None and written.end_ms is not None, "a run is kept once it has ended"
-    metrics, cases = written.text_of(METRICS_FILE), written.file_of("cases.parquet")
+    metrics, cases = written.text_of(METRICS_FILE), written.file_of(CASES_FILE)
     history = pd.DataFrame(written.points, columns=["metric", "value", "timestamp_ms", "step"])
     return RunRecord(
         run_id=run.run_id,

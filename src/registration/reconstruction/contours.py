@@ -11,6 +11,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 from registration import transforms
 from registration.errors import InputError
 from registration.geometry.point_cloud import OrientedCloud
+from registration.reconstruction.mask_series import box_of
 
 # Distance in px from a contour, on both sides, at which the probability is read for its confidence.
 CONFIDENCE_REACH_PX = 2.0
@@ -151,8 +152,8 @@ class ContourExtractor:
 
         # Smoothing the crop alone is exact: beyond four deviations the mask is constant.
         filled = mask if mask.dtype == np.bool_ else mask >= self.level
-        box = _box(filled, int(np.ceil(4 * self.smoothing_px)) + 2)
-        if box is None:
+        box = box_of(filled, int(np.ceil(4 * self.smoothing_px)) + 2)
+        if not filled[box].size:
             return []
         values = mask[box].astype(np.float64)
         if mask.dtype == np.bool_ and self.smoothing_px > 0:
@@ -160,17 +161,6 @@ class ContourExtractor:
         found = find_contours(values, self.level, positive_orientation="low")
         corner = np.array([box[1].start, box[0].start], dtype=np.float64)
         return [line[:, ::-1] + corner for line in found if len(line) >= self.min_points]
-
-
-def _box(filled: Bool[np.ndarray, "height width"], margin_px: int) -> tuple[slice, slice] | None:
-    rows, columns = np.flatnonzero(filled.any(axis=1)), np.flatnonzero(filled.any(axis=0))
-    if not len(rows):
-        return None
-    height, width = filled.shape
-    return (
-        slice(max(rows[0] - margin_px, 0), min(rows[-1] + margin_px + 1, height)),
-        slice(max(columns[0] - margin_px, 0), min(columns[-1] + margin_px + 1, width)),
-    )
 
 
 def _tangents(line: Float64[np.ndarray, "p 2"]) -> Float64[np.ndarray, "q 2"]:

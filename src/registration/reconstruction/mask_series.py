@@ -68,7 +68,7 @@ class MaskSeries:
             The series.
         """
         filled = masks if masks.dtype == np.bool_ else masks >= level
-        boxes = boxes_of(filled)
+        boxes = tuple(map(box_of, filled))
         pixels, middle_px = _pixels(filled, boxes)
         middle_mm = transforms.apply_each(world_A_pixel, np.pad(middle_px, ((0, 0), (0, 1))))
         area_mm2 = np.linalg.norm(np.cross(world_A_pixel[:, :3, 0], world_A_pixel[:, :3, 1]), axis=1)
@@ -154,28 +154,29 @@ class MaskSeries:
         return 1 - covered / np.maximum(known, 1)
 
 
-def boxes_of(filled: Bool[np.ndarray, "k height width"]) -> tuple[Box, ...]:
-    """Find the smallest rows and columns that hold each mask: a vessel takes little of an image.
+def box_of(filled: Bool[np.ndarray, "height width"], margin_px: int = 0) -> Box:
+    """Find the smallest rows and columns that hold a mask: a vessel takes little of an image.
 
     Parameters
     ----------
-    filled : ndarray of bool, shape (k, height, width)
-        Masks.
+    filled : ndarray of bool, shape (height, width)
+        Mask.
+    margin_px : int, optional
+        Further pixels on every side, as far as the image goes.
 
     Returns
     -------
-    tuple of (slice, slice)
-        Rows and columns of each mask; empty slices for an empty one.
+    (slice, slice)
+        Rows and columns; empty slices for an empty mask.
     """
-    found = []
-    for mask in filled:
-        down, across = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-        found.append(
-            (slice(down[0], down[-1] + 1), slice(across[0], across[-1] + 1))
-            if len(down)
-            else (slice(0, 0), slice(0, 0))
-        )
-    return tuple(found)
+    rows, columns = np.flatnonzero(filled.any(axis=1)), np.flatnonzero(filled.any(axis=0))
+    if not len(rows):
+        return slice(0, 0), slice(0, 0)
+    height, width = filled.shape
+    return (
+        slice(max(rows[0] - margin_px, 0), min(rows[-1] + margin_px + 1, height)),
+        slice(max(columns[0] - margin_px, 0), min(columns[-1] + margin_px + 1, width)),
+    )
 
 
 def _pixels(

@@ -202,7 +202,7 @@ def test_jobs_that_a_killed_call_left_in_the_queue_are_waited_for(
         patch.setattr("experiments.running.array_task.submit", submit)
         patch.setattr("experiments.running.slurm_launcher.SlurmLauncher._watched", dies)
         patch.setattr("experiments.running.slurm_launcher._end", lambda *arguments: None)
-        patch.setattr("experiments.running.sent_arrays._remove", lambda folder: None)
+        patch.setattr("experiments.running.launcher.remove_plan", lambda folder: None)
         with pytest.raises(Dies):
             main(["study=counting", *SLURM])
     (folder,) = folders
