@@ -19,6 +19,8 @@ data ?= $(wildcard ../shared/data)
 thesis: setup
 	OMP_WAIT_POLICY=PASSIVE $(PY) scripts/thesis.py --trainer $(trainer) --data "$(data)"
 
+# Byte code is kept even where the surroundings forbid it: most of what some hundred processes start with is compiling.
+test: export PYTHONDONTWRITEBYTECODE =
 test: lint
 	$(PY) -m pytest -n $(WORKERS) --dist worksteal --durations=40 tests
 

@@ -62,4 +62,6 @@ if [ "$(version .venv/bin/python)" != "$(version "$python")" ]; then
 fi
 # The pins name torch without a build: an index of CPU builds given in PIP_EXTRA_INDEX_URL wins over the default one.
 .venv/bin/python -m pip install --quiet --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+# Containers often forbid Python to keep byte code; every call would compile the project anew.
+.venv/bin/python -m compileall -q src
 echo "$stamp" >.venv/.setup-stamp

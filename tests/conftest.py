@@ -10,14 +10,14 @@ from types import ModuleType
 
 import pytest
 from filelock import FileLock
-from jaxtyping import install_import_hook
+from shape_checks import install
 
 # The test processes share the cores: one thread each, which does not spin while it waits.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 if os.environ.get("PYTEST_XDIST_WORKER"):
     os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-install_import_hook(["models", "registration"], "shape_checks.enforce")
+install(["models", "registration"])
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 REAL_DATA = Path(os.environ.get("CTUS_TEST_DATA", REPOSITORY.parent / "shared" / "data"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 from collections import Counter
 from pathlib import Path
 
@@ -224,6 +225,15 @@ def test_there_is_no_module_called_utils() -> None:
 
 def test_the_packages_are_the_three_and_the_name_over_them() -> None:
     assert {path.parent.name for path in SRC.glob("*/__init__.py")} == set(structure.PACKAGES)
+
+
+def test_the_top_of_the_checkout_holds_what_belongs_there() -> None:
+    """A run or a test that wrote into the current folder would be committed with the next change otherwise."""
+    listed = subprocess.run(
+        ["git", "-C", str(REPOSITORY), "ls-files"], capture_output=True, text=True, check=True
+    ).stdout
+    folders = {path.split("/")[0] for path in listed.splitlines() if "/" in path}
+    assert folders == {".ci", "conf", "docs", "results", "scripts", "src", "tests"}
 
 
 def test_the_picture_names_every_module_in_its_room() -> None:

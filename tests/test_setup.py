@@ -20,6 +20,7 @@ case "$*" in
     echo "made {version}" >>"$NOTES";;
   *'-m pip install'*) printf '#!/bin/sh\\n' >.venv/bin/ctus; chmod +x .venv/bin/ctus
     echo "installed {version}" >>"$NOTES";;
+  '-m compileall -q src') echo "compiled {version}" >>"$NOTES";;
   --version) echo "Python {version}.9";;
   *) exit 9;;
 esac
@@ -56,14 +57,14 @@ def set_up(project: Path, **environment: str) -> tuple[int, str, list[str]]:
 
 
 def test_another_interpreter_gets_a_fresh_environment_which_then_stays(project: Path) -> None:
-    assert set_up(project)[2] == ["made 3.11", "installed 3.11"]
+    assert set_up(project)[2] == ["made 3.11", "installed 3.11", "compiled 3.11"]
     assert set_up(project)[2] == []
-    assert set_up(project, PYTHON="python3.12")[2] == ["made 3.12", "installed 3.12"]
+    assert set_up(project, PYTHON="python3.12")[2] == ["made 3.12", "installed 3.12", "compiled 3.12"]
     assert set_up(project, PYTHON="python3.12")[2] == []
     # Without the word, what is there stays.
     assert set_up(project)[2] == []
     (project / "constraints.txt").write_text("numpy==2\n")
-    assert set_up(project)[2] == ["installed 3.12"]
+    assert set_up(project)[2] == ["installed 3.12", "compiled 3.12"]
 
 
 @pytest.mark.parametrize("python", ["python3.13", "no-such-python"])
