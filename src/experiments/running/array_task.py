@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import shlex
 import signal
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -106,7 +107,9 @@ def submit(
         executor = submitit.SlurmExecutor(place, max_num_timeout=requeues, python=python)
         executor.update_parameters(**settings.parameters(name))
         try:
-            sent = executor.submit_array([ArrayTask(str(folder), key) for key in keys])
+            # submitit prints what a refusal said; it is in the refusal too.
+            with contextlib.redirect_stderr(io.StringIO()):
+                sent = executor.submit_array([ArrayTask(str(folder), key) for key in keys])
         except submitit.core.utils.FailedJobError as refusal:
             said = [line for line in str(refusal).splitlines() if line.startswith("sbatch: error")]
             reason = "; ".join(said) or str(refusal).strip().splitlines()[-1]
@@ -162,7 +165,7 @@ def _submitit() -> Any:
     return submitit
 
 
-@contextmanager
+@contextlib.contextmanager
 def _environment_of_jobs(settings: SlurmSettings, more: Mapping[str, str]) -> Iterator[None]:
     """The environment that jobs get: that of the call, with as many threads as a job has cores."""
     before = dict(os.environ)
@@ -180,7 +183,7 @@ def _environment_of_jobs(settings: SlurmSettings, more: Mapping[str, str]) -> It
         os.environ.update(before)
 
 
-@contextmanager
+@contextlib.contextmanager
 def _named_time_limit() -> Iterator[None]:
     """Name the time limit where submitit's own handler of Slurm's warning gives a job up."""
     number = signal.SIGUSR2

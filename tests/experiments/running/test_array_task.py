@@ -119,10 +119,13 @@ def test_several_jobs_are_an_array_with_the_threads_of_its_cores_and_no_allocati
     assert [one.function for one in sent] == [ArrayTask(str(home), key) for key in "abc"]
 
 
-def test_what_sbatch_refuses_is_said_in_its_words(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_sbatch_refuses_is_said_in_its_words_and_once(
+    home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     sbatch_that(home, "echo 'sbatch: error: invalid partition specified: nowhere' >&2; exit 1", monkeypatch)
     with pytest.raises(InputError, match="received: sbatch: error: invalid partition specified: nowhere"):
         array_task.submit(["a", "b"], home, SlurmSettings(), "ctus", {})
+    assert capsys.readouterr().err == ""
 
 
 def test_the_last_words_of_a_job_are_those_of_its_log(home: Path) -> None:
