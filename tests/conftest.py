@@ -20,6 +20,7 @@ if os.environ.get("PYTEST_XDIST_WORKER"):
 install(["models", "registration"])
 
 REPOSITORY = Path(__file__).resolve().parents[1]
+TOP = pytest.StashKey[set[str]]()
 REAL_DATA = Path(os.environ.get("CTUS_TEST_DATA", REPOSITORY.parent / "shared" / "data"))
 
 
@@ -37,12 +38,24 @@ def real_data() -> Path:
     return REAL_DATA
 
 
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """What lies at the top of the checkout before the first test."""
+    session.config.stash[TOP] = set(os.listdir(REPOSITORY))
+
+
 @pytest.hookimpl(trylast=True)
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """Where the real data is there, a skipped test is a failure: nothing may pass by not running."""
+    """Fail where the real data is there and a test was skipped, and where a test wrote into the checkout."""
     reporter = session.config.pluginmanager.get_plugin("terminalreporter")
-    if reporter is not None and REAL_DATA.is_dir() and reporter.stats.get("skipped"):
-        reporter.write_line("a test was skipped although the real test data is there", red=True)
+    if reporter is None:  # one of several processes; the one that counts reports
+        return
+    wrong = []
+    if REAL_DATA.is_dir() and reporter.stats.get("skipped"):
+        wrong.append("a test was skipped although the real test data is there")
+    if left := set(os.listdir(REPOSITORY)) - session.config.stash[TOP] - {".pytest_cache"}:
+        wrong.append(f"a test wrote into the current folder: {', '.join(sorted(left))}")
+    for sentence in wrong:
+        reporter.write_line(sentence, red=True)
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 

@@ -44,14 +44,26 @@ def save_figure(figure: Figure, stem: Path, suffixes: Sequence[str] = ("png", "s
     for text in figure.findobj(Text):
         text.set_parse_math(False)
     # Ticks that are only made while drawing take it from here; the salt gives parts of an SVG the same ids each time.
-    with matplotlib.rc_context({"text.parse_math": False, "svg.hashsalt": "ctus"}):
-        engine = figure.get_layout_engine()
+    # Without the two of the layout no engine means none.
+    with matplotlib.rc_context(
+        {
+            "text.parse_math": False,
+            "svg.hashsalt": "ctus",
+            "figure.autolayout": False,
+            "figure.constrained_layout.use": False,
+        }
+    ):
+        engine, own_dpi = figure.get_layout_engine(), figure.dpi
+        figure.dpi = dpi
+        # Laid out and measured once: each format would draw all of it a second time for that.
+        figure.draw_without_rendering()
+        shown = figure.get_tightbbox().padded(float(matplotlib.rcParams["savefig.pad_inches"]))
+        figure.set_layout_engine(None)
         for suffix in suffixes:
             place = stem.with_name(f"{stem.name}.{suffix}")
-            figure.savefig(place, dpi=dpi, bbox_inches="tight", metadata=_WITHOUT_DATE.get(suffix))
-            # Laid out once: the same in all formats, and half the time.
-            figure.set_layout_engine("none")
+            figure.savefig(place, dpi=dpi, bbox_inches=shown, metadata=_WITHOUT_DATE.get(suffix))
         figure.set_layout_engine(engine)
+        figure.dpi = own_dpi
 
 
 def _plain_numbers(axis: Axis) -> None:

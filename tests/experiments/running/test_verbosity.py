@@ -52,14 +52,14 @@ def test_the_environment_is_as_before_when_a_call_has_ended(monkeypatch) -> None
 
 
 def test_a_quiet_call_prints_where_the_files_are_and_changes_no_job(counting_study, home, capsys) -> None:
-    assert main(["study=counting", "out=a", "quiet=true"]) == 0
+    assert main(["study=counting", f"out={home / 'a'}", "quiet=true"]) == 0
     quiet = capsys.readouterr()
     (line,) = quiet.out.splitlines()
     assert line.startswith("Files: ")
     assert quiet.err == ""
     calls = list(counting_study.calls)
     # The same job: it is not run again when it is asked for with another voice.
-    assert main(["study=counting", "out=a", "verbose=true", "resume=true"]) == 0
+    assert main(["study=counting", f"out={home / 'a'}", "verbose=true", "resume=true"]) == 0
     assert list(counting_study.calls) == calls
     assert "Dashboard: " in capsys.readouterr().out
 
