@@ -114,7 +114,7 @@ def outcome(found: Registered, slicer: str) -> Outcome:
             "registration.json holds the pose and all candidates, moved.ply the moved surface in mm (LPS), "
             "fixed_T_moving.h5 the transform for ITK and 3D Slicer, scene.html the page to look at.",
             *_files_of_deformed(found),
-            *((f"{FILES[slicer == BUNDLE]} opens in 3D Slicer.",) if slicer != NONE else ()),
+            *((f"{FILES[slicer == BUNDLE]} is the scene for 3D Slicer.",) if slicer != NONE else ()),
         ),
         tags={"rigid": found.name, "verdict": result.verdict},
         inputs=found.pair.inputs,
