@@ -30,7 +30,7 @@ test-pages: setup
 	CTUS_SCREENSHOTS=$(PAGES) $(PY) -m pytest -m pages tests
 
 # What needs programs of the system, which this installs on Debian as root: LaTeX, PostgreSQL, and Slurm on this one
-# machine.
+# machine; and nnU-Net's checker, which its test installs into .cache/nnunet.
 test-services: server-needs
 	command -v pdflatex >/dev/null || apt-get install -y --no-install-recommends \
 		texlive-latex-base texlive-latex-recommended

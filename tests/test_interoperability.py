@@ -160,6 +160,18 @@ def test_landmarks_are_what_3d_slicer_writes(tmp_path: Path) -> None:
     assert len({point["id"] for point in markup["controlPoints"]}) == 2
 
 
+def test_a_displacement_field_is_read_by_slicerio(tmp_path: Path, grid: DisplacementGrid) -> None:
+    import slicerio
+
+    write_displacement_grid(tmp_path / "field.nrrd", grid, "lps")
+    volume = slicerio.read_volume(str(tmp_path / "field.nrrd"))
+    vectors_mm = np.moveaxis(slicerio.component_vectors_to_lps(volume), 0, -1)
+    np.testing.assert_allclose(vectors_mm, grid.displacement_mm, atol=1e-12)
+    origin_mm, far_mm = (volume["ijkToLPS"] @ [*node, 1] for node in ((0, 0, 0), (3, 2, 1)))
+    np.testing.assert_allclose(origin_mm[:3], grid.origin_mm)
+    np.testing.assert_allclose(far_mm[:3], grid.far_corner_mm)
+
+
 def test_a_label_map_of_nibabel_lies_where_nibabel_says(tmp_path: Path) -> None:
     labels = np.zeros((6, 5, 4), dtype=np.uint8)
     labels[1, 3, 2] = 1

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
+from registration.brief import brief_repr
+
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
@@ -76,6 +78,8 @@ class Outcome:
     files: Mapping[str, Callable[[Path], None]] = field(default_factory=dict)
     refused: tuple[str, ...] = ()
 
+    __repr__ = brief_repr
+
 
 @dataclass(frozen=True)
 class JobResult:
@@ -103,6 +107,8 @@ class JobResult:
     workspace: Path
     run_id: str | None = None
     choices: Mapping[str, str] = field(default_factory=dict)
+
+    __repr__ = brief_repr
 
 
 class Progress(Protocol):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import SupportsIndex
 
@@ -14,6 +15,7 @@ from models.archives import require_whole_archive
 from models.array_types import Bool, UInt8
 from models.atomic import atomic_write
 from models.errors import InputError
+from models.pictures import frames_picture
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,14 @@ class LabelledFrames:
             self.case_ids, self.images, self.masks, self.spacing_mm, strict=True
         ):
             _check_case(case, image, mask, spacing)
+
+    def __repr__(self) -> str:
+        """One line: how many, of what, no pixels."""
+        marked = ", simulated" if self.simulated else ""
+        return f"LabelledFrames({len(self)} frames in {len(set(self.groups))} groups{marked})"
+
+    def _repr_html_(self) -> str:
+        return f"{escape(repr(self))}{frames_picture(self.images, self.masks, self.case_ids) if len(self) else ''}"
 
     def __len__(self) -> int:
         return len(self.images)

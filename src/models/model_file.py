@@ -51,7 +51,11 @@ class ModelMember:
 
     name: str
     recipe: NetworkRecipe
-    weights: Mapping[str, Tensor]
+    weights: Mapping[str, Tensor] = field(repr=False)
+
+    def __repr__(self) -> str:
+        """One line: its name, its kind and how large it is."""
+        return f"ModelMember({self.name!r}, {self.recipe.name}, {self.parameters} parameters)"
 
     @property
     def parameters(self) -> int:
@@ -113,6 +117,17 @@ class SegmentationModel:
     certificate: Mapping[str, Any] = field(default_factory=dict)
     data: Mapping[str, Any] = field(default_factory=dict)
     notes: Mapping[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """One screen: members by name, settings, and which facts come with them."""
+        names = ", ".join(member.name for member in self.members)
+        facts = ", ".join(name for name in ("certificate", "data", "notes") if getattr(self, name)) or "none"
+        return (
+            f"SegmentationModel({len(self.members)} {self.members[0].recipe.name} ({names[:60]}),\n"
+            f"    image_size_px={self.preprocessing.image_size_px}, flips={self.flips}, "
+            f"min_presence={self.min_presence},\n"
+            f"    calibration={self.calibration}, facts: {facts})"
+        )
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "members", tuple(self.members))

@@ -85,6 +85,16 @@ class Predictor:
             raise InputError(f"min_presence: expected 0 to 1, received {self.min_presence}")
         require_engine(self.engine)
 
+    def __repr__(self) -> str:
+        """One screen: the networks by name, and the settings."""
+        several = (self.networks,) if isinstance(self.networks, nn.Module) else tuple(self.networks)
+        names = ", ".join(sorted({type(network).__name__ for network in several}))
+        return (
+            f"Predictor({len(several)} network{'s' * (len(several) > 1)} ({names}) on {self.device} by {self.engine},\n"
+            f"    calibration={self.calibration},\n"
+            f"    min_presence={self.min_presence}, flips={self.flips}, batch_size={self.batch_size})"
+        )
+
     @classmethod
     def load(
         cls, path: str | Path, batch_size: int = 8, device: str = "cpu", engine: str = "eager"
@@ -241,7 +251,8 @@ class Predictor:
         masks = _in_form_of(frames, [each.mask for each in found], np.bool_)
         maps = _in_form_of(frames, [each.probability for each in found], np.float32)
         times = sum((each.times for each in found), StageTimes())
-        return Prediction(np.asarray(masks), np.asarray(maps), times)
+        shown = frames if isinstance(frames, np.ndarray) and frames.ndim > 2 else None
+        return Prediction(np.asarray(masks), np.asarray(maps), times, shown)
 
     def stream(self, frames: Iterable[Frame | np.ndarray]) -> Iterator[FramePrediction]:
         """Segment a stream of frames of any sizes; a batch of them is held at a time.

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 
+from registration.brief import brief_repr
 from registration.errors import InputError
 from registration.reconstruction.contours import ContourCloud, ContourExtractor
 from registration.reconstruction.mask_outliers import MaskCheck, MaskOutliers
@@ -74,6 +75,8 @@ class Gathered:
     removed: Mapping[str, int]
     seconds: Mapping[str, float]
 
+    __repr__ = brief_repr
+
 
 @dataclass(frozen=True)
 class Reconstructed(Gathered):
@@ -101,6 +104,8 @@ class Reconstructed(Gathered):
     smoothed: Smoothed
     centerline: Centerline | None
     refusal: str
+
+    __repr__ = brief_repr
 
     @property
     def surface(self) -> Mesh:

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float64, Int64, UInt8
 
 from registration import transforms
+from registration.brief import brief_repr
 from registration.errors import InputError
 
 # How the reasons begin for which a reader leaves out poses; the other reasons are of frames.
@@ -183,6 +184,8 @@ class PosedFrames:
     kept: Int64[np.ndarray, " k"]
     world_A_pixel: Float64[np.ndarray, "k 4 4"]
     dropped: dict[str, int]
+
+    __repr__ = brief_repr
 
     @property
     def frames_dropped(self) -> int:

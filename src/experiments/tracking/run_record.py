@@ -17,6 +17,7 @@ from experiments.provenance import process_tags
 from experiments.tracking import CASES_FILE, METRICS_FILE, ORIGIN_TAG, PARENT_TAG, RunWriter, Store
 from experiments.tracking.artifacts import run_file
 from experiments.tracking.headline import NOTE_TAG, metrics_text, without_figures
+from registration.brief import brief_repr
 
 CONFIG_FILE = "config.yaml"
 RESUMED_TAG, KIND_TAG, KINDS_ABOVE = "ctus.resumed", "ctus.kind", ("sweep", "variant")
@@ -74,6 +75,8 @@ class RunRecord:
     cases: pd.DataFrame | None
     metrics: dict[str, float] = field(default_factory=dict)
     inputs: tuple[InputData, ...] = ()
+
+    __repr__ = brief_repr
 
 
 def resumed_tags(run_ids: Sequence[str]) -> dict[str, str]:

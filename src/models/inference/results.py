@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import astuple, dataclass
 from functools import cached_property
+from html import escape
 
 import numpy as np
 
 from models.array_types import Bool, Float32
+from models.pictures import frames_picture
 from models.postprocessing.options import Option
 from models.postprocessing.soft_mask import soft_mask
 
@@ -89,6 +91,15 @@ class FramePrediction:
     times: StageTimes
     option: Option
 
+    def __repr__(self) -> str:
+        """One line: size, area and confidence, no pixels."""
+        size = " x ".join(map(str, self.mask.shape))
+        seen = "" if self.presence is None else f", presence={self.presence:.3f}"
+        return f"FramePrediction({size} px, area_px={self.area_px}, confidence={self.confidence:.3f}{seen})"
+
+    def _repr_html_(self) -> str:
+        return f"{escape(repr(self))}{frames_picture([self.probability], [self.mask], ['probability'])}"
+
     @property
     def area_px(self) -> int:
         """Number of pixels of vessel."""
@@ -119,8 +130,21 @@ class Prediction:
         Calibrated probability of vessel, 0 to 1.
     times : StageTimes
         Seconds of each stage.
+    frames : ndarray of uint8, shape (n, h, w) or (n, h, w, 3), or None, optional
+        The frames themselves, which a notebook shows with the masks; None shows the probability under them.
     """
 
     masks: Bool[np.ndarray, "n h w"]
     probability: Float32[np.ndarray, "n h w"]
     times: StageTimes
+    frames: np.ndarray | None = None
+
+    def __repr__(self) -> str:
+        """One line: how many frames of what size, how many show a vessel, how long it took."""
+        size = " x ".join(map(str, self.masks.shape[1:]))
+        shown = int(self.masks.any(axis=(1, 2)).sum())
+        return f"Prediction({len(self.masks)} frames of {size} px, {shown} with a vessel, {self.times.total_s:.2f} s)"
+
+    def _repr_html_(self) -> str:
+        under = self.probability if self.frames is None else self.frames
+        return f"{escape(repr(self))}{frames_picture(under, self.masks) if len(self.masks) else ''}"

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float64
 
 from registration import transforms
+from registration.brief import brief_repr
 from registration.calibration.probe import complete_right_handed
 from registration.checks import require_count, require_positive
 from registration.errors import InputError
@@ -37,6 +38,8 @@ class NWireResult:
     probe_A_pixel: Float64[np.ndarray, "4 4"]
     residuals_mm: Float64[np.ndarray, "k p"]
     outliers: Bool[np.ndarray, "k p"]
+
+    __repr__ = brief_repr
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float64
 from scipy.spatial.transform import Rotation
 
 from registration import transforms
+from registration.brief import brief_repr
 from registration.checks import require_count, require_positive
 from registration.errors import InputError
 
@@ -36,6 +37,8 @@ class PivotResult:
     residuals_mm: Float64[np.ndarray, " n"]
     outliers: Bool[np.ndarray, " n"]
     weakest_mm: float
+
+    __repr__ = brief_repr
 
     @property
     def rmse_mm(self) -> float:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Float64
 
+from registration.brief import brief_repr
 from registration.checks import require_count, require_positive
 from registration.errors import InputError
 
@@ -47,6 +48,8 @@ class TemporalResult:
     lags_s: Float64[np.ndarray, " k"]
     correlations: Float64[np.ndarray, " k"]
     frames_used: np.ndarray
+
+    __repr__ = brief_repr
 
     @property
     def offset_s(self) -> float:

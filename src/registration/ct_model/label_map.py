@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float64, Int64, Shaped
 
 from registration import transforms
+from registration.brief import brief_repr
 from registration.errors import InputError
 from registration.input_files import guarded
 from registration.io.segments import Segment, read_segments, scan_ends
@@ -51,6 +52,8 @@ class LabelMap:
     segments: tuple[Segment, ...] = ()
     scan_ends: Int64[np.ndarray, "3 2"] | None = None
     units: str = ""
+
+    __repr__ = brief_repr
 
     @property
     def spacing_mm(self) -> Float64[np.ndarray, "3"]:

@@ -10,6 +10,7 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter
 from scipy.ndimage import label as label_pieces
 
 from registration import transforms
+from registration.brief import brief_repr
 from registration.checks import require_positive
 from registration.ct_model.vessel_mask import VesselMask
 from registration.errors import InputError
@@ -44,6 +45,8 @@ class LabelledSurface:
     mesh: Mesh
     lost_mm: float
     lumen: Lumen | None = None
+
+    __repr__ = brief_repr
 
 
 @dataclass(frozen=True)

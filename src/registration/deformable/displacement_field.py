@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from jaxtyping import Float64
 
+from registration.brief import brief_repr
 from registration.errors import InputError
 
 # Displacement in mm at points in mm, both of shape (n, 3) and in one frame.
@@ -43,6 +44,8 @@ class Plausibility:
     strain_p95: float
     jacobian_min: float
     bending_energy_per_mm2: float
+
+    __repr__ = brief_repr
 
     @property
     def folds(self) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float64
 from numpy.typing import ArrayLike
 
+from registration.brief import brief_repr
 from registration.checks import require_positive
 from registration.deformable.displacement_field import DisplacementField, Plausibility, inverse_displacement
 from registration.geometry.shapes import require_points
@@ -109,6 +110,8 @@ class DeformableResult:
     converged: bool
     runtime_s: float
     predicted: PredictedError | None = field(default=None, repr=False)
+
+    __repr__ = brief_repr
 
     def displacement(self, points_mm: ArrayLike) -> Float64[np.ndarray, "n 3"]:
         """Compute the displacement at any points.

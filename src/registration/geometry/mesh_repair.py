@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from registration.brief import brief_repr
 from registration.errors import InputError
 from registration.geometry.hollow import Lumen, find_lumen
 from registration.geometry.mesh_quality import enclosed_volume_mm3
@@ -43,6 +44,8 @@ class Repaired:
     pieces_dropped: int
     area_dropped_mm2: float
     lumen: Lumen | None = None
+
+    __repr__ = brief_repr
 
 
 def repair(mesh: Mesh) -> Repaired:

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 from scipy.spatial import cKDTree
 
+from registration.brief import brief_repr
 from registration.checks import require_positive
 from registration.errors import InputError
 from registration.geometry.open3d_bridge import import_open3d, point_body
@@ -29,6 +30,8 @@ class OrientedCloud:
 
     points_mm: Float64[np.ndarray, "p 3"]
     normals: Float64[np.ndarray, "p 3"]
+
+    __repr__ = brief_repr
 
     def __len__(self) -> int:
         return len(self.points_mm)

@@ -9,6 +9,7 @@ from jaxtyping import Float64, Int64
 from numpy.typing import ArrayLike
 
 from registration import transforms
+from registration.brief import brief_repr
 from registration.errors import InputError
 
 # A cloud whose second principal spread is below this share of its first is a line (or a point) for every purpose
@@ -33,6 +34,8 @@ class Mesh:
     vertices_mm: Float64[np.ndarray, "v 3"]
     triangles: Int64[np.ndarray, "t 3"]
 
+    __repr__ = brief_repr
+
     def __post_init__(self) -> None:
         if not np.isfinite(self.vertices_mm).all():
             raise InputError("vertices_mm: expected finite coordinates, received NaN or infinity")
@@ -43,6 +46,13 @@ class Mesh:
                 f"triangles: expected indices from 0 to {len(self.vertices_mm) - 1}, "
                 f"received {self.triangles.min()} to {self.triangles.max()}"
             )
+
+    def _repr_html_(self) -> str:
+        from registration.geometry.pictures import surface_picture
+
+        return surface_picture(
+            f"{len(self.vertices_mm)} vertices, {len(self.triangles)} triangles", self.vertices_mm
+        )
 
     @property
     def corners_mm(self) -> Float64[np.ndarray, "t 3 3"]:
@@ -184,6 +194,8 @@ class Polyline:
     points_mm: Float64[np.ndarray, "n 3"]
     radius_mm: Float64[np.ndarray, " n"]
 
+    __repr__ = brief_repr
+
     def __post_init__(self) -> None:
         if len(self.points_mm) < 2:
             raise InputError(f"points_mm: expected at least 2 points a line, received {len(self.points_mm)}")
@@ -236,6 +248,8 @@ class Centerline:
     """
 
     lines: tuple[Polyline, ...]
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         if not self.lines:

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Float32, Float64
 
+from registration.brief import brief_repr
 from registration.checks import require_count
 from registration.errors import InputError
 from registration.io.atomic import atomic_write
@@ -58,6 +59,8 @@ class DisplacementGrid:
     origin_mm: Float64[np.ndarray, "3"]
     spacing_mm: Float64[np.ndarray, "3"]
     displacement_mm: Float32[np.ndarray, "x y z 3"] | Float64[np.ndarray, "x y z 3"]
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         _require_finite("origin_mm", self.origin_mm)

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from registration import transforms
+from registration.brief import brief_repr
 from registration.errors import InputError
 from registration.geometry.rigid_fit import kabsch
 from registration.geometry.shapes import LINE_SHARE, principal_frame
@@ -55,6 +56,8 @@ class Landmarks:
     names: tuple[str, ...]
     points_mm: Float64[np.ndarray, "n 3"]
 
+    __repr__ = brief_repr
+
     def __post_init__(self) -> None:
         if len(self.names) != len(self.points_mm):
             raise InputError(
@@ -89,6 +92,8 @@ class LandmarkPairs:
     names: tuple[str, ...]
     moving_mm: Float64[np.ndarray, "n 3"]
     fixed_mm: Float64[np.ndarray, "n 3"]
+
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         if not len(self.names) == len(self.moving_mm) == len(self.fixed_mm) >= MIN_PAIRS:

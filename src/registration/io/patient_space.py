@@ -15,13 +15,13 @@ import numpy as np
 from jaxtyping import Float64
 
 from registration.errors import InputError
-from registration.geometry.shapes import Mesh
+from registration.geometry.shapes import Mesh, Surface, points_of
 from registration.input_files import guarded
 from registration.io.atomic import atomic_write
 from registration.io.surface_files.stl import is_text
 from registration.io.surface_files.vtk_polydata import read_polydata
 
-WRITABLE = (".ply", ".stl")
+WRITABLE = (".ply", ".stl", ".vtp")
 _STATED = re.compile(rb"SPACE=(LPS|RAS)")
 _HEADER_BYTES = 1 << 14
 
@@ -89,63 +89,85 @@ def lps_from(points: Float64[np.ndarray, "n 3"], space: str) -> Float64[np.ndarr
     return points * np.array([-1.0, -1.0, 1.0]) if space == "ras" else points
 
 
-def write_model(path: Path, mesh: Mesh, space: str = "lps") -> None:
+def write_model(path: Path, surface: Surface, space: str = "lps") -> None:
     """Write a surface whose header names its axes, binary in single precision.
 
     Parameters
     ----------
     path : Path
-        File ending in ``.ply`` or ``.stl``; its folder must exist.
-    mesh : Mesh
-        Surface in mm.
+        File ending in ``.ply``, ``.stl`` or ``.vtp``; its folder must exist.
+    surface : Surface
+        Mesh in mm, or in ``.vtp`` points too: each gets a cell of its own there, without which a viewer shows none.
     space : {'lps', 'ras'}, optional
         Axes that it is in.
 
     Raises
     ------
     InputError
-        If the suffix or the axes are others.
+        If the suffix or the axes are others, or points are to be written as ``.ply`` or ``.stl``.
     """
     path = Path(path)
-    if path.suffix.lower() not in WRITABLE:
+    suffix = path.suffix.lower()
+    if suffix not in WRITABLE:
         raise InputError(
             f"{path}: expected one of {', '.join(WRITABLE)} to write, received {path.suffix or 'none'}"
         )
     if space not in ("lps", "ras"):
         raise InputError(f"space: expected lps or ras, received {space!r}")
-    from vtkmodules.vtkIOGeometry import vtkSTLWriter
-    from vtkmodules.vtkIOPLY import vtkPLYWriter
-
-    stated = f"SPACE={space.upper()}"
-    if path.suffix.lower() == ".ply":
-        writer = vtkPLYWriter()
-        writer.AddComment(stated)
-    else:
-        writer = vtkSTLWriter()
-        writer.SetHeader(stated)
-    writer.SetFileTypeToBinary()
-    writer.SetInputData(_polydata(mesh))
+    if suffix != ".vtp" and not isinstance(surface, Mesh):
+        raise InputError(f"{path}: expected a mesh to write as {suffix}, received points; .vtp holds them")
+    writer = _writer(suffix, space)
+    writer.SetInputData(_polydata(surface, space if suffix == ".vtp" else None))
     with atomic_write(path) as temporary:
         writer.SetFileName(str(temporary))
         if not writer.Write():
             raise OSError(f"{path}: could not be written")
 
 
-def _polydata(mesh: Mesh) -> Any:
+def _writer(suffix: str, space: str) -> Any:
+    """The writer of a suffix, with the name of the axes in its header; VTP has it as a field of the data."""
+    from vtkmodules.vtkIOGeometry import vtkSTLWriter
+    from vtkmodules.vtkIOPLY import vtkPLYWriter
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
+
+    if suffix == ".vtp":
+        return vtkXMLPolyDataWriter()
+    stated = f"SPACE={space.upper()}"
+    if suffix == ".ply":
+        writer = vtkPLYWriter()
+        writer.AddComment(stated)
+    else:
+        writer = vtkSTLWriter()
+        writer.SetHeader(stated)
+    writer.SetFileTypeToBinary()
+    return writer
+
+
+def _polydata(surface: Surface, space: str | None) -> Any:
+    """The surface as VTK has it, with a field for its axes where they are given."""
     from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
-    from vtkmodules.vtkCommonCore import vtkPoints
+    from vtkmodules.vtkCommonCore import vtkPoints, vtkStringArray
     from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
 
     places = vtkPoints()
-    places.SetData(numpy_to_vtk(np.ascontiguousarray(mesh.vertices_mm, dtype=np.float32), deep=True))
-    faces = vtkCellArray()
-    faces.SetData(
-        numpy_to_vtkIdTypeArray(np.arange(0, mesh.triangles.size + 1, 3, dtype=np.int64), deep=True),
-        numpy_to_vtkIdTypeArray(np.ascontiguousarray(mesh.triangles.reshape(-1), dtype=np.int64), deep=True),
+    places.SetData(numpy_to_vtk(np.ascontiguousarray(points_of(surface), dtype=np.float32), deep=True))
+    corners = surface.triangles if isinstance(surface, Mesh) else np.arange(len(surface))[:, None]
+    cells = vtkCellArray()
+    cells.SetData(
+        numpy_to_vtkIdTypeArray(np.arange(0, corners.size + 1, corners.shape[1], dtype=np.int64), deep=True),
+        numpy_to_vtkIdTypeArray(np.ascontiguousarray(corners.reshape(-1), dtype=np.int64), deep=True),
     )
     data = vtkPolyData()
     data.SetPoints(places)
-    data.SetPolys(faces)
+    if isinstance(surface, Mesh):
+        data.SetPolys(cells)
+    else:
+        data.SetVerts(cells)
+    if space is not None:
+        field = vtkStringArray()
+        field.SetName("SPACE")
+        field.InsertNextValue(space.upper())
+        data.GetFieldData().AddArray(field)
     return data
 
 

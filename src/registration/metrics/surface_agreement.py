@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float64
 
+from registration.brief import brief_repr
 from registration.checks import require_count
 from registration.errors import InputError
 from registration.geometry.mesh_topology import borders
@@ -43,6 +44,8 @@ class SurfaceAgreement:
     hd95_covered_mm: float
     covered_first: float
     covered_second: float
+
+    __repr__ = brief_repr
 
 
 @dataclass(frozen=True)

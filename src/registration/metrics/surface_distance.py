@@ -15,6 +15,7 @@ from jaxtyping import Float64
 from scipy.spatial import cKDTree
 
 from registration import transforms
+from registration.brief import brief_repr
 from registration.checks import require_count, require_positive
 from registration.errors import InputError
 from registration.geometry.open3d_bridge import TriangleScene
@@ -109,6 +110,8 @@ class SurfaceResiduals:
     inlier_share: float
     coverage: float
 
+    __repr__ = brief_repr
+
 
 def surface_residuals(
     moving: Surface,
@@ -184,6 +187,8 @@ class PoseError:
     tre_max_mm: float
     rotation_error_deg: float
     translation_error_mm: float
+
+    __repr__ = brief_repr
 
 
 def pose_error(

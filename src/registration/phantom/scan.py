@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float64, UInt8
 from scipy.spatial.transform import Rotation
 
 from registration import transforms
+from registration.brief import brief_repr
 from registration.checks import require_count
 from registration.geometry.shapes import Centerline, Mesh
 from registration.phantom.anatomy import anatomy_of
@@ -71,6 +72,8 @@ class SimulatedSweep:
     contact: Contact
     hard_spots_mm: Float64[np.ndarray, "k 3"]
     settings: PhantomSettings
+
+    __repr__ = brief_repr
 
 
 def simulate_sweep(

@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float, Float64, Int64
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from registration import transforms
+from registration.brief import brief_repr
 from registration.errors import InputError
 from registration.geometry.point_cloud import OrientedCloud
 from registration.reconstruction.mask_series import box_of
@@ -44,6 +45,8 @@ class ContourCloud(OrientedCloud):
     is_open: Bool[np.ndarray, " p"]
     confidence: Float64[np.ndarray, " p"]
     world_A_pixel: Float64[np.ndarray, "m 4 4"] = field(metadata={"per_frame": True})
+
+    __repr__ = brief_repr
 
 
 @dataclass(frozen=True)

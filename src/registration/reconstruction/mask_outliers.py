@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Float64
 
+from registration.brief import brief_repr
 from registration.checks import require_count, require_positive
 from registration.reconstruction.mask_series import MaskSeries
 from registration.reconstruction.mask_specks import specks
@@ -49,6 +50,8 @@ class MaskCheck:
     specks: Bool[np.ndarray, " k"]
     empty: Bool[np.ndarray, " k"]
     undecided: float = 0.0
+
+    __repr__ = brief_repr
 
     @property
     def rejected(self) -> Bool[np.ndarray, " k"]:

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Int64
 from scipy.spatial import cKDTree
 
+from registration.brief import brief_repr
 from registration.checks import require_count, require_positive
 from registration.errors import InputError
 from registration.geometry.point_cloud import AnyCloud, take
@@ -28,6 +29,8 @@ class Filtered(Generic[AnyCloud]):
 
     cloud: AnyCloud
     removed: Int64[np.ndarray, " r"]
+
+    __repr__ = brief_repr
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array, diags_array
 
+from registration.brief import brief_repr
 from registration.checks import require_count, require_positive
 from registration.errors import InputError
 from registration.geometry.mesh_quality import enclosed_volume_mm3
@@ -31,6 +32,8 @@ class Smoothed:
     mesh: Mesh
     volume_change: float
     moved_max_mm: float
+
+    __repr__ = brief_repr
 
 
 @dataclass(frozen=True)

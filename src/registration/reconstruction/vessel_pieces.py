@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from registration.brief import brief_repr
 from registration.checks import require_at_least, require_positive
 from registration.geometry.mesh_topology import Border, borders, keep_triangles, largest_piece, pieces
 from registration.geometry.shapes import Mesh
@@ -40,6 +41,8 @@ class KeptPieces:
     dropped: int
     area_mm2: float
     area_dropped_mm2: float
+
+    __repr__ = brief_repr
 
     @property
     def share_dropped(self) -> float:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Float64, UInt8
 
+from registration.brief import brief_repr
 from registration.checks import require_positive
 from registration.errors import InputError
 
@@ -62,6 +63,8 @@ class PlacedVolume:
     grid: VolumeGrid
     values: Float64[np.ndarray, "z y x"]
     filled: Bool[np.ndarray, "z y x"]
+
+    __repr__ = brief_repr
 
 
 @dataclass(frozen=True)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import textwrap
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
 from numpy.typing import ArrayLike
 
+from registration import transforms
+from registration.brief import COLUMNS, brief_repr
 from registration.checks import require_positive
 from registration.errors import InputError
+from registration.geometry.pictures import Overlay, Stage
 from registration.geometry.shapes import require_points
 from registration.rigid.residual_model.deformation import Deformation, predicted_tre_mm
 from registration.rigid.search_cone import SearchCone
@@ -67,6 +71,8 @@ class Candidate:
     inlier_share: float = float("nan")
     coverage: float = float("nan")
     settled: bool = False
+
+    __repr__ = brief_repr
 
 
 @dataclass(frozen=True, repr=False)
@@ -158,18 +164,18 @@ class RigidResult:
         """One screen: every number, and of poses and candidates what fits there."""
         pose = np.array2string(self.fixed_T_moving, precision=3, suppress_small=True, prefix=" " * 19)
         gap = "" if np.isnan(self.ambiguity_gap) else f", ambiguity_gap={self.ambiguity_gap:.1f}"
-        weak = f", weak_directions={self.weak_directions}" if self.weak_directions else ""
+        weak = f",\n    weak_directions={self.weak_directions}" if self.weak_directions else ""
         offset = "" if np.isnan(self.wall_offset_mm) else f", wall_offset_mm={self.wall_offset_mm:.3f}"
         bent = ""
         if self.deformation is not None:
             bent = (
-                f"    deformation={self.deformation},\n"
+                f"{_filled(f'deformation={self.deformation}')},\n"
                 f"    probability_right_vessel={self.probability_right_vessel:.3f},\n"
             )
         samples = "none" if self.pose_samples is None else f"{len(self.pose_samples)}"
         return (
             f"RigidResult(verdict={self.verdict!r}, converged={self.converged}{gap}{weak},\n"
-            f"    reason={self.reason!r},\n"
+            f"{_filled(f'reason={self.reason!r}')},\n"
             f"    rmse_mm={self.rmse_mm:.4g}, rmse_trimmed_mm={self.rmse_trimmed_mm:.4g}, "
             f"rmse_bidirectional_mm={self.rmse_bidirectional_mm:.4g},\n"
             f"    inlier_share={self.inlier_share:.3f}, coverage={self.coverage:.3f}{offset},\n"
@@ -177,6 +183,31 @@ class RigidResult:
             f"candidates={len(self.candidates)}, pose_samples={samples},\n"
             f"    fixed_T_moving={pose})"
         )
+
+    def overlay(self, moving_mm: ArrayLike, fixed_mm: ArrayLike) -> Overlay:
+        """Lay one cloud on the other, before and after; a notebook shows it as a picture by distance.
+
+        Parameters
+        ----------
+        moving_mm : ndarray, shape (n, 3)
+            Moving cloud in mm.
+        fixed_mm : ndarray, shape (m, 3)
+            Fixed cloud in mm.
+
+        Returns
+        -------
+        Overlay
+            Two stages: the centres of both laid on each other, and this pose.
+
+        Raises
+        ------
+        InputError
+            If a point is none.
+        """
+        moving, fixed = require_points(moving_mm, "moving_mm", 1), require_points(fixed_mm, "fixed_mm", 1)
+        centred = moving - moving.mean(axis=0) + fixed.mean(axis=0)
+        after = transforms.apply(self.fixed_T_moving, moving)
+        return Overlay((Stage("centres on each other", centred, fixed), Stage("after", after, fixed)))
 
     def tre_interval_mm(self, targets_mm: ArrayLike, level: float = 0.9) -> tuple[float, float]:
         """Predict where the target registration error lies.
@@ -277,3 +308,10 @@ def predicted_sentence(low_mm: float, high_mm: float, deformation: Deformation |
     if deformation.unseen is not None:
         return f"{predicted}, none detected."
     return f"{predicted}, no tissue motion detected; motion that the surfaces do not show is not included."
+
+
+def _filled(text: str) -> str:
+    """Lines of one screen's width, the first indented as the others of the result, what follows further."""
+    return textwrap.fill(
+        text, COLUMNS - 2, initial_indent="    ", subsequent_indent=" " * 8, break_on_hyphens=False
+    )

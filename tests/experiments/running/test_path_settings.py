@@ -70,7 +70,7 @@ _WORDS = """
     interpolation compounding image_topic pose_topic world ee tf_topics out_of_order image clock orientation
     selection late_weights image_device pose_device host nifti_form prediction_label ignore_label ignored times
     transforms deformable model_side residual device configurations vessels districts run runs unit data_root
-    sources motion strategy
+    sources motion strategy slicer
 """
 WORDS = {
     *_WORDS.split(),

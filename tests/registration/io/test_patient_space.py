@@ -17,7 +17,7 @@ TUBE = bent_tube()
 
 
 @pytest.mark.parametrize("space", ["lps", "ras"])
-@pytest.mark.parametrize("name", ["m.ply", "m.stl", "M.STL"])
+@pytest.mark.parametrize("name", ["m.ply", "m.stl", "M.STL", "m.vtp"])
 def test_a_written_model_reads_back_and_states_its_space(tmp_path: Path, name: str, space: str) -> None:
     write_model(tmp_path / name, TUBE, space)
     found = read_surface(tmp_path / name)
@@ -94,6 +94,19 @@ def test_a_file_of_this_program_without_a_patient_states_none(tmp_path: Path) ->
     assert stated_space(tmp_path / "m.ply") is None
 
 
+def test_points_have_a_cell_each_in_vtp(tmp_path: Path) -> None:
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
+
+    write_model(tmp_path / "cloud.vtp", TUBE.vertices_mm, "ras")
+    reader = vtkXMLPolyDataReader()
+    reader.SetFileName(str(tmp_path / "cloud.vtp"))
+    reader.Update()
+    found = reader.GetOutput()
+    assert (found.GetNumberOfVerts(), found.GetNumberOfPolys()) == (len(TUBE.vertices_mm), 0)
+    assert stated_space(tmp_path / "cloud.vtp") == "ras"
+    np.testing.assert_allclose(read_surface(tmp_path / "cloud.vtp"), TUBE.vertices_mm, atol=1e-5)
+
+
 def test_ras_turns_the_first_two_axes_over() -> None:
     points = np.array([[1.0, 2.0, 3.0]])
     np.testing.assert_array_equal(lps_from(points, "ras"), [[-1, -2, 3]])
@@ -103,8 +116,12 @@ def test_ras_turns_the_first_two_axes_over() -> None:
 
 
 def test_writing_refuses_what_it_can_not_hold(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"m\.obj: expected one of \.ply, \.stl to write"):
+    with pytest.raises(InputError, match=r"m\.obj: expected one of \.ply, \.stl, \.vtp to write"):
         write_model(tmp_path / "m.obj", TUBE)
     with pytest.raises(InputError, match="space: expected lps or ras, received 'LPS'"):
         write_model(tmp_path / "m.ply", TUBE, "LPS")
+    with pytest.raises(
+        InputError, match=r"m\.ply: expected a mesh to write as \.ply, received points; \.vtp holds"
+    ):
+        write_model(tmp_path / "m.ply", TUBE.vertices_mm)
     assert not list(tmp_path.iterdir())

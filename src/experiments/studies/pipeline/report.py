@@ -17,10 +17,13 @@ from experiments.analysis.registration.pose_scores import plain
 from experiments.analysis.registration.reconstruction_faults import numbers, sentences
 from experiments.analysis.registration.registered_sweep import LEVEL, RegisteredSweep, StageError
 from experiments.analysis.registration.simulated_truth import truth_record
+from experiments.analysis.registration.slicer_result import write_slicer_result
 from experiments.outcome import Outcome
+from experiments.studies.pipeline.scene import pipeline_scene, pipeline_slicer_result
 from registration import transforms
 from registration.io.centerlines import write_centerline
 from registration.io.surfaces import write_surface
+from registration.io.transforms import write_transform
 from registration.rigid.result import length_mm, predicted_sentence, verdict_sentence
 
 if TYPE_CHECKING:
@@ -77,7 +80,7 @@ class Registered:
     registered: RegisteredSweep
 
 
-def write(workspace: Path, truth: SimulatedSweep, found: Registered) -> None:
+def write(workspace: Path, truth: SimulatedSweep, found: Registered, slicer: str) -> None:
     """Write cloud, surface, centerline, registered cloud, model, deformed model, truth and result as files.
 
     Parameters
@@ -88,6 +91,8 @@ def write(workspace: Path, truth: SimulatedSweep, found: Registered) -> None:
         Simulated sweep and its truth.
     found : Registered
         What the geometric half of the chain found.
+    slicer : {'scene', 'bundle', 'none'}
+        What is written for 3D Slicer.
     """
     write_surface(workspace / "cloud.ply", found.cloud_mm)
     if found.built is not None:
@@ -96,6 +101,7 @@ def write(workspace: Path, truth: SimulatedSweep, found: Registered) -> None:
             write_centerline(workspace / "centerline.vtp", found.built.centerline)
     registered, result = found.registered, found.registered.result
     write_surface(workspace / "moved.ply", transforms.apply(result.fixed_T_moving, found.cloud_mm))
+    write_transform(workspace / "fixed_T_moving.h5", result.fixed_T_moving)
     write_surface(workspace / "model.ply", truth.model)
     if registered.deformed is not None:
         write_deformed(registered.deformed, workspace)
@@ -117,6 +123,8 @@ def write(workspace: Path, truth: SimulatedSweep, found: Registered) -> None:
         "reconstruction": {"mask_check": found.left_out.masks, "surface": found.left_out.surface},
     }
     files.write_text(workspace / "registration.json", json.dumps(record))
+    shown = pipeline_slicer_result(truth, found.cloud_mm, found.built, registered)
+    write_slicer_result(workspace, shown, slicer)
 
 
 def outcome(
@@ -152,7 +160,6 @@ def outcome(
     import pandas as pd
 
     from experiments.studies.pipeline.figures import figures
-    from experiments.studies.pipeline.scene import pipeline_scene
     from models.metrics.scoring import summarise
 
     scores = summarise({key: cases[key] for key in ("dsc", "hd95_mm", "missed", "false_alarm")})

@@ -10,10 +10,11 @@ from experiments.analysis.registration.registered_scene import (
     deformed_layers,
     shape_layer,
 )
+from experiments.analysis.registration.slicer_result import SlicerResult, moved_centerline
 from experiments.reporting.scene import LineLayer, Scene
 from experiments.reporting.scene_layers import BLUE, GREEN, GREY, ORANGE
 from registration import transforms
-from registration.geometry.shapes import points_of, with_points
+from registration.geometry.shapes import points_of, transformed, with_points
 from registration.metrics.surface_distance import SurfaceDistance
 
 if TYPE_CHECKING:
@@ -78,3 +79,36 @@ def pipeline_scene(
         values_range_mm=color_range_mm(distance_mm),
         verdict=registered.result.verdict,
     )
+
+
+def pipeline_slicer_result(
+    truth: SimulatedSweep,
+    cloud_mm: np.ndarray,
+    built: Reconstructed | None,
+    registered: RegisteredSweep,
+) -> SlicerResult:
+    """Collect what 3D Slicer shows of one registered sweep, in the frame of the CT.
+
+    Parameters
+    ----------
+    truth : SimulatedSweep
+        Simulated sweep and its truth.
+    cloud_mm : ndarray, shape (p, 3)
+        Contours of the sweep in the world frame in mm.
+    built : Reconstructed or None
+        Surface and centerline; None where no surface can be made.
+    registered : RegisteredSweep
+        Results of the registration's stages.
+
+    Returns
+    -------
+    SlicerResult
+        Model, contours, reconstructed surface, centerline, and what deformed.
+    """
+    pose = registered.result.fixed_T_moving
+    lines, further = {}, {}
+    if built is not None:
+        further["reconstructed surface, moved"] = transformed(built.surface, pose)
+        if built.centerline is not None:
+            lines["centerline, moved"] = moved_centerline(built.centerline, pose)
+    return SlicerResult(truth.model, cloud_mm, pose, lines, further=further, deformed=registered.deformed)

@@ -10,6 +10,7 @@ import numpy as np
 
 from experiments.analysis.registration.reconstruction_faults import mask_record, surface_record
 from experiments.analysis.registration.registered_sweep import RegistrationStages
+from experiments.analysis.registration.slicer_result import require_slicer
 from experiments.errors import InputError
 from experiments.inputs.surfaces import one_method
 from experiments.outcome import Outcome, Progress
@@ -49,7 +50,9 @@ HEADLINE = (
 )
 
 
-def check(*, model_path: PathSetting, rigid: Mapping[str, Any], deformable: Mapping[str, Any]) -> None:
+def check(
+    *, model_path: PathSetting, rigid: Mapping[str, Any], deformable: Mapping[str, Any], slicer: str
+) -> None:
     """Check that the network exists, and that there is one method a stage.
 
     Parameters
@@ -60,12 +63,15 @@ def check(*, model_path: PathSetting, rigid: Mapping[str, Any], deformable: Mapp
         Settings of exactly one rigid registration method by its name.
     deformable : Mapping[str, Any]
         Settings of exactly one deformable registration method by its name; ``none`` for no such method.
+    slicer : {'scene', 'bundle', 'none'}
+        What is written for 3D Slicer: a scene, a bundle of all in one file beside it, or nothing.
 
     Raises
     ------
     InputError
-        If ``model_path`` is no file, or a stage has no method or several.
+        If ``model_path`` is no file, a stage has no method or several, or ``slicer`` is another.
     """
+    require_slicer(slicer)
     one_method(rigid)
     one_method(deformable, "deformable")
     if not Path(model_path).is_file():
@@ -91,6 +97,7 @@ def run(
     sweep_index: int,
     max_gap_s: float,
     fixed_points: int,
+    slicer: str,
     inlier_mm: float,
     keep: float,
     seed: int,
@@ -100,7 +107,8 @@ def run(
     """Simulate a sweep, segment it, reconstruct the vessel, register it to the phantom's model and deform the model.
 
     Leaves ``cloud.ply``, ``surface.ply`` and ``centerline.vtp`` (world, mm), ``moved.ply`` and ``model.ply``
-    (ct, mm), ``truth.json`` and ``registration.json`` in ``workspace``, and after a deformable stage
+    (ct, mm), ``fixed_T_moving.h5``, ``truth.json``, ``registration.json`` and, for 3D Slicer, ``scene.mrml`` in
+    ``workspace``, and after a deformable stage
     ``model_deformed.ply``, ``moved_deformed.ply`` and the displacement. Points of which no surface can be made are
     registered all the same.
 
@@ -134,6 +142,8 @@ def run(
         A frame in a longer gap in s between two poses is dropped.
     fixed_points : int
         Number of points drawn from the fixed model for the registration.
+    slicer : {'scene', 'bundle', 'none'}
+        What is written for 3D Slicer: a scene, a bundle of all in one file beside it, or nothing.
     inlier_mm : float
         Distance in mm within which a point counts as explained.
     keep : float
@@ -177,7 +187,7 @@ def run(
     stages = RegistrationStages(rigid, deformable, fixed_points, inlier_mm, keep, seed)
     placed = stages(truth, gathered.cloud, posed.kept, seconds)
     found = Registered(gathered.cloud.points_mm, built, refusal, left_out, placed)
-    write(workspace, truth, found)
+    write(workspace, truth, found, slicer)
     masks = values >= 0.5
     return outcome(_score_frames(masks, truth), found, seconds, truth, masks, sum(posed.dropped.values()))
 

@@ -11,10 +11,12 @@ import numpy as np
 
 from experiments import files
 from experiments.analysis.registration.deformed_model import Deformed, deformed_sentences, write_deformed
+from experiments.analysis.registration.slicer_result import BUNDLE, FILES, NONE, write_slicer_result
 from experiments.outcome import Outcome
 from experiments.studies.register.carried import landmark_errors_mm, write_carried
 from experiments.studies.register.record import LENGTHS, SHARES, Registered, record
 from experiments.studies.register.scene import register_scene
+from experiments.studies.register.slicer import slicer_result
 from registration.geometry.shapes import transformed
 from registration.io.surfaces import write_surface
 from registration.io.transforms import write_transform
@@ -36,8 +38,8 @@ UNLIKELY = 0.5
 NOTED_OFFSET_MM = 0.2
 
 
-def write(found: Registered, workspace: Path) -> None:
-    """Write registration.json, moved.ply, fixed_T_moving.h5 and scene.html.
+def write(found: Registered, workspace: Path, slicer: str) -> None:
+    """Write registration.json, moved.ply, fixed_T_moving.h5, scene.html and what 3D Slicer opens.
 
     Parameters
     ----------
@@ -45,6 +47,8 @@ def write(found: Registered, workspace: Path) -> None:
         Registered pair.
     workspace : Path
         Folder of the run in which result files are left.
+    slicer : {'scene', 'bundle', 'none'}
+        What is written for 3D Slicer.
     """
     pose = found.result.fixed_T_moving
     record_text = json.dumps(record(found), indent=2, allow_nan=False)
@@ -59,15 +63,18 @@ def write(found: Registered, workspace: Path) -> None:
     notes, judged = (verdict, *more, residual), found.result.verdict
     scene = register_scene(found.pair, pose, found.name, notes, rival, found.deformed, judged)
     scene.write(workspace / "scene.html")
+    write_slicer_result(workspace, slicer_result(found), slicer)
 
 
-def outcome(found: Registered) -> Outcome:
+def outcome(found: Registered, slicer: str) -> Outcome:
     """Make the outcome of the study.
 
     Parameters
     ----------
     found : Registered
         Registered pair.
+    slicer : {'scene', 'bundle', 'none'}
+        What was written for 3D Slicer.
 
     Returns
     -------
@@ -107,6 +114,7 @@ def outcome(found: Registered) -> Outcome:
             "registration.json holds the pose and all candidates, moved.ply the moved surface in mm (LPS), "
             "fixed_T_moving.h5 the transform for ITK and 3D Slicer, scene.html the page to look at.",
             *_files_of_deformed(found),
+            *((f"{FILES[slicer == BUNDLE]} is the scene for 3D Slicer.",) if slicer != NONE else ()),
         ),
         tags={"rigid": found.name, "verdict": result.verdict},
         inputs=found.pair.inputs,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from experiments.analysis.registration.slicer_result import require_slicer
 from experiments.inputs.surfaces import one_method
 from experiments.outcome import Outcome, Progress
 from experiments.paths import PathSetting
@@ -73,6 +74,7 @@ def check(
     fixed_unit: str | None,
     moving_space: str | None,
     fixed_space: str | None,
+    slicer: str,
 ) -> None:
     """Check that the files can be registered.
 
@@ -110,6 +112,8 @@ def check(
         Length unit, mm or m; None for mm, refused if it looks like metres.
     moving_space, fixed_space : str or None
         Axes, lps or ras; None as the header says, else lps.
+    slicer : {'scene', 'bundle', 'none'}
+        What is written for 3D Slicer: a scene, a bundle of all in one file beside it, or nothing.
 
     Raises
     ------
@@ -118,6 +122,7 @@ def check(
     """
     one_method(rigid)
     one_method(deformable, "deformable")
+    require_slicer(slicer)
     require_side(model_side)
     read_known_truth(truth)
     sides = (
@@ -152,6 +157,7 @@ def run(
     fixed_space: str | None,
     moving_points: int,
     fixed_points: int,
+    slicer: str,
     inlier_mm: float,
     keep: float,
     seed: int,
@@ -160,9 +166,10 @@ def run(
 ) -> Outcome:
     """Register ``moving`` to ``fixed``.
 
-    Leaves registration.json, moved.ply (mm, LPS), fixed_T_moving.h5 (in ITK's direction) and scene.html in
-    ``workspace``; after a deformable stage moved_deformed.ply, model_deformed.ply and the displacement too. Meshes are
-    sampled uniformly by area for the method; residuals are measured on the surfaces themselves.
+    Leaves registration.json, moved.ply (mm, LPS), fixed_T_moving.h5 (in ITK's direction), scene.html and, for 3D
+    Slicer, scene.mrml in ``workspace``; after a deformable stage moved_deformed.ply, model_deformed.ply and the
+    displacement too. Meshes are sampled uniformly by area for the method; residuals are measured on the surfaces
+    themselves.
 
     Parameters
     ----------
@@ -200,6 +207,8 @@ def run(
         Axes, lps or ras; None as the header says, else lps.
     moving_points, fixed_points : int
         Number of points sampled from a mesh.
+    slicer : {'scene', 'bundle', 'none'}
+        What is written for 3D Slicer: a scene, a bundle of all in one file beside it, or nothing.
     inlier_mm : float
         Distance in mm within which a point counts as explained.
     keep : float
@@ -249,8 +258,8 @@ def run(
             points=points, inlier_mm=inlier_mm, keep=keep, seed=seed,
         )  # fmt: skip
     found = Registered(name, pair, result, residuals, read_known_truth(truth), deformed, refusal, carried)
-    write(found, workspace)
-    return outcome(found)
+    write(found, workspace, slicer)
+    return outcome(found, slicer)
 
 
 def _registered(method: Any, pair: Pair, moving_points: int, fixed_points: int, seed: int) -> RigidResult:

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from registration import transforms
+from registration.brief import brief_repr
 from registration.rigid.icp.correspondence import TreeTarget
 from registration.rigid.residual_model.covariance import CovarianceParts
 from registration.rigid.residual_model.grouped_residuals import grouped_residuals
@@ -60,11 +61,13 @@ class Deformation:
     posterior: Posterior = field(repr=False)
     block: Int64[np.ndarray, " m"] = field(repr=False)
     motion_mm: Float64[np.ndarray, "6"] = field(repr=False)
-    inflation: float = 1.0
-    seed: int = 0
+    inflation: float = field(default=1.0, repr=False)
+    seed: int = field(default=0, repr=False)
     posterior_T_fixed: Float64[np.ndarray, "4 4"] = field(default_factory=lambda: np.eye(4), repr=False)
     expected_mm: float = 0.0
     unseen: Posterior | None = field(default=None, repr=False)
+
+    __repr__ = brief_repr
 
     @property
     def is_predicted(self) -> bool:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from slicer_scenes import read_scene
 
 from experiments.errors import InputError
 from experiments.outcome import Silent
@@ -88,7 +89,7 @@ def run(workspace: Path, **changes: Any) -> Any:
         "contours": ContourExtractor(), "filters": {"voxel": VoxelDownsampling(0.5)},
         "surface": PoissonSurface(cell_mm=0.9, bridge_mm=3.0), "smoothing": TaubinSmoothing(),
         "centerline": CenterlineExtractor(), "rigid": {"multistart": MultiStartICP()}, "deformable": {"none": None},
-        "model_path": "model.pt", "sweep_index": 3, "max_gap_s": 0.1, "fixed_points": 5000,
+        "model_path": "model.pt", "sweep_index": 3, "max_gap_s": 0.1, "fixed_points": 5000, "slicer": "scene",
         "inlier_mm": 1.0, "keep": 0.9, "seed": 0, "workspace": workspace, "progress": Silent(),
     }  # fmt: skip
     return pipeline.run(**{**settings, **changes})
@@ -112,6 +113,14 @@ def test_exact_masks_and_poses_bring_the_cloud_home(exact: SimpleNamespace) -> N
     assert np.sqrt((distances_mm**2).mean()) < 0.5
     moved_mm = np.asarray(read_surface(folder / "moved.ply"))
     np.testing.assert_allclose(moved_mm, transforms.apply(found, cloud_mm), atol=1e-3)
+    # 3D Slicer gets the model, the contours and the reconstruction, each where it was found to lie.
+    shown, moves = read_scene(folder / "scene.mrml")
+    assert {"fixed", "moving, as given", "moved", "reconstructed surface, moved"} <= set(shown)
+    assert list(moves) == ["fixed_T_moving"]
+    np.testing.assert_allclose(shown["moving, as given"].placed_mm, moved_mm, atol=1e-3)
+    assert shown["moved"].vertices == len(moved_mm)
+    surface_mm = shown["reconstructed surface, moved"].points_mm.astype(np.float64)
+    assert SurfaceDistance(read_surface(folder / "model.ply"))(surface_mm).mean() < 0.5
     # The measured error stands beside the predicted one, in the file and in the terminal.
     assert record["measured_tre_mm"] == pytest.approx(outcome.metrics["tre_mm"])
     assert 0 < record["predicted_tre_mm"]["low"] < record["predicted_tre_mm"]["high"] < 2

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import SimpleITK
 from scipy.spatial.transform import Rotation
+from slicer_scenes import read_scene
 from vessels import bent_tube
 
 from experiments import registry
@@ -38,6 +39,7 @@ MIDDLE_MM = TUBE.vertices_mm.mean(axis=0)
 AXIS = np.linalg.svd(TUBE.vertices_mm - MIDDLE_MM, full_matrices=False)[2]
 POSE = transforms.from_rotation(Rotation.from_rotvec([0.1, -0.05, 0.08]), np.array([3.0, -2.0, 1.0]))
 FILES = {
+    "Data",
     "displacement.h5",
     "displacement.npz",
     "displacement.nrrd",
@@ -47,6 +49,7 @@ FILES = {
     "moved_deformed.ply",
     "registration.json",
     "scene.html",
+    "scene.mrml",
 }
 
 
@@ -93,6 +96,7 @@ def run(folder: Path, moving: str, fixed: str, **change: Any) -> tuple[Outcome, 
         "deformable": {"cpd": CoherentPointDrift()},
         "model_side": "fixed",
         "carry": [],
+        "slicer": "scene",
         "initial": str(folder / "near.h5"),
         **dict.fromkeys(nothing),
         "moving_points": 2500,
@@ -222,6 +226,22 @@ def marked(folder: Path, moving_of_model: bool) -> dict[str, Any]:
     }
 
 
+def in_slicer(out: Path, model_side: str) -> None:
+    """The scene for 3D Slicer shows all of it; under the displacement the model lies where the sweep has seen it."""
+    shown, moves = read_scene(out / "scene.mrml")
+    ends = ("fixed", "moved")
+    expected = {"fixed", "moving, as given", "moved", "moved, deformed", "model, deformed", "plaque_carried"}
+    expected |= {f"centerline, {'fixed' if model_side == 'fixed' else 'moved'}", "centerline_deformed"}
+    assert set(shown) == expected | {f"landmarks, {end}" for end in ends} | {"landmarks_deformed"}
+    model = shown["fixed" if model_side == "fixed" else "moved"].points_mm.astype(np.float64)
+    there = [moves["displacement of the model"].TransformPoint(point.tolist()) for point in model]
+    np.testing.assert_allclose(there, shown["model, deformed"].points_mm, atol=0.1)
+    assert np.abs(model - shown["model, deformed"].points_mm).max() > 0.5
+    names = ("landmarks, fixed", "landmarks, moved")
+    apart_mm = np.linalg.norm(shown[names[0]].points_mm - shown[names[1]].points_mm, axis=1)
+    assert len(apart_mm) == 5 and apart_mm.max() < 5.0
+
+
 @pytest.mark.parametrize("side", ["fixed", "moving"])
 def test_centerline_landmarks_and_other_surfaces_are_carried_along(folder: Path, side: str) -> None:
     moving, fixed = ("swept", "model") if side == "fixed" else ("model_moving", "bent")
@@ -234,6 +254,7 @@ def test_centerline_landmarks_and_other_surfaces_are_carried_along(folder: Path,
     assert block["landmarks"]["constraints"] is False
     assert block["landmarks"]["error_mm"] < 0.9 * told["landmarks"]["error_mm"]
     assert outcome.metrics["deformed_landmark_error_mm"] == pytest.approx(block["landmarks"]["error_mm"])
+    in_slicer(folder / "out", model_side=side)
     # All three lie where the landmarks of the sweep do, by one field.
     marks = read_landmarks(folder / "out" / "landmarks_deformed.mrk.json")
     assert marks.names == tuple("abcde")

@@ -68,7 +68,7 @@ KEYS = {
     "candidates",
     "runtime_s",
 }
-FILES = ["fixed_T_moving.h5", "moved.ply", "registration.json", "scene.html"]
+FILES = ["Data", "fixed_T_moving.h5", "moved.ply", "registration.json", "scene.html", "scene.mrml"]
 # What a user may give besides the files and the method, in the order of the configuration.
 GIVEN = (
     "moving",
@@ -90,6 +90,7 @@ GIVEN = (
     "fixed_unit",
     "moving_space",
     "fixed_space",
+    "slicer",
 )
 
 
@@ -109,6 +110,7 @@ def settings(folder: Path, **change: Any) -> dict[str, Any]:
         "deformable": {"none": None},
         **dict.fromkeys(GIVEN[4:]),
         "carry": [],
+        "slicer": "scene",
         "moving_points": 1200,
         "fixed_points": 2500,
         "inlier_mm": 1.0,
