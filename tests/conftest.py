@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import shutil
 import sys
@@ -40,7 +41,7 @@ def real_data() -> Path:
 
 def pytest_sessionstart(session: pytest.Session) -> None:
     """What lies at the top of the checkout before the first test."""
-    session.config.stash[TOP] = set(os.listdir(REPOSITORY))
+    session.config.stash[TOP] = {path.name for path in REPOSITORY.iterdir()}
 
 
 @pytest.hookimpl(trylast=True)
@@ -52,7 +53,8 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     wrong = []
     if REAL_DATA.is_dir() and reporter.stats.get("skipped"):
         wrong.append("a test was skipped although the real test data is there")
-    if left := set(os.listdir(REPOSITORY)) - session.config.stash[TOP] - {".pytest_cache"}:
+    there = {path.name for path in REPOSITORY.iterdir()}
+    if left := there - session.config.stash[TOP] - {".pytest_cache"}:
         wrong.append(f"a test wrote into the current folder: {', '.join(sorted(left))}")
     for sentence in wrong:
         reporter.write_line(sentence, red=True)
@@ -76,8 +78,17 @@ def store_template(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return template
 
 
+@pytest.fixture(scope="session")
+def newest_schema() -> None:
+    """MLflow reads all of its migrations whenever a store is opened, to see which is the newest; once is enough."""
+    from mlflow.store.db import utils
+
+    if hasattr(utils, "_get_latest_schema_revision"):
+        utils._get_latest_schema_revision = functools.cache(utils._get_latest_schema_revision)
+
+
 @pytest.fixture
-def home(tmp_path: Path, store_template: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def home(tmp_path: Path, store_template: Path, newest_schema: None, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A project folder of the test's own, with an empty tracking store in it."""
     monkeypatch.setenv("CTUS_HOME", str(tmp_path))
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)

@@ -48,14 +48,8 @@ def environment_tags() -> dict[str, str]:
     dict
         Tags of the run, those of ``process_tags`` among them; the commit is absent for an installed package.
     """
-    versions = {}
-    for package in _PACKAGES:
-        try:
-            versions[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            continue
     return {
-        "ctus.packages": json.dumps(versions),
+        "ctus.packages": json.dumps(_versions()),
         "ctus.machine": ", ".join(
             [
                 socket.gethostname(),
@@ -67,8 +61,20 @@ def environment_tags() -> dict[str, str]:
         "ctus.python": platform.python_version(),
         USER_TAG: _user(),
         **process_tags(),
-        **_git_tags(),
+        **git_tags(Path(__file__).resolve()),
     }
+
+
+@cache
+def _versions() -> dict[str, str]:
+    """The versions of the packages that numbers depend on; what a process has loaded does not change."""
+    versions = {}
+    for package in _PACKAGES:
+        try:
+            versions[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            continue
+    return versions
 
 
 def _user() -> str:
@@ -128,9 +134,22 @@ def gpu_names() -> list[str]:
     return finished.stdout.split("\n")[:-1] if finished.returncode == 0 else []
 
 
-def _git_tags() -> dict[str, str]:
-    """The commit of the code that runs, wherever its results go; nothing for an installed package."""
-    code = Path(__file__).resolve()
+@cache
+def git_tags(code: Path) -> dict[str, str]:
+    """Name the commit of the code that runs, wherever its results go.
+
+    Asked once: a process runs the code that it has loaded, also where another commit is checked out meanwhile.
+
+    Parameters
+    ----------
+    code : Path
+        A file of the code.
+
+    Returns
+    -------
+    dict
+        Tags of the run; none for an installed package.
+    """
 
     def git(*words: str) -> str | None:
         try:

@@ -40,7 +40,10 @@ def test_the_commit_is_that_of_the_code_not_of_the_project_folder(
     tags = provenance.environment_tags()
     assert tags["mlflow.source.git.commit"] == git(checkout, "rev-parse", "HEAD")
     assert tags["ctus.git_dirty"] == "false"
+    # What is changed while a process runs is not what it runs.
     (checkout / "new.py").write_text("")
+    assert provenance.environment_tags()["ctus.git_dirty"] == "false"
+    provenance.git_tags.cache_clear()
     assert provenance.environment_tags()["ctus.git_dirty"] == "true"
 
 
