@@ -5,11 +5,16 @@ from __future__ import annotations
 import hashlib
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from experiments.errors import InputError, reading
 from registration.io.atomic import atomic_write, partial_name, remove_leftovers
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def write_text(path: Path, text: str) -> None:
@@ -74,6 +79,37 @@ def names_in(folder: Path) -> tuple[str, ...]:
     """
     found = (path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
     return tuple(sorted(found))
+
+
+def read_table(path: Path, kind: str = "a table of cases", columns: Sequence[str] = ()) -> pd.DataFrame:
+    """Read a Parquet file, which may be another's or damaged.
+
+    Parameters
+    ----------
+    path : Path
+        File to read.
+    kind : str, optional
+        What it must be, with its article, for the message.
+    columns : sequence of str, optional
+        Columns that it must have.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The table.
+
+    Raises
+    ------
+    InputError
+        If it is no such table; the message names the file.
+    """
+    import pandas as pd
+
+    with reading(path, kind):
+        table = pd.read_parquet(path)
+    if missing := [column for column in columns if column not in table]:
+        raise InputError(f"{path}: expected the columns {', '.join(columns)}, found no {missing[0]}")
+    return table
 
 
 def digest(path: Path) -> str:

@@ -354,6 +354,7 @@ def _tables() -> list[Reader]:
 def _archives() -> list[Reader]:
     import pandas as pd
 
+    from experiments.files import read_table
     from experiments.tracking.archive import read_archive, write_archive
     from experiments.tracking.run_record import RunRecord
     from models.checkpoint import Checkpoint
@@ -374,8 +375,15 @@ def _archives() -> list[Reader]:
         write_archive([record], folder / "runs")
         return folder / "runs"
 
+    def table(folder: Path) -> Path:
+        pd.DataFrame({"case_id": ["a", "b"], "dsc": [0.5, 0.75], "name": ["x", None]}).to_parquet(
+            folder / "cases.parquet"
+        )
+        return folder / "cases.parquet"
+
     return [
         Reader("model", Checkpoint.load, model),
+        Reader("table, Parquet", read_table, table),
         *(
             Reader(
                 f"run archive, {name}",

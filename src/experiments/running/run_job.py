@@ -400,13 +400,11 @@ def load_result(report: Report, job: Job, store: Store) -> JobResult:
     JobResult
         The result.
     """
-    import pandas as pd
-
     folder = Path(report.folder)
     table = folder / CASES_FILE
     if _holds(folder, job):
         metrics = _read_metrics(folder / METRICS_FILE)
-        cases = pd.read_parquet(table) if table.is_file() else None
+        cases = files.read_table(table) if table.is_file() else None
     else:
         metrics, cases = store.metrics(str(report.run_id)), store.cases(str(report.run_id))
     return JobResult(job.config, metrics, cases, folder, report.run_id, job.choices)

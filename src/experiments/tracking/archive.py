@@ -18,6 +18,7 @@ from urllib.parse import quote
 
 import pandas as pd
 
+from experiments import files
 from experiments.errors import InputError
 from experiments.masking import masked
 from experiments.outcome import InputData
@@ -223,7 +224,7 @@ def _row(record: RunRecord) -> dict[str, Any]:
 def _merged(path: Path, fresh: pd.DataFrame, replaced: Iterable[str]) -> pd.DataFrame:
     """The rows of ``path`` of other runs, then the fresh ones; sorted, so that the file changes only where runs do."""
     if path.is_file():
-        old = pd.read_parquet(path)
+        old = _read(path, ())
         for name in _KEPT_COLUMNS if "config" in fresh else ():
             # Archives of before have no columns of metrics and of inputs.
             before = dict(zip(old["run_id"], old[name], strict=True)) if name in old else {}
@@ -240,15 +241,7 @@ def _merged(path: Path, fresh: pd.DataFrame, replaced: Iterable[str]) -> pd.Data
 
 
 def _read(path: Path, columns: tuple[str, ...]) -> pd.DataFrame:
-    """A table of an archive; InputError names the file if it is none or lacks a column."""
-    try:
-        table = pd.read_parquet(path)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: expected a table of exported runs, found {error}") from error
-    missing = [column for column in columns if column not in table]
-    if missing:
-        raise InputError(f"{path}: expected the columns {', '.join(columns)}, found no {missing[0]}")
-    return table
+    return files.read_table(path, "a table of exported runs", columns)
 
 
 def _require_plain_id(run_id: object, where: object) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from experiments import files
 from experiments.errors import InputError
 from experiments.masking import masked
 from experiments.paths import project_root
@@ -212,13 +213,11 @@ def _only(reference: str, titles: Mapping[str, str], place: str, setting: str) -
 
 def _elsewhere(reference: str, place: str) -> str:
     """Whether the project's own archive has such a run, as the end of a message."""
-    import pandas as pd
-
     archive = project_root() / "results" / "runs"
     if place == f"the archive {archive}":
         return ""
     for table in sorted(archive.glob("*/runs.parquet")):
-        ids = pd.read_parquet(table, columns=["run_id"])["run_id"]
+        ids = files.read_table(table, "a table of exported runs", ["run_id"])["run_id"]
         if ids.astype(str).str.startswith(reference).any():
             return f"; {archive} has one: pass archive={archive}"
     return ""

@@ -23,6 +23,7 @@ from urllib.parse import quote, unquote
 
 from filelock import FileLock
 
+from experiments import files
 from experiments.errors import InputError
 from experiments.masking import masked
 from experiments.paths import project_root
@@ -445,10 +446,8 @@ class Store:
         pd.DataFrame or None
             The table; None if there is none.
         """
-        import pandas as pd
-
         path = self._file(run, CASES_FILE)
-        return None if path is None else pd.read_parquet(path)
+        return None if path is None else files.read_table(path)
 
     def begin_copy(self, experiment: str, name: str, tags: Mapping[str, str], start_ms: int) -> RunWriter:
         """Make a run that was run before, elsewhere: with its own start and tags, and no heartbeat.

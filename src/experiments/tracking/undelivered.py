@@ -16,6 +16,7 @@ from pathlib import Path
 import pandas as pd
 from filelock import FileLock, Timeout
 
+from experiments import files
 from experiments.masking import masked
 from experiments.provenance import process_tags
 from experiments.tracking import (
@@ -203,7 +204,7 @@ def written_run(run: RunWriter) -> RunRecord:
         params=dict(written.params),
         config=written.texts.get("config.yaml", ""),
         history=history[["metric", "step", "value", "timestamp_ms"]],
-        cases=None if cases is None else pd.read_parquet(cases),
+        cases=None if cases is None else files.read_table(cases),
         metrics={str(name): float(value) for name, value in json.loads(metrics or "{}").items()},
         inputs=tuple(written.inputs),
     )

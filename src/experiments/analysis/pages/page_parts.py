@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
+from experiments import files
 from experiments.errors import InputError
 from experiments.outcome import JobResult, Outcome
 from experiments.reporting.figure_files import save_figure
@@ -45,12 +46,10 @@ def read_cases(folder: Path, writer: str, subset: str = "") -> pd.DataFrame:
     InputError
         If there is no such table.
     """
-    import pandas as pd
-
     path = folder / subset / "cases.parquet"
     if not path.is_file():
         raise InputError(f"{folder}: expected the folder that {writer}, found none")
-    return pd.read_parquet(path)
+    return files.read_table(path)
 
 
 def finished_jobs(archive: Path, study: str) -> Iterator[RunRecord]:
