@@ -72,11 +72,11 @@ def test_a_table_whose_description_is_damaged_is_refused_by_name(tmp_path: Path,
     else:
         assert read["dsc"].tolist() == [0.5, 0.75]
     path.write_bytes(whole[:-20])
-    with pytest.raises(InputError, match="cases.parquet: expected a table of cases"):
+    with pytest.raises(InputError, match=r"cases\.parquet: expected a table of cases"):
         read_table(path)
 
 
 def test_a_table_without_a_column_is_refused(tmp_path: Path) -> None:
     pd.DataFrame({"dsc": [0.5]}).to_parquet(tmp_path / "cases.parquet")
-    with pytest.raises(InputError, match=r"cases.parquet: expected the columns run_id, dsc, found no run_id"):
+    with pytest.raises(InputError, match=r"cases\.parquet: expected the columns run_id, dsc, found no run_id"):
         read_table(tmp_path / "cases.parquet", columns=["run_id", "dsc"])
