@@ -8,6 +8,7 @@ architecture test (``tests/test_architecture.py``).
 from __future__ import annotations
 
 import ast
+import functools
 import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
@@ -34,8 +35,9 @@ class Module:
         return self.name if self.path.stem == "__init__" else self.name.rpartition(".")[0]
 
 
+@functools.cache
 def read_modules(src: Path) -> dict[str, Module]:
-    """Parse every module of the packages below ``src``.
+    """Parse every module of the packages below ``src``, once in a process.
 
     Parameters
     ----------

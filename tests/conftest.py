@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import gc
 import os
 import shutil
 import sys
@@ -42,6 +43,12 @@ def real_data() -> Path:
 def pytest_sessionstart(session: pytest.Session) -> None:
     """What lies at the top of the checkout before the first test."""
     session.config.stash[TOP] = {path.name for path in REPOSITORY.iterdir()}
+
+
+def pytest_collection_finish() -> None:
+    """Take what is loaded by now out of the garbage collector's sight, which would look through it again and again."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.hookimpl(trylast=True)

@@ -78,5 +78,7 @@ def test_a_table_whose_description_is_damaged_is_refused_by_name(tmp_path: Path,
 
 def test_a_table_without_a_column_is_refused(tmp_path: Path) -> None:
     pd.DataFrame({"dsc": [0.5]}).to_parquet(tmp_path / "cases.parquet")
-    with pytest.raises(InputError, match=r"cases\.parquet: expected the columns run_id, dsc, found no run_id"):
+    with pytest.raises(
+        InputError, match=r"cases\.parquet: expected the columns run_id, dsc, found no run_id"
+    ):
         read_table(tmp_path / "cases.parquet", columns=["run_id", "dsc"])
