@@ -1,0 +1,216 @@
+"""Every claim of speed beside its peers, same work, same minute, and the page results/benchmarks.md.
+
+    python scripts/benchmarks.py [--only hd95,rigid] [--out results] [--quick]
+
+Each claim is measured in a process of its own, on one core and with one thread, ours and the peers in turn. Peers that
+are not installed are named on the page with the line that installs them. --quick shows that all of it runs: one round
+of small problems, no ratio, into outputs/benchmarks/quick.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from quick_budget import REPOSITORY, parsed
+
+# Module and function of each claim, with what the function takes before ``quick``; in the order of the page.
+CLAIMS: dict[str, tuple[str, ...]] = {
+    "drift": ("claims_registration", "drift"),
+    "drift_small": ("claims_registration", "drift_small"),
+    "rigid": ("claims_registration", "rigid"),
+    "hd95": ("claims_segmentation", "hd95"),
+    "hd95_surfel": ("claims_segmentation", "hd95_surfel"),
+    "mesh_distance": ("claims_registration", "mesh_distance"),
+    "step_unet": ("claims_segmentation", "step", "unet"),
+    "step_attention_unet": ("claims_segmentation", "step", "attention_unet"),
+    "step_unet3plus": ("claims_segmentation", "step", "unet3plus"),
+    "training": ("claims_segmentation", "training"),
+    "inference": ("claims_segmentation", "inference"),
+    "simulator": ("claims_framework", "simulator"),
+    "reconstruction": ("claims_registration", "reconstruction"),
+    "pipeline": ("claims_framework", "pipeline"),
+    "help": ("claims_framework", "help_page"),
+    "composing": ("claims_framework", "composing"),
+    "metrics": ("claims_framework", "metrics_logged"),
+}
+PROFILE = "profile"
+# Read by numerical libraries when they are imported.
+ONE_THREAD = dict.fromkeys(
+    (
+        *("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "RAYON_NUM_THREADS"),
+        *("VTK_SMP_MAX_THREADS", "TBB_NUM_THREADS"),
+    ),
+    "1",
+) | {"OMP_WAIT_POLICY": "PASSIVE"}
+MENDED = REPOSITORY / "scripts" / "benchmarks_mended.md"
+
+
+def claim_of(name: str) -> Callable[[bool], Any]:
+    """Find what makes a claim.
+
+    Parameters
+    ----------
+    name : str
+        One of ``CLAIMS``.
+
+    Returns
+    -------
+    callable
+        Takes whether a small budget is enough, returns the claim.
+    """
+    module, function, *given = CLAIMS[name]
+    return partial(getattr(importlib.import_module(module), function), *given)
+
+
+def on_one_core() -> None:
+    """Keep this process and its children to one core, where the system can."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+
+
+def child(name: str, quick: bool, out: Path) -> None:
+    """Measure one claim, or the profiles, in this process.
+
+    Parameters
+    ----------
+    name : str
+        Name of the claim.
+    quick : bool
+        Whether a small budget is enough.
+    out : Path
+        File that gets the result, as JSON.
+    """
+    from side_by_side import measure
+
+    on_one_core()
+    if name == PROFILE:
+        from pipeline_profile import profile_pipeline
+
+        work = Path(os.environ["CTUS_BENCH_WORK"])
+        out.write_text(json.dumps(profile_pipeline(work, 1 if quick else 3, quick)))
+        return
+    if "torch" not in sys.modules and CLAIMS[name][0] == "claims_segmentation":
+        import torch
+
+        torch.set_num_threads(1)
+    out.write_text(json.dumps(measure(claim_of(name)(quick)).as_plain()))
+
+
+def apart(name: str, quick: bool, work: Path) -> dict[str, Any] | str:
+    """Measure one claim in a process of its own.
+
+    Parameters
+    ----------
+    name : str
+        Name of the claim.
+    quick : bool
+        Whether a small budget is enough.
+    work : Path
+        Folder that is kept from one claim to the next.
+
+    Returns
+    -------
+    dict or str
+        The result, or why there is none.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        out, temporary = Path(folder) / "found.json", Path(folder) / "temporary"
+        temporary.mkdir()
+        surroundings = {
+            **os.environ,
+            **ONE_THREAD,
+            "CTUS_BENCH_WORK": str(work),
+            "CTUS_HOME": str(work),
+            "TMPDIR": str(temporary),
+        }
+        words = [
+            sys.executable,
+            __file__,
+            "--child",
+            name,
+            "--out",
+            str(out),
+            *(["--quick"] if quick else []),
+        ]
+        begin_s = time.perf_counter()
+        done = subprocess.run(words, capture_output=True, text=True, env=surroundings, check=False)
+        print(f"{name}: {time.perf_counter() - begin_s:.0f} s", file=sys.stderr, flush=True)
+        if done.returncode or not out.is_file():
+            lines = done.stderr.strip().splitlines() or ["ended without a word"]
+            print("\n".join(lines[-12:]), file=sys.stderr)
+            return f"{name}: not measured, {lines[-1]}"
+        found: dict[str, Any] = json.loads(out.read_text())
+        return found
+
+
+def main() -> int:
+    """Measure and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--only", help=f"of {','.join([*CLAIMS, PROFILE])}")
+    parser.add_argument("--out", type=Path, default=Path("results"), help="folder of the page")
+    parser.add_argument("--child", help=argparse.SUPPRESS)
+    given = parsed(parser, {"out": Path("outputs/benchmarks/quick")})
+    if given.child:
+        child(given.child, given.quick, given.out)
+        return 0
+    names = given.only.split(",") if given.only else [*CLAIMS, PROFILE]
+    unknown = sorted(set(names) - {*CLAIMS, PROFILE})
+    if unknown:
+        parser.error(f"--only: expected of {', '.join([*CLAIMS, PROFILE])}, received {', '.join(unknown)}")
+    return measured_page(names, given.quick, given.out)
+
+
+def measured_page(names: list[str], quick: bool, out: Path) -> int:
+    """Measure claims and write their page; 1 where one could not be measured."""
+    from benchmark_page import machine, page_text, ratio_figure, rows_of, shown_table
+    from side_by_side import Measured
+
+    from experiments.analysis.pages.known_deformations import running_commit
+    from experiments.analysis.pages.page_parts import save_page_figure
+
+    commit, date = running_commit(), time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())
+    work = (REPOSITORY / "outputs" / "benchmarks").resolve()
+    work.mkdir(parents=True, exist_ok=True)
+    found = {name: apart(name, quick, work) for name in names}
+    failed = [each for each in found.values() if isinstance(each, str)]
+    measured = [
+        Measured.of_plain(each) for name, each in found.items() if name != PROFILE and isinstance(each, dict)
+    ]
+    profile = found.get(PROFILE)
+    out.mkdir(parents=True, exist_ok=True)
+    head = {
+        "command": " ".join(["python scripts/benchmarks.py", *sys.argv[1:]])
+        if len(sys.argv) > 1
+        else "make bench",
+        "commit": commit and f", commit {commit}",
+        "date": date,
+        "machine": machine(),
+        "name": "benchmarks",
+    }
+    shown = page_text(measured, profile if isinstance(profile, dict) else None, failed, head, mended())
+    (out / "benchmarks.md").write_text(shown, encoding="utf-8")
+    rows_of(measured).to_csv(out / "benchmarks.csv", index=False, float_format="%.5g")
+    save_page_figure(ratio_figure(measured), out / "benchmarks")
+    print(shown_table(measured).to_string(index=False))
+    print(f"Page: {out / 'benchmarks.md'}")
+    return 1 if failed else 0
+
+
+def mended() -> str:
+    """What was mended after profiles; the rows that measure it are named there."""
+    return MENDED.read_text(encoding="utf-8") if MENDED.is_file() else ""
+
+
+if __name__ == "__main__":
+    sys.exit(main())
