@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 import statistics
@@ -46,6 +47,8 @@ ratio.
 ![Seconds of peers by ours]({name}.png)
 
 """
+
+MENDED = ""
 
 
 def rows_of(measured: Sequence[Measured]) -> pd.DataFrame:
@@ -128,7 +131,7 @@ def shown_table(measured: Sequence[Measured]) -> pd.DataFrame:
                     "ratio": "-"
                     if ratio is None
                     else f"**{ratio.median:.2f}** ({ratio.low:.2f} to {ratio.high:.2f})",
-                    "by cpu": "-" if ratio is None else f"{ratio.by_cpu:.2f}",
+                    "by cpu": "-" if ratio is None or math.isnan(ratio.by_cpu) else f"{ratio.by_cpu:.2f}",
                     "error of ours": _errors(ours, claim.max_error),
                     "error of the peer": "-" if peer is None else _errors(peer, claim.max_error),
                     "shows": "no peer" if peer is None else conclusion(claim, peer),
@@ -324,7 +327,6 @@ def page_text(
     profile: dict[str, Any] | None,
     failed: Sequence[str],
     head: dict[str, str],
-    mended: str,
 ) -> str:
     """Write the page.
 
@@ -338,8 +340,6 @@ def page_text(
         Sentences about claims that could not be measured.
     head : dict of str to str
         ``command``, ``commit``, ``date``, ``machine`` and ``name`` of the page.
-    mended : str
-        Section on what was mended after profiles.
 
     Returns
     -------
@@ -353,5 +353,5 @@ def page_text(
     parts += [markdown({"all rows": shown_table(measured)}).replace("### all rows", "## Every row"), ""]
     parts += ["## What was done", "", listed(remarks_of(measured)), ""]
     if profile is not None:
-        parts += [profiles_text(profile), mended]
+        parts += [profiles_text(profile), MENDED]
     return "\n".join(parts).rstrip() + "\n"

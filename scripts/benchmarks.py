@@ -41,8 +41,9 @@ CLAIMS: dict[str, tuple[str, ...]] = {
     "reconstruction": ("claims_registration", "reconstruction"),
     "pipeline": ("claims_framework", "pipeline"),
     "help": ("claims_framework", "help_page"),
-    "composing": ("claims_framework", "composing"),
     "metrics": ("claims_framework", "metrics_logged"),
+    "composing": ("claims_mended", "composing"),
+    "contours": ("claims_mended", "contours"),
 }
 PROFILE = "profile"
 # Read by numerical libraries when they are imported.
@@ -53,7 +54,6 @@ ONE_THREAD = dict.fromkeys(
     ),
     "1",
 ) | {"OMP_WAIT_POLICY": "PASSIVE"}
-MENDED = REPOSITORY / "scripts" / "benchmarks_mended.md"
 
 
 def claim_of(name: str) -> Callable[[bool], Any]:
@@ -198,18 +198,13 @@ def measured_page(names: list[str], quick: bool, out: Path) -> int:
         "machine": machine(),
         "name": "benchmarks",
     }
-    shown = page_text(measured, profile if isinstance(profile, dict) else None, failed, head, mended())
+    shown = page_text(measured, profile if isinstance(profile, dict) else None, failed, head)
     (out / "benchmarks.md").write_text(shown, encoding="utf-8")
     rows_of(measured).to_csv(out / "benchmarks.csv", index=False, float_format="%.5g")
     save_page_figure(ratio_figure(measured), out / "benchmarks")
     print(shown_table(measured).to_string(index=False))
     print(f"Page: {out / 'benchmarks.md'}")
     return 1 if failed else 0
-
-
-def mended() -> str:
-    """What was mended after profiles; the rows that measure it are named there."""
-    return MENDED.read_text(encoding="utf-8") if MENDED.is_file() else ""
 
 
 if __name__ == "__main__":

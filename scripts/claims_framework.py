@@ -17,8 +17,6 @@ from quick_budget import REPOSITORY
 from side_by_side import Claim, Side, version_of
 
 CTUS = (sys.executable, "-m", "experiments.cli")
-# The last commit before calls composed their configuration once instead of twice, with YAML parsed in C.
-SLOW_COMPOSING = "2093132^"
 NAMES, STEPS = 10, 100
 # log_metric is called so many times, and its time multiplied.
 ONE_BY_ONE = 100
@@ -64,21 +62,21 @@ def help_page(quick: bool) -> Claim:
     return Claim(
         "--help",
         f"a new process that prints the help and ends; ours lists {len(studies)} studies",
-        _called("ctus --help", [*CTUS, "--help"], studies),
+        called_side("ctus --help", [*CTUS, "--help"], studies),
         lambda number, lacking: lacking,
         "words that are not in the output, or the exit code",
         0.0,
         [
-            _called(
+            called_side(
                 "--help of a Hydra application with one setting",
                 [sys.executable, str(app), "--help"],
                 ["a: 1"],
                 version_of("hydra-core"),
             ),
-            _called(
+            called_side(
                 "mlflow --help", [sys.executable, "-m", "mlflow", "--help"], ["Usage"], version_of("mlflow")
             ),
-            _called(
+            called_side(
                 "python -c 'import hydra': no help at all",
                 [sys.executable, "-c", "import hydra"],
                 [],
@@ -87,47 +85,6 @@ def help_page(quick: bool) -> Claim:
         ],
         rounds=1 if quick else 7,
     )
-
-
-def composing(quick: bool) -> Claim:
-    """A call that composes its configuration, beside the same call before composing was mended."""
-    words = ["study=rigid_benchmark", "--cfg", "job"]
-    peers, remarks = [], []
-    before = earlier(SLOW_COMPOSING)
-    if before is None:
-        remarks.append(f"The commit before it was mended ({SLOW_COMPOSING}) is not in this checkout.")
-    else:
-        old = _called(
-            "the same before it was mended", [*CTUS, *words], ["multistart"], SLOW_COMPOSING, before
-        )
-        peers.append(old)
-    return Claim(
-        "Composing a configuration",
-        "a new process: ctus study=rigid_benchmark --cfg job",
-        _called("ctus", [*CTUS, *words], ["multistart"]),
-        lambda number, lacking: lacking,
-        "words that are not in the output, or the exit code",
-        0.0,
-        peers,
-        rounds=1 if quick else 7,
-        remarks=["What was mended: the peer is this project's earlier self.", *remarks],
-    )
-
-
-def earlier(commit: str) -> Path | None:
-    """The tree of an earlier commit in a folder of its own; None where git does not have it."""
-    folder = Path(tempfile.mkdtemp())
-    packed = subprocess.run(
-        ["git", "archive", commit, "src", "conf", "pyproject.toml"],
-        cwd=REPOSITORY,
-        capture_output=True,
-        check=False,
-    )
-    if packed.returncode:
-        shutil.rmtree(folder)
-        return None
-    subprocess.run(["tar", "-x", "-C", str(folder)], input=packed.stdout, check=True)
-    return folder
 
 
 def called(
@@ -167,9 +124,10 @@ def _own_paths() -> list[str]:
     return [each for each in given if each and not (Path(each) / "experiments").is_dir()]
 
 
-def _called(
+def called_side(
     name: str, words: list[str], expected: list[str], version: str = "", root: Path = REPOSITORY
 ) -> Side:
+    """Make a side of a program that is run to its end, as ``called`` does."""
     return Side(name, lambda number: called(words, expected, root), version)
 
 

@@ -18,6 +18,8 @@ from typing import Any
 
 # Of fewer rounds no ratio is given.
 MIN_ROUNDS = 3
+# Less processor time than this cannot be told from none: the clock has steps, and a side may work in another process.
+CLEAR_S = 0.1
 OURS_FASTER, PEER_FASTER, NO_DIFFERENCE = "ours faster", "peer faster", "no difference shown"
 
 
@@ -95,7 +97,7 @@ class Times:
     name, version : str
         Of the side.
     seconds, cpu_s : list of float
-        By the clock, and of processors, child processes included.
+        By the clock, and of processors, child processes that have ended included.
     errors : list of float
         Error of each result; infinite where there was none.
     """
@@ -153,7 +155,7 @@ class Ratio:
     median, low, high : float
         Over the rounds; the last two are the least and the greatest.
     by_cpu : float
-        The same of the processor time of all rounds together.
+        The same of the processor time of all rounds together; NaN where there is too little to tell.
     """
 
     median: float
@@ -219,7 +221,10 @@ def ratio_of(ours: Times, peer: Times) -> Ratio | None:
     # The clock of processor time has steps of a hundredth of a second: that of all rounds together is exact enough.
     spent, own_spent = sum(peer.cpu_s), sum(ours.cpu_s)
     return Ratio(
-        statistics.median(ratios), min(ratios), max(ratios), spent / own_spent if own_spent else math.nan
+        statistics.median(ratios),
+        min(ratios),
+        max(ratios),
+        spent / own_spent if min(spent, own_spent) >= CLEAR_S else math.nan,
     )
 
 
