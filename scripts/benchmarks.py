@@ -1,10 +1,11 @@
 """Every claim of speed beside its peers, same work, same minute, and the page results/benchmarks.md.
 
-    python scripts/benchmarks.py [--only hd95,rigid] [--out results] [--quick]
+    python scripts/benchmarks.py [--only hd95,rigid] [--out results] [--resume] [--quick]
 
 Each claim is measured in a process of its own, on one core and with one thread, ours and the peers in turn. Peers that
-are not installed are named on the page with the line that installs them. --quick shows that all of it runs: one round
-of small problems, no ratio, into outputs/benchmarks/quick.
+are not installed are named on the page with the line that installs them. --resume takes what an earlier call measured
+of the same commit (outputs/benchmarks/measured), and measures the rest. --quick shows that all of it runs: one round of
+small problems, no ratio, into outputs/benchmarks/quick.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ CLAIMS: dict[str, tuple[str, ...]] = {
     "rigid": ("claims_registration", "rigid"),
     "hd95": ("claims_segmentation", "hd95"),
     "hd95_surfel": ("claims_segmentation", "hd95_surfel"),
+    "closing": ("claims_segmentation", "closing"),
     "mesh_distance": ("claims_registration", "mesh_distance"),
     "step_unet": ("claims_segmentation", "step", "unet"),
     "step_attention_unet": ("claims_segmentation", "step", "attention_unet"),
@@ -127,13 +129,7 @@ def apart(name: str, quick: bool, work: Path) -> dict[str, Any] | str:
     with tempfile.TemporaryDirectory() as folder:
         out, temporary = Path(folder) / "found.json", Path(folder) / "temporary"
         temporary.mkdir()
-        surroundings = {
-            **os.environ,
-            **ONE_THREAD,
-            "CTUS_BENCH_WORK": str(work),
-            "CTUS_HOME": str(work),
-            "TMPDIR": str(temporary),
-        }
+        places = {"CTUS_BENCH_WORK": str(work), "CTUS_HOME": str(work), "TMPDIR": str(temporary)}
         words = [
             sys.executable,
             __file__,
@@ -144,7 +140,9 @@ def apart(name: str, quick: bool, work: Path) -> dict[str, Any] | str:
             *(["--quick"] if quick else []),
         ]
         begin_s = time.perf_counter()
-        done = subprocess.run(words, capture_output=True, text=True, env=surroundings, check=False)
+        done = subprocess.run(
+            words, capture_output=True, text=True, env={**os.environ, **ONE_THREAD, **places}, check=False
+        )
         print(f"{name}: {time.perf_counter() - begin_s:.0f} s", file=sys.stderr, flush=True)
         if done.returncode or not out.is_file():
             lines = done.stderr.strip().splitlines() or ["ended without a word"]
@@ -154,11 +152,50 @@ def apart(name: str, quick: bool, work: Path) -> dict[str, Any] | str:
         return found
 
 
+def kept_or_measured(
+    name: str, quick: bool, work: Path, commit: str, resume: bool
+) -> tuple[dict[str, Any] | str, str]:
+    """Take what an earlier call has measured with the same commit, or measure, and keep it.
+
+    Parameters
+    ----------
+    name : str
+        Name of the claim.
+    quick : bool
+        Whether a small budget is enough.
+    work : Path
+        Folder that keeps results.
+    commit : str
+        Commit of the code.
+    resume : bool
+        Whether earlier results are taken.
+
+    Returns
+    -------
+    found : dict or str
+        The result, or why there is none.
+    date : str
+        When it was measured.
+    """
+    path = work / ("measured_quick" if quick else "measured") / f"{name}.json"
+    if resume and path.is_file():
+        kept = json.loads(path.read_text())
+        if kept["commit"] == commit:
+            return kept["found"], str(kept["date"])
+    date = time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())
+    found = apart(name, quick, work)
+    if isinstance(found, dict):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps({"commit": commit, "date": date, "found": found}))
+    return found, date
+
+
 def main() -> int:
     """Measure and write the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--only", help=f"of {','.join([*CLAIMS, PROFILE])}")
     parser.add_argument("--out", type=Path, default=Path("results"), help="folder of the page")
+    parser.add_argument("--resume", action="store_true", help="take what was measured of the same commit")
     parser.add_argument("--child", help=argparse.SUPPRESS)
     given = parsed(parser, {"out": Path("outputs/benchmarks/quick")})
     if given.child:
@@ -168,10 +205,10 @@ def main() -> int:
     unknown = sorted(set(names) - {*CLAIMS, PROFILE})
     if unknown:
         parser.error(f"--only: expected of {', '.join([*CLAIMS, PROFILE])}, received {', '.join(unknown)}")
-    return measured_page(names, given.quick, given.out)
+    return measured_page(names, given)
 
 
-def measured_page(names: list[str], quick: bool, out: Path) -> int:
+def measured_page(names: list[str], given: argparse.Namespace) -> int:
     """Measure claims and write their page; 1 where one could not be measured."""
     from benchmark_page import machine, page_text, ratio_figure, rows_of, shown_table
     from side_by_side import Measured
@@ -179,31 +216,28 @@ def measured_page(names: list[str], quick: bool, out: Path) -> int:
     from experiments.analysis.pages.known_deformations import running_commit
     from experiments.analysis.pages.page_parts import save_page_figure
 
-    commit, date = running_commit(), time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())
-    work = (REPOSITORY / "outputs" / "benchmarks").resolve()
+    commit, work = running_commit(), (REPOSITORY / "outputs" / "benchmarks").resolve()
     work.mkdir(parents=True, exist_ok=True)
-    found = {name: apart(name, quick, work) for name in names}
+    both = {name: kept_or_measured(name, given.quick, work, commit, given.resume) for name in names}
+    found, dates = {name: each for name, (each, _) in both.items()}, sorted(date for _, date in both.values())
     failed = [each for each in found.values() if isinstance(each, str)]
-    measured = [
-        Measured.of_plain(each) for name, each in found.items() if name != PROFILE and isinstance(each, dict)
-    ]
-    profile = found.get(PROFILE)
-    out.mkdir(parents=True, exist_ok=True)
+    profile = found.pop(PROFILE, None)
+    measured = [Measured.of_plain(each) for each in found.values() if isinstance(each, dict)]
+    given.out.mkdir(parents=True, exist_ok=True)
+    words = [word for word in sys.argv[1:] if word != "--resume"]
     head = {
-        "command": " ".join(["python scripts/benchmarks.py", *sys.argv[1:]])
-        if len(sys.argv) > 1
-        else "make bench",
+        "command": " ".join(["python scripts/benchmarks.py", *words]) if words else "make bench",
         "commit": commit and f", commit {commit}",
-        "date": date,
+        "date": dates[0] if dates[0] == dates[-1] else f"{dates[0]} to {dates[-1]}",
         "machine": machine(),
         "name": "benchmarks",
     }
     shown = page_text(measured, profile if isinstance(profile, dict) else None, failed, head)
-    (out / "benchmarks.md").write_text(shown, encoding="utf-8")
-    rows_of(measured).to_csv(out / "benchmarks.csv", index=False, float_format="%.5g")
-    save_page_figure(ratio_figure(measured), out / "benchmarks")
+    (given.out / "benchmarks.md").write_text(shown, encoding="utf-8")
+    rows_of(measured).to_csv(given.out / "benchmarks.csv", index=False, float_format="%.5g")
+    save_page_figure(ratio_figure(measured), given.out / "benchmarks")
     print(shown_table(measured).to_string(index=False))
-    print(f"Page: {out / 'benchmarks.md'}")
+    print(f"Page: {given.out / 'benchmarks.md'}")
     return 1 if failed else 0
 
 

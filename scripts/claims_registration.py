@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from side_by_side import Claim, Side, installed, missing, version_of
+from side_by_side import MIN_ROUNDS, Claim, Side, installed, missing, version_of
 
 COVERED_SAMPLES = 20_000
 
@@ -85,6 +85,7 @@ def _drift_claim(title: str, points: int, peers: list[Side], remarks: list[str],
         peers,
         lambda number: bent,
         rounds,
+        warm_up=rounds > MIN_ROUNDS,
         remarks=remarks,
     )
 
