@@ -50,8 +50,8 @@ lint: setup
 	$(PY) -m ruff format --check .
 	$(PY) -m mypy
 
-# Every claim of speed beside its peers, in the same minutes: results/benchmarks.md. ONLY=rigid,hd95 measures some of
-# them, into outputs. Peers that the project itself does not need lie apart; without them the page says so.
+# Every claim of speed beside its peers, in the same minutes: results/benchmarks.md, in a good quarter of an hour.
+# ONLY=rigid,hd95 measures some of them, into outputs. Peers that the project itself does not need lie apart; without them the page says so.
 PEERS := .cache/bench_peers
 bench: setup
 	@for name in kiss-matcher pycpd rcpd; do \

@@ -102,10 +102,6 @@ def child(name: str, quick: bool, out: Path) -> None:
         work = Path(os.environ["CTUS_BENCH_WORK"])
         out.write_text(json.dumps(profile_pipeline(work, 1 if quick else 3, quick)))
         return
-    if "torch" not in sys.modules and CLAIMS[name][0] == "claims_segmentation":
-        import torch
-
-        torch.set_num_threads(1)
     out.write_text(json.dumps(measure(claim_of(name)(quick)).as_plain()))
 
 

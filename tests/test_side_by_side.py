@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+import sys
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import benchmark_page
 import benchmarks
 import pandas as pd
 import pytest
 import side_by_side
+from claims_framework import called
+from claims_mended import earlier_tree
 from pipeline_profile import StageClock, busiest
 from side_by_side import (
     NO_DIFFERENCE,
@@ -196,6 +200,47 @@ def test_an_unknown_claim_is_refused(
         benchmarks.main()
     assert ended.value.code == 2
     assert "received speed" in capsys.readouterr().err
+
+
+def test_a_claim_that_fails_is_a_sentence_on_the_page(tmp_path: Path) -> None:
+    assert benchmarks.apart("nothing", True, tmp_path) == "nothing: not measured, KeyError: 'nothing'"
+
+
+def test_resume_takes_what_the_same_commit_has_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls = []
+
+    def apart(name: str, quick: bool, work: Path) -> dict[str, int] | str:
+        calls.append(name)
+        return {"call": len(calls)} if name == "works" else "fails: not measured"
+
+    monkeypatch.setattr(benchmarks, "apart", apart)
+
+    def found(name: str, commit: str, resume: bool) -> object:
+        return benchmarks.kept_or_measured(name, False, tmp_path, commit, resume)[0]
+
+    assert found("works", "a", True) == {"call": 1}
+    assert found("works", "a", True) == {"call": 1}
+    assert found("works", "b", True) == {"call": 2}
+    assert found("works", "b", False) == {"call": 3}
+    # What could not be measured is tried again.
+    assert found("fails", "b", True) == found("fails", "b", True) == "fails: not measured"
+    assert calls == ["works", "works", "works", "fails", "fails"]
+
+
+@pytest.mark.parametrize(
+    ("code", "expected", "lacking"),
+    [("print('a b')", ["a", "b"], 0), ("print('a')", ["a", "b"], 1), ("raise SystemExit(3)", [], 3)],
+)
+def test_a_program_is_wrong_by_its_exit_code_or_by_words_that_it_does_not_print(
+    code: str, expected: list[str], lacking: int
+) -> None:
+    assert called([sys.executable, "-c", code], expected) == lacking
+
+
+def test_a_commit_that_git_does_not_have_is_no_peer() -> None:
+    assert earlier_tree("0000000000000000000000000000000000000001") is None
 
 
 def test_a_stage_has_the_seconds_of_its_outermost_function_and_its_profile() -> None:
