@@ -181,9 +181,9 @@ def remarks_of(measured: Sequence[Measured]) -> list[str]:
         A sentence or some for each.
     """
     return [
-        f"**{claim.title}**: {claim.work}; {len(claim.sides[0].seconds)} rounds, load {claim.load[0]:.1f} before and "
-        f"{claim.load[1]:.1f} after. Error: {claim.error_name}, right up to {claim.max_error:g}. "
-        + " ".join(claim.remarks)
+        f"**{claim.title}**: {claim.work}; {len(claim.sides[0].seconds)} rounds, {claim.date}, load "
+        f"{claim.load[0]:.1f} before and {claim.load[1]:.1f} after. Error: {claim.error_name}, right up to "
+        f"{claim.max_error:g}. " + " ".join(claim.remarks)
         for claim in measured
     ]
 

@@ -3,9 +3,9 @@
     python scripts/benchmarks.py [--only hd95,rigid] [--out results] [--resume] [--quick]
 
 Each claim is measured in a process of its own, on one core and with one thread, ours and the peers in turn. Peers that
-are not installed are named on the page with the line that installs them. --resume takes what an earlier call measured
-of the same commit (outputs/benchmarks/measured), and measures the rest. --quick shows that all of it runs: one round of
-small problems, no ratio, into outputs/benchmarks/quick.
+are not installed are named on the page with the line that installs them. --resume takes what earlier calls have
+measured (outputs/benchmarks/measured; the page names their commits), and measures the rest. --quick shows that all of
+it runs: one round of small problems, no ratio, into outputs/benchmarks/quick.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -148,10 +149,8 @@ def apart(name: str, quick: bool, work: Path) -> dict[str, Any] | str:
         return found
 
 
-def kept_or_measured(
-    name: str, quick: bool, work: Path, commit: str, resume: bool
-) -> tuple[dict[str, Any] | str, str]:
-    """Take what an earlier call has measured with the same commit, or measure, and keep it.
+def kept_or_measured(name: str, quick: bool, work: Path, commit: str, resume: bool) -> dict[str, Any] | str:
+    """Take what an earlier call has measured, or measure, and keep it.
 
     Parameters
     ----------
@@ -162,28 +161,27 @@ def kept_or_measured(
     work : Path
         Folder that keeps results.
     commit : str
-        Commit of the code.
+        Commit of the code that runs.
     resume : bool
         Whether earlier results are taken.
 
     Returns
     -------
-    found : dict or str
-        The result, or why there is none.
-    date : str
-        When it was measured.
+    dict or str
+        ``found``, ``commit`` and ``date``; or why there is no result.
     """
     path = work / ("measured_quick" if quick else "measured") / f"{name}.json"
     if resume and path.is_file():
-        kept = json.loads(path.read_text())
-        if kept["commit"] == commit:
-            return kept["found"], str(kept["date"])
+        kept: dict[str, Any] = json.loads(path.read_text())
+        return kept
     date = time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())
     found = apart(name, quick, work)
-    if isinstance(found, dict):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps({"commit": commit, "date": date, "found": found}))
-    return found, date
+    if isinstance(found, str):
+        return found
+    made = {"commit": commit, "date": date, "found": found}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(made))
+    return made
 
 
 def main() -> int:
@@ -191,7 +189,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--only", help=f"of {','.join([*CLAIMS, PROFILE])}")
     parser.add_argument("--out", type=Path, default=Path("results"), help="folder of the page")
-    parser.add_argument("--resume", action="store_true", help="take what was measured of the same commit")
+    parser.add_argument("--resume", action="store_true", help="take what earlier calls have measured")
     parser.add_argument("--child", help=argparse.SUPPRESS)
     given = parsed(parser, {"out": Path("outputs/benchmarks/quick")})
     if given.child:
@@ -214,21 +212,26 @@ def measured_page(names: list[str], given: argparse.Namespace) -> int:
 
     commit, work = running_commit(), (REPOSITORY / "outputs" / "benchmarks").resolve()
     work.mkdir(parents=True, exist_ok=True)
-    both = {name: kept_or_measured(name, given.quick, work, commit, given.resume) for name in names}
-    found, dates = {name: each for name, (each, _) in both.items()}, sorted(date for _, date in both.values())
-    failed = [each for each in found.values() if isinstance(each, str)]
-    profile = found.pop(PROFILE, None)
-    measured = [Measured.of_plain(each) for each in found.values() if isinstance(each, dict)]
+    every = {name: kept_or_measured(name, given.quick, work, commit, given.resume) for name in names}
+    failed = [each for each in every.values() if isinstance(each, str)]
+    kept = {name: each for name, each in every.items() if not isinstance(each, str)}
+    measured = [
+        replace(Measured.of_plain(each["found"]), commit=each["commit"], date=each["date"])
+        for name, each in kept.items()
+        if name != PROFILE
+    ]
+    profile = kept[PROFILE]["found"] if PROFILE in kept else None
+    dates, commits = ({each[key] for each in kept.values() if each[key]} for key in ("date", "commit"))
     given.out.mkdir(parents=True, exist_ok=True)
     words = [word for word in sys.argv[1:] if word != "--resume"]
     head = {
         "command": " ".join(["python scripts/benchmarks.py", *words]) if words else "make bench",
-        "commit": commit and f", commit {commit}",
-        "date": dates[0] if dates[0] == dates[-1] else f"{dates[0]} to {dates[-1]}",
+        "commit": "" if not commits else f", commit {' and '.join(sorted(commits))}",
+        "date": " to ".join(sorted({min(dates), max(dates)})) if dates else "nothing measured",
         "machine": machine(),
         "name": "benchmarks",
     }
-    shown = page_text(measured, profile if isinstance(profile, dict) else None, failed, head)
+    shown = page_text(measured, profile, failed, head)
     (given.out / "benchmarks.md").write_text(shown, encoding="utf-8")
     rows_of(measured).to_csv(given.out / "benchmarks.csv", index=False, float_format="%.5g")
     save_page_figure(ratio_figure(measured), given.out / "benchmarks")

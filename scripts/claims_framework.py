@@ -28,7 +28,7 @@ def simulator(quick: bool) -> Claim:
     from registration.phantom.scan import simulate_sweep
     from registration.phantom.settings import PhantomSettings
 
-    frames = 2 if quick else 20
+    frames = 2 if quick else 10
     settings = PhantomSettings(motion=Motion(frames=frames))
     known = simulate_sweep(settings, 0)
     height, width = known.masks.shape[1:]
@@ -83,7 +83,7 @@ def help_page(quick: bool) -> Claim:
                 version_of("hydra-core"),
             ),
         ],
-        rounds=1 if quick else 7,
+        rounds=1 if quick else 5,
     )
 
 

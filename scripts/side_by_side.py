@@ -125,6 +125,8 @@ class Measured:
         As in the claim.
     load : tuple of float
         Load average of the last minute before and after.
+    commit, date : str, optional
+        Commit of the code that was measured, and when.
     """
 
     title: str
@@ -134,6 +136,8 @@ class Measured:
     sides: list[Times]
     remarks: list[str]
     load: tuple[float, float]
+    commit: str = ""
+    date: str = ""
 
     def as_plain(self) -> dict[str, Any]:
         """Return the same as a mapping of plain values, as JSON takes it."""

@@ -206,7 +206,7 @@ def test_a_claim_that_fails_is_a_sentence_on_the_page(tmp_path: Path) -> None:
     assert benchmarks.apart("nothing", True, tmp_path) == "nothing: not measured, KeyError: 'nothing'"
 
 
-def test_resume_takes_what_the_same_commit_has_measured(
+def test_resume_takes_what_was_measured_with_its_commit(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     calls = []
@@ -217,16 +217,18 @@ def test_resume_takes_what_the_same_commit_has_measured(
 
     monkeypatch.setattr(benchmarks, "apart", apart)
 
-    def found(name: str, commit: str, resume: bool) -> object:
-        return benchmarks.kept_or_measured(name, False, tmp_path, commit, resume)[0]
+    def call_of(commit: str, resume: bool) -> tuple[int, str]:
+        made = benchmarks.kept_or_measured("works", False, tmp_path, commit, resume)
+        assert isinstance(made, dict)
+        return made["found"]["call"], made["commit"]
 
-    assert found("works", "a", True) == {"call": 1}
-    assert found("works", "a", True) == {"call": 1}
-    assert found("works", "b", True) == {"call": 2}
-    assert found("works", "b", False) == {"call": 3}
+    assert call_of("a", True) == (1, "a")
+    assert call_of("b", True) == (1, "a")
+    assert call_of("b", False) == (2, "b")
     # What could not be measured is tried again.
-    assert found("fails", "b", True) == found("fails", "b", True) == "fails: not measured"
-    assert calls == ["works", "works", "works", "fails", "fails"]
+    for _ in range(2):
+        assert benchmarks.kept_or_measured("fails", False, tmp_path, "b", True) == "fails: not measured"
+    assert calls == ["works", "works", "fails", "fails"]
 
 
 @pytest.mark.parametrize(
