@@ -101,7 +101,7 @@ def child(name: str, quick: bool, out: Path) -> None:
         from pipeline_profile import profile_pipeline
 
         work = Path(os.environ["CTUS_BENCH_WORK"])
-        out.write_text(json.dumps(profile_pipeline(work, 1 if quick else 3, quick)))
+        out.write_text(json.dumps(profile_pipeline(work, 1 if quick else 2, quick)))
         return
     out.write_text(json.dumps(measure(claim_of(name)(quick)).as_plain()))
 

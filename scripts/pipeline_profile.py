@@ -1,6 +1,6 @@
 """Where ``ctus study=pipeline`` spends its time: seconds of each stage, and profiles of the three slowest.
 
-    python scripts/pipeline_profile.py --out profile.json [--repeats 3] [--quick]
+    python scripts/pipeline_profile.py --out profile.json [--repeats 2] [--quick]
 
 The stages are timed in fresh processes without a profiler, which slows Python's own calls down most; the profiles come
 from one more process. What no stage has is the start of Python, imports, composing and the end.
@@ -225,7 +225,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--out", type=Path, required=True, help="file of the result, JSON")
     parser.add_argument("--work", type=Path, default=Path("outputs/benchmarks"), help="folder of the network")
-    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--repeats", type=int, default=2)
     parser.add_argument("--child", nargs="*", help=argparse.SUPPRESS)
     given = parsed(parser, {"repeats": 1})
     work = given.work.resolve()
