@@ -272,7 +272,8 @@ def ratio_figure(measured: Sequence[Measured]) -> Figure:
 
 def _line_name(row: dict[Any, Any]) -> str:
     peer = re.split(r", | \(|: ", str(row["peer"]))[0]
-    return f"{row['claim']}: {peer}"
+    package = str(row["peer_version"]).split(" ")[0]
+    return f"{row['claim']}: {peer} ({package})" if package else f"{row['claim']}: {peer}"
 
 
 def machine() -> str:

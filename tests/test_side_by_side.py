@@ -178,7 +178,10 @@ def test_the_plot_has_a_line_for_each_ratio_and_is_hollow_where_the_peer_is_wron
         times([1, 1, 1]), times([2, 4, 3], name="right"), times([0.5] * 3, [0, 0, 9], name="wrong")
     )
     axes = benchmark_page.ratio_figure([both, measured(times([1.0]))]).axes[0]
-    assert [label.get_text() for label in axes.get_yticklabels()] == ["claim: right", "claim: wrong"]
+    assert [label.get_text() for label in axes.get_yticklabels()] == [
+        "claim: right (package)",
+        "claim: wrong (package)",
+    ]
     assert axes.get_xscale() == "log"
     spans = [line.get_xdata() for line in axes.lines if len(line.get_xdata()) == 2][:2]
     assert [list(span) for span in spans] == [[2, 4], [0.5, 0.5]]
