@@ -20,11 +20,12 @@ from models.training.deep_supervision import training_loss
 from models.training.losses import DiceCrossEntropy
 
 PEERS = {"unet": "BasicUNet", "attention_unet": "AttentionUnet", "unet3plus": "BasicUNetPlusPlus"}
+ALIKE = "BasicUNet like ours"
 LIKE_OURS = {"norm": "batch", "act": "relu", "bias": False}
 
 
-def calls(network: nn.Module, given: argparse.Namespace) -> tuple[Callable[[], None], Callable[[], None]]:
-    """A training step and a pass in use, on images of noise."""
+def calls(network: nn.Module, given: argparse.Namespace) -> tuple[Callable[[], Tensor], Callable[[], None]]:
+    """A training step, which returns its loss, and a pass in use, on images of noise."""
     images = torch.rand(given.batch, 1, given.size, given.size, device=given.device)
     images = images.contiguous(memory_format=torch.channels_last)
     masks = (images > 0.9).float()
@@ -35,11 +36,13 @@ def calls(network: nn.Module, given: argparse.Namespace) -> tuple[Callable[[], N
         with torch.autocast(given.device, torch.bfloat16, enabled=given.precision == "bf16"):
             return network(images)
 
-    def step() -> None:
+    def step() -> Tensor:
         network.train()
         optimiser.zero_grad()
-        training_loss(DiceCrossEntropy(), forward(), masks).backward()
+        loss = training_loss(DiceCrossEntropy(), forward(), masks)
+        loss.backward()
         optimiser.step()
+        return loss.detach()
 
     def use() -> None:
         network.eval()
@@ -49,13 +52,21 @@ def calls(network: nn.Module, given: argparse.Namespace) -> tuple[Callable[[], N
     return step, use
 
 
-def seconds(call: Callable[[], None], device: str) -> float:
+def seconds(call: Callable[[], object], device: str) -> float:
     """Wall time of one call, the device's work included."""
     start = time.perf_counter()
     call()
     if device == "cuda":
         torch.cuda.synchronize()
     return time.perf_counter() - start
+
+
+def recipes_of(width: int) -> dict[str, NetworkRecipe]:
+    """Ours and MONAI's networks by their names."""
+    ours = (UNet(width), AttentionUNet(width), UNet3Plus(width))
+    recipes: dict[str, NetworkRecipe] = {recipe.name: recipe for recipe in ours}
+    recipes |= {name: MonaiNetwork(name, width) for name in PEERS.values()}
+    return {**recipes, ALIKE: MonaiNetwork("BasicUNet", width, LIKE_OURS)}
 
 
 def main() -> None:
@@ -66,11 +77,7 @@ def main() -> None:
     for name, default in (("size", 128), ("width", 16), ("batch", 8), ("rounds", 5)):
         parser.add_argument(f"--{name}", type=int, default=default)
     given = parsed(parser, {"size": 64, "width": 8, "batch": 2, "rounds": 1})
-    ours = (UNet(given.width), AttentionUNet(given.width), UNet3Plus(given.width))
-    recipes: dict[str, NetworkRecipe] = {recipe.name: recipe for recipe in ours}
-    recipes |= {name: MonaiNetwork(name, given.width) for name in PEERS.values()}
-    recipes["BasicUNet like ours"] = MonaiNetwork("BasicUNet", given.width, LIKE_OURS)
-    networks = {name: recipe() for name, recipe in recipes.items()}
+    networks = {name: recipe() for name, recipe in recipes_of(given.width).items()}
     parts = {name: calls(network, given) for name, network in networks.items()}
     times: dict[str, list[list[float]]] = {name: [[], []] for name in parts}
     for _ in range(given.rounds + 1):

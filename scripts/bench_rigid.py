@@ -31,7 +31,7 @@ PIECES = (Piece(), Piece(0.6, "middle"), Piece(0.4, "start"), Piece(0.4, "end"))
 
 def open3d_icp(plane: bool) -> Callable[[Trial], np.ndarray]:
     """Open3D's single-start ICP from where the clouds lie, without a limit on distance that would need tuning."""
-    methods = o3d.pipelines.registration
+    parts = o3d.pipelines.registration
 
     def register(trial: Trial) -> np.ndarray:
         moving, fixed = (
@@ -41,16 +41,32 @@ def open3d_icp(plane: bool) -> Callable[[Trial], np.ndarray]:
         if plane:
             fixed.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(20))
         step = (
-            methods.TransformationEstimationPointToPlane()
+            parts.TransformationEstimationPointToPlane()
             if plane
-            else methods.TransformationEstimationPointToPoint()
+            else parts.TransformationEstimationPointToPoint()
         )
-        stop = methods.ICPConvergenceCriteria(max_iteration=100)
+        stop = parts.ICPConvergenceCriteria(max_iteration=100)
         return np.asarray(
-            methods.registration_icp(moving, fixed, 1e3, np.eye(4), step, stop).transformation
+            parts.registration_icp(moving, fixed, 1e3, np.eye(4), step, stop).transformation
         ).copy()
 
     return register
+
+
+def perturbation(noise_mm: float) -> Perturbation:
+    """3000 points of a piece of the vessel, turned and moved by any pose, to 5000 of the whole."""
+    return Perturbation(180.0, 50.0, noise_mm, 0.0, 3000, 5000)
+
+
+def methods() -> dict[str, Callable[[Trial], np.ndarray]]:
+    """The poses that each method finds; ours is the first."""
+    ours, generalised = MultiStartICP(), GeneralisedICP(1e3, 1e-3)
+    return {
+        "multistart": lambda trial: ours(trial.moving_mm, trial.fixed_mm).fixed_T_moving,
+        "Open3D point-to-point": open3d_icp(plane=False),
+        "Open3D point-to-plane": open3d_icp(plane=True),
+        "small_gicp GICP": lambda trial: generalised(trial.moving_mm, trial.fixed_mm).fixed_T_moving,
+    }
 
 
 def main() -> None:
@@ -66,20 +82,13 @@ def main() -> None:
     if not isinstance(surface, Mesh):
         raise SystemExit(f"surface: expected triangles in {given.surface}, received points alone")
     targets_mm = surface.sample(500, np.random.default_rng(0))
-    ours, generalised = MultiStartICP(), GeneralisedICP(1e3, 1e-3)
-    methods: dict[str, Callable[[Trial], np.ndarray]] = {
-        "multistart": lambda trial: ours(trial.moving_mm, trial.fixed_mm).fixed_T_moving,
-        "Open3D point-to-point": open3d_icp(plane=False),
-        "Open3D point-to-plane": open3d_icp(plane=True),
-        "small_gicp GICP": lambda trial: generalised(trial.moving_mm, trial.fixed_mm).fixed_T_moving,
-    }
-    perturbation = Perturbation(180.0, 50.0, given.noise, 0.0, 3000, 5000)
-    seconds: dict[str, list[float]] = {name: [] for name in methods}
-    errors_mm: dict[str, list[float]] = {name: [] for name in methods}
+    tried, drawn = methods(), perturbation(given.noise)
+    seconds: dict[str, list[float]] = {name: [] for name in tried}
+    errors_mm: dict[str, list[float]] = {name: [] for name in tried}
     for piece in PIECES:
         for number in range(given.trials):
-            trial = perturbation(surface, surface, np.eye(4), piece, seed=1, trial=number)
-            for name, method in methods.items():
+            trial = drawn(surface, surface, np.eye(4), piece, seed=1, trial=number)
+            for name, method in tried.items():
                 begin = time.perf_counter()
                 pose = method(trial)
                 seconds[name].append(time.perf_counter() - begin)
@@ -90,7 +99,7 @@ def main() -> None:
     print(
         f"3000 points to 5000, one core, {len(PIECES)} pieces x {given.trials} poses, noise {given.noise:g} mm"
     )
-    for name in methods:
+    for name in tried:
         found = sum(error <= SUCCESS_TRE_MM for error in errors_mm[name])
         print(
             f"{name:22} {statistics.median(seconds[name]):.3f} s a trial (median), "

@@ -72,10 +72,17 @@ def discs(count: int, size_px: int) -> LabelledFrames:
 
 def in_fit(problem: Problem, folder: Path | None) -> float:
     """Seconds of ``trainer.fit``; with a folder, the best weights and the state are written after each epoch."""
+    return fitted(problem, folder)[0]
+
+
+def fitted(problem: Problem, folder: Path | None) -> tuple[float, float]:
+    """The same with the validation DSC of the best weights."""
     settings, data = problem.settings, problem.data()
     files = TrainingFolder(folder, "bench") if folder else None
+    best = [0.0]
 
     def save(weights: Weights, epoch: int, dsc: float) -> None:
+        best[0] = dsc
         if files is not None:
             Checkpoint(problem.model, weights, problem.stage).save(files.weights_path(epoch))
 
@@ -91,7 +98,7 @@ def in_fit(problem: Problem, folder: Path | None) -> float:
         trainer = lightning_trainer(settings, callback, settings.max_epochs, Path(scratch))
         start_s = time.perf_counter()
         trainer.fit(module, datamodule=data)
-        return time.perf_counter() - start_s
+        return time.perf_counter() - start_s, best[0]
 
 
 def in_bare_loop(problem: Problem) -> float:

@@ -1,4 +1,4 @@
-"""make bench: every benchmark is in it, each with a small budget, and skips what needs data that is missing."""
+"""make bench and bench-quick: all benchmarks are in them, each with a small budget, and skip what lacks its data."""
 
 from __future__ import annotations
 
@@ -12,18 +12,26 @@ from pathlib import Path
 import pytest
 from quick_budget import data_folder, parsed
 
-SCRIPTS = sorted((Path(__file__).resolve().parents[1] / "scripts").glob("bench_*.py"))
+FOLDER = Path(__file__).resolve().parents[1] / "scripts"
+SCRIPTS = [*sorted(FOLDER.glob("bench_*.py")), FOLDER / "benchmarks.py"]
 
 
-def test_make_bench_names_every_benchmark(repository: Path) -> None:
+def test_make_bench_quick_names_every_benchmark(repository: Path) -> None:
     text = (repository / "Makefile").read_text(encoding="utf-8").replace("\\\n", " ")
     named = re.search(r"^BENCHMARKS := (.*)$", text, re.MULTILINE)
-    target = text[text.index("\nbench: setup\n") :].split("\n\n")[0]
+    target = text[text.index("\nbench-quick: setup\n") :].split("\n\n")[0]
     assert named is not None
-    assert sorted(named[1].split()) == [path.stem for path in SCRIPTS]
+    assert sorted(named[1].split()) == sorted(path.stem for path in SCRIPTS)
     assert "$(BENCHMARKS)" in target
     assert "scripts/$$name.py --quick" in target
     assert "== %s" in target
+
+
+def test_make_bench_writes_the_page(repository: Path) -> None:
+    text = (repository / "Makefile").read_text(encoding="utf-8")
+    target = text[text.index("\nbench: setup\n") :].split("\n\n")[0]
+    assert "$(PY) scripts/benchmarks.py" in target
+    assert "--quick" not in target
 
 
 @pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.stem)

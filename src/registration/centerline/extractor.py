@@ -126,18 +126,20 @@ class CenterlineExtractor:
         for part in parts[1:] if ends_mm is None else ():
             # A piece of a vessel between two gaps may be shorter than wide: it has no line of its own.
             with contextlib.suppress(InputError):
-                lines += self._lines(part, None)
+                lines += self._lines(part, None, finest_mm=_edge_mm(part))
         return Centerline(tuple(lines))
 
-    def _lines(self, piece: Mesh, ends_mm: Float64[np.ndarray, "k 3"] | None) -> tuple[Polyline, ...]:
-        """The lines of one piece of a vessel."""
+    def _lines(
+        self, piece: Mesh, ends_mm: Float64[np.ndarray, "k 3"] | None, finest_mm: float = 0.0
+    ) -> tuple[Polyline, ...]:
+        """The lines of one piece of a vessel, whose wall is sampled as for a radius of at least ``finest_mm``."""
         mesh = smooth_if_rough(piece, self.rough_radii)
         found = borders(mesh)
         ends = tuple(border for border in found if border.is_end)
         wall = with_caps(mesh, tuple(border for border in found if not border.is_end), CAP_RINGS)
         closed = with_caps(wall, ends)
         walls = Walls(wall, closed)
-        axis = medial_axis(wall, walls, mean_radius_mm(closed))
+        axis = medial_axis(wall, walls, max(mean_radius_mm(closed), finest_mm))
         if ends_mm is None:
             endpoints = find_endpoints(axis, ends, self.branch_reach)
         else:
@@ -167,6 +169,16 @@ class CenterlineExtractor:
         if path.closed[0]:
             line = reversed_line(extend_to_closed_end(reversed_line(line), walls, step_mm))
         return _joined(line, earlier)
+
+
+def _edge_mm(mesh: Mesh) -> float:
+    """Median of the triangles' shortest edges.
+
+    A splinter of a rough surface is thinner than its triangles are wide: sampled by its thickness it would have several
+    times as many points as the vessel, and most of the time would go there.
+    """
+    edges_mm = np.linalg.norm(mesh.corners_mm - np.roll(mesh.corners_mm, 1, axis=1), axis=2)
+    return float(np.median(edges_mm.min(axis=1)))
 
 
 def _joined(line: Polyline, earlier: list[Polyline]) -> Polyline:

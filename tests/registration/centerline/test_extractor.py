@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 from tubes import helix, straight, tube
 
+from registration.centerline import extractor
 from registration.centerline.extractor import CenterlineExtractor
+from registration.centerline.medial_axis import medial_axis
 from registration.errors import InputError
 from registration.geometry.mesh_topology import borders, keep_triangles, with_caps
 from registration.geometry.point_cloud import OrientedCloud
@@ -19,6 +22,7 @@ from registration.metrics.surface_distance import SurfaceDistance
 from registration.phantom.shapes import spline_line, surround
 from registration.reconstruction.open_ends import vertex_normals
 from registration.reconstruction.surface import PoissonSurface
+from registration.reconstruction.vessel_pieces import VesselPieces
 
 
 def dense(points_mm: np.ndarray, step_mm: float = 0.02) -> np.ndarray:
@@ -147,6 +151,28 @@ def test_blobs_on_a_wall_and_beside_it_are_no_branches() -> None:
     # A tube that reaches 15 mm out of the trunk's middle is one.
     side = spline_line(np.array([[0.0, 0, 25], [0, 15, 25]]), np.array([2.0, 2.0]))
     assert len(CenterlineExtractor()(surround((trunk, side), pitch_mm=0.6, blend_mm=0.0)).lines) == 2
+
+
+def test_a_splinter_is_sampled_no_finer_than_its_triangles_and_the_vessel_as_ever(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    vessel, splinter = tube(straight(), 3.0), tube(straight(10.0), 0.1, around=4)
+    sizes_mm = []
+
+    def recorded(wall: Mesh, walls: Any, size_mm: float) -> Any:
+        sizes_mm.append(size_mm)
+        return medial_axis(wall, walls, size_mm)
+
+    monkeypatch.setattr(extractor, "medial_axis", recorded)
+    monkeypatch.setattr(VesselPieces, "parts", lambda self, mesh: [vessel, splinter])
+    found = CenterlineExtractor()(vessel)
+    # Twice the volume over the area of a capped tube, and the side of a square in a circle of 0.1 mm.
+    assert sizes_mm[0] == pytest.approx(3.0 * 40 / 43, rel=0.02)
+    assert sizes_mm[1] == pytest.approx(0.1 * np.sqrt(2))
+    assert len(found.lines) == 2
+    np.testing.assert_array_equal(
+        found.lines[0].points_mm, CenterlineExtractor()._lines(vessel, None)[0].points_mm
+    )
 
 
 def test_a_hole_of_a_fifth_of_the_circumference() -> None:
