@@ -13,11 +13,11 @@ import sys
 import time
 import urllib.request
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from chromium import Page, browser_program, chromium_page
 from dashboard_sweeps import write_sweeps
+from page_checks import save_picture
 
 from experiments.tracking import Store
 
@@ -88,9 +88,8 @@ def page(address: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pag
 
 
 def picture(page: Page, name: str) -> None:
-    if folder := os.environ.get("CTUS_SCREENSHOTS"):
-        time.sleep(1.0)  # figures fade in
-        page.save(Path(folder) / f"{name}.png")
+    time.sleep(1.0)  # figures fade in
+    save_picture(page, f"dashboard_{name}")
 
 
 def button(words: str) -> str:
