@@ -81,7 +81,7 @@ def test_the_page_fits_the_screen_and_shows_its_figures(page: Page, address: str
 
 @pytest.mark.parametrize("width", [1280, 390])
 def test_a_section_has_its_tables_and_figures(page: Page, simulated: str, width: int) -> None:
-    page.size(width, 900)
+    page.size(width, 1300)
     page.open(simulated)
     page.wait("document.readyState === 'complete'", "the page")
     page.value("document.querySelectorAll('img').forEach(e => { e.loading = 'eager'; })")

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 from collections.abc import Iterator
 from dataclasses import replace
@@ -15,17 +16,19 @@ import pytest
 from chromium import Page, browser_program, chromium_page
 from page_checks import colored_box, cut_texts, reached_by_tab, save_picture, smallest_text_px
 from scipy.spatial.transform import Rotation
-from tubes import tube
+from vessels import bent_tube
 
 from experiments.outcome import Silent
 from experiments.reporting.scene import CloudLayer, Scene
 from experiments.studies.inspect_sweep import study as inspect_sweep
-from experiments.studies.register.pair import Pair, Side
-from experiments.studies.register.scene import register_scene
+from experiments.studies.register import study as register
 from registration import transforms
 from registration.geometry.shapes import Centerline, Mesh, Polyline
+from registration.io.centerlines import write_centerline
+from registration.io.surfaces import write_surface
 from registration.phantom.scan import simulate_sweep
 from registration.phantom.settings import Motion, PhantomSettings, Scanner
+from registration.rigid.multi_start import MultiStartICP
 
 pytestmark = [
     pytest.mark.pages,
@@ -37,28 +40,44 @@ EYE = "JSON.stringify(document.getElementById(NAME).layout.scene.camera.eye)"
 TITLES = "['x', 'y', 'z'].map(a => document.getElementById(NAME).layout.scene[a + 'axis'].title.text)"
 
 
-def bent_pair() -> Pair:
-    """A piece of a bent tube, rippled, on the whole tube; both with their centerlines."""
-    share = np.linspace(0.0, 1.0, 60)
-    middle_mm = np.stack([12 * np.sin(1.5 * np.pi * share), 6 * np.cos(2.5 * share), 70 * share], axis=1)
-    radius_mm = 3 + 2 * share
-    piece, back = slice(8, 46), transforms.invert_rigid(POSE)
-    swept = tube(middle_mm[piece], radius_mm[piece] + 0.25 * np.sin(18 * share[piece]))
-    own_mm = transforms.apply(back, middle_mm[piece])
-    moving = Mesh(transforms.apply(back, swept.vertices_mm), swept.triangles)
-    own = Side(Path("sweep.ply"), moving, "lps", Centerline((Polyline(own_mm, radius_mm[piece]),)), None)
-    line = Centerline((Polyline(middle_mm, radius_mm),))
-    return Pair(own, Side(Path("aorta.stl"), tube(middle_mm, radius_mm), "lps", line, None), None, None, ())
+VESSEL = bent_tube(along=80, around=32)
+RINGS_MM = VESSEL.vertices_mm[:-2].reshape(80, 32, 3)
+# Swept is all but the first 16 rings, whose own frame is another one.
+SWEPT = slice(16, 80)
+
+
+def line_through(rings_mm: np.ndarray) -> Centerline:
+    """The centers of rings and their mean radii."""
+    middle_mm = rings_mm.mean(axis=1)
+    return Centerline(
+        (Polyline(middle_mm, np.linalg.norm(rings_mm - middle_mm[:, None], axis=2).mean(axis=1)),)
+    )
+
+
+def swept_mm() -> np.ndarray:
+    """The rings (64, 32, 3) of the swept part where they were swept, rippled by up to 0.25 mm."""
+    rings_mm, ripple = RINGS_MM[SWEPT], np.sin(np.linspace(0.0, 18.0, 64))[:, None, None]
+    outward = rings_mm - rings_mm.mean(axis=1, keepdims=True)
+    outward /= np.linalg.norm(outward, axis=2, keepdims=True)
+    return transforms.apply(transforms.invert_rigid(POSE), rings_mm + 0.25 * ripple * outward)
 
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """The address of the page of a registration."""
-    notes = ["A drawn vessel: a piece of it, rippled by 0.25 mm, at its true pose."]
-    page = register_scene(bent_pair(), POSE, "multistart", notes, verdict="accepted")
-    path = tmp_path_factory.mktemp("scene") / "scene.html"
-    page.write(path)
-    return path.as_uri()
+    """The address of the page of a registration: a rippled part of a vessel on the whole of it."""
+    folder = tmp_path_factory.mktemp("scene")
+    rings_mm = swept_mm()
+    inside = (VESSEL.triangles >= 16 * 32).all(axis=1) & (VESSEL.triangles < 80 * 32).all(axis=1)
+    write_surface(folder / "sweep.ply", Mesh(rings_mm.reshape(-1, 3), VESSEL.triangles[inside] - 16 * 32))
+    write_surface(folder / "aorta.ply", VESSEL)
+    write_centerline(folder / "sweep-centerline.vtp", line_through(rings_mm))
+    write_centerline(folder / "aorta-centerline.vtp", line_through(RINGS_MM))
+    given = dict.fromkeys(inspect.signature(register.run).parameters)
+    given |= {"moving": str(folder / "sweep.ply"), "fixed": str(folder / "aorta.ply"), "carry": []}
+    given |= {"rigid": {"multistart": MultiStartICP()}, "deformable": {"none": None}, "slicer": "none"}
+    given |= {"moving_points": 1200, "fixed_points": 2500, "inlier_mm": 1.0, "keep": 0.9, "seed": 0}
+    register.run(**given | {"workspace": folder, "progress": Silent()})
+    return (folder / "scene.html").as_uri()
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +143,7 @@ def test_a_scene_is_drawn_offline_readable_and_without_errors(page: Page, scene:
 
 
 def names_its_inputs_verdict_axes_and_radii(page: Page) -> None:
-    assert page.value("document.title") == "sweep.ply on aorta.stl by multistart"
+    assert page.value("document.title") == "sweep.ply on aorta.ply by multistart"
     assert page.value("document.querySelector('h1 .badge.good').innerText") == "accepted"
     assert page.value("document.querySelector('h1 .badge').getBoundingClientRect().bottom") < 80
     assert page.value(TITLES.replace("NAME", "'scene'")) == ["x (mm)", "y (mm)", "z (mm)"]
@@ -148,12 +167,12 @@ def test_the_keyboard_reaches_every_control_of_a_scene(page: Page, scene: str) -
     assert page.value("document.querySelectorAll('.layer')[1].ariaPressed") == "true"
     # What moved lies elsewhere before: it is brought into the view.
     low, high = page.value("document.getElementById('scene').layout.scene.xaxis.range")
-    assert low < bent_pair().moving.surface.vertices_mm[:, 0].min() < high
+    assert low < swept_mm()[..., 0].min() < high
     assert page.errors() == []
 
 
 def test_a_point_far_away_does_not_shrink_the_view(page: Page, tmp_path: Path) -> None:
-    cloud_mm = np.concatenate([bent_pair().fixed.surface.vertices_mm, [[4000.0, 0, 0]]])
+    cloud_mm = np.concatenate([VESSEL.vertices_mm, [[4000.0, 0, 0]]])
     Scene([CloudLayer("points", cloud_mm)], "far.ply").write(tmp_path / "far.html")
     shown(page, (tmp_path / "far.html").as_uri(), 1280)
     assert "1 point lies far away" in page.text()
@@ -162,7 +181,7 @@ def test_a_point_far_away_does_not_shrink_the_view(page: Page, tmp_path: Path) -
     page.value("document.getElementById('all').click()")
     page.settle()
     low, high = page.value("document.getElementById('scene').layout.scene.xaxis.range")
-    assert low < 0 < 4000 < high
+    assert low < VESSEL.vertices_mm[:, 0].min() < 4000 < high
 
 
 @pytest.mark.parametrize("width", WIDTHS)

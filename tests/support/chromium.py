@@ -153,11 +153,6 @@ class Page:
         """What the window shows as PNG."""
         return base64.b64decode(self._call("Page.captureScreenshot", format="png")["data"])
 
-    def save(self, path: Path) -> None:
-        """Save what the window shows as PNG."""
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(self.picture())
-
     def _call(self, method: str, **parameters: Any) -> dict[str, Any]:
         self._last += 1
         message: dict[str, Any] = {"id": self._last, "method": method, "params": parameters}

@@ -64,7 +64,9 @@ def colored_box(page: Page, element: str) -> tuple[float, float, float, float]:
     return (float(box[0]), float(box[1]), float(box[2]), float(box[3]))
 
 
-def save_picture(page: Page, name: str) -> None:
-    """Save what the window shows in the folder that ``CTUS_SCREENSHOTS`` names, if it does."""
+def save_picture(page: Page, name: str, height: int | None = None) -> None:
+    """Save the upper ``height`` px of the window, or all of it, in the folder of ``CTUS_SCREENSHOTS``, if it is set."""
     if folder := os.environ.get("CTUS_SCREENSHOTS"):
-        page.save(Path(folder) / f"{name}.png")
+        picture = Image.open(io.BytesIO(page.picture())).convert("RGB")
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        picture.crop((0, 0, picture.width, height or picture.height)).save(Path(folder) / f"{name}.png")

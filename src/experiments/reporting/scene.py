@@ -13,6 +13,7 @@ from experiments import files
 from experiments.errors import InputError
 from experiments.reporting.labels import axis_label
 from experiments.reporting.scene_data import (
+    VIEW_CENTER,
     VIEW_DIRECTION,
     VIEW_DISTANCE,
     bounds_of,
@@ -159,7 +160,7 @@ class Scene:
             "scene": {
                 "aspectmode": "data",
                 **axes,
-                "camera": {"eye": view_eye(high_mm - low_mm + 2 * margin_mm)},
+                "camera": {"eye": view_eye(high_mm - low_mm + 2 * margin_mm), "center": VIEW_CENTER},
             },
             "margin": {"l": 0, "r": 0, "t": 0, "b": 0},
             # The page's own buttons are reached by the keyboard too.

@@ -96,7 +96,7 @@ def test_the_view_is_so_far_away_that_a_long_vessel_is_in_it() -> None:
         return float(np.linalg.norm(list(eye.values())))
 
     # In plotly's scale, a box of volume 1: with the margin |(16, 16, 106)| / (16 * 16 * 106)^(1/3), over sqrt(3).
-    assert distance(10.0) == pytest.approx(2.75 * np.sqrt(3) / 2)
+    assert distance(10.0) == pytest.approx(2.85 * np.sqrt(3) / 2)
     assert distance(100.0) / distance(10.0) == pytest.approx(2.08, abs=0.01)
 
 

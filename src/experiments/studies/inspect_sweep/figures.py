@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from experiments.reporting.labels import axis_label
-from experiments.reporting.scene_data import core_bounds_of, view_eye
+from experiments.reporting.scene_data import VIEW_CENTER, core_bounds_of, view_eye
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go  # type: ignore[import-untyped]
@@ -75,7 +75,18 @@ def space_figure(sweep: TrackedSweep, corners_mm: np.ndarray) -> go.Figure:
         name="this frame",
         line={"color": _CHOSEN, "width": 7},
     )
-    low_mm, high_mm = _fitted_mm(path, corners_mm)
+    figure.update_layout(
+        scene=_fitted_scene(path, corners_mm),
+        margin={"l": 0, "r": 0, "t": 0, "b": 0},
+        # Entries say what is what; they switch nothing, so that the keyboard misses nothing.
+        legend={"x": 0, "y": 1, "itemclick": False, "itemdoubleclick": False},
+    )
+    return figure
+
+
+def _fitted_scene(path_mm: np.ndarray, corners_mm: np.ndarray) -> dict[str, Any]:
+    """Axes and camera that show path and image planes."""
+    low_mm, high_mm = _fitted_mm(path_mm, corners_mm)
     axes = {
         f"{axis}axis": {
             "title": axis_label(f"{axis}_mm"),
@@ -84,13 +95,8 @@ def space_figure(sweep: TrackedSweep, corners_mm: np.ndarray) -> go.Figure:
         }
         for at, axis in enumerate("xyz")
     }
-    figure.update_layout(
-        scene={"aspectmode": "data", "camera": {"eye": view_eye(high_mm - low_mm)}, **axes},
-        margin={"l": 0, "r": 0, "t": 0, "b": 0},
-        # Entries say what is what; they switch nothing, so that the keyboard misses nothing.
-        legend={"x": 0, "y": 1, "itemclick": False, "itemdoubleclick": False},
-    )
-    return figure
+    camera = {"eye": view_eye(high_mm - low_mm), "center": VIEW_CENTER}
+    return {"aspectmode": "data", "camera": camera, **axes}
 
 
 def far_poses(sweep: TrackedSweep) -> int:
