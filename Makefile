@@ -3,8 +3,8 @@ PY := .venv/bin/python
 # Two cores are the smallest machine the tests are meant for; more are used where there are more.
 WORKERS ?= $(shell nproc)
 
-.PHONY: setup docs demo thesis test test-pages test-services lint bench bench-quick bench-cpd rigid-benchmark fuzz faults \
-	server server-down server-needs audit clean
+.PHONY: setup docs docs-needs docs-pictures demo thesis test test-pages test-services lint bench bench-quick bench-cpd \
+	rigid-benchmark fuzz faults server server-down server-needs audit clean
 
 setup:
 	@./scripts/setup.sh
@@ -24,10 +24,11 @@ test: export PYTHONDONTWRITEBYTECODE =
 test: lint
 	$(PY) -m pytest -n $(WORKERS) --dist worksteal --durations=40 tests
 
-# The dashboard in a browser (Debian: apt-get install chromium); PAGES names a folder that gets the screenshots.
+# Every page in a browser (Debian: apt-get install chromium); PAGES names a folder that gets the screenshots.
 PAGES ?= outputs/pages
-test-pages: setup
-	CTUS_SCREENSHOTS=$(PAGES) $(PY) -m pytest -m pages tests
+test-pages: docs-needs
+	mkdir -p $(PAGES)
+	CTUS_SCREENSHOTS=$(abspath $(PAGES)) $(PY) -m pytest -m pages tests
 
 # What needs programs of the system, which this installs on Debian as root: LaTeX, PostgreSQL, and Slurm on this one
 # machine; and nnU-Net's checker, which its test installs into .cache/nnunet.
@@ -39,11 +40,17 @@ test-services: server-needs
 		SLURM_CONF=/tmp/ctus-slurm/slurm.conf $(PY) -m pytest -m services tests
 
 # The documentation as a site in build/site; a link that leads nowhere fails.
-docs: setup
+docs: docs-needs
+	NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --strict --quiet
+	@echo "Open build/site/index.html; its search needs a server: python3 -m http.server --directory build/site"
+
+docs-needs: setup
 	$(PY) -c "import mkdocs, mkdocstrings" 2>/dev/null || \
 		$(PY) -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[docs]'
-	NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --strict --quiet
-	@echo "Open build/site/index.html"
+
+# The pictures of pages that the documentation shows, afresh.
+docs-pictures: test-pages
+	$(PY) scripts/docs_pictures.py $(PAGES)
 
 lint: setup
 	$(PY) -m ruff check .

@@ -13,11 +13,11 @@ import sys
 import time
 import urllib.request
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from chromium import Page, browser_program, chromium_page
 from dashboard_sweeps import write_sweeps
+from page_checks import save_picture
 
 from experiments.tracking import Store
 
@@ -87,10 +87,9 @@ def page(address: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Pag
         yield page
 
 
-def picture(page: Page, name: str) -> None:
-    if folder := os.environ.get("CTUS_SCREENSHOTS"):
-        time.sleep(1.0)  # figures fade in
-        page.save(Path(folder) / f"{name}.png")
+def picture(page: Page, name: str, height: int | None = None) -> None:
+    time.sleep(1.0)  # figures fade in
+    save_picture(page, f"dashboard_{name}", height)
 
 
 def button(words: str) -> str:
@@ -129,7 +128,7 @@ def test_the_list_shows_what_was_compared_with_its_folds_below(
     shown = page.text()
     assert "fold 0 of attention_unet" in shown and "phantom (0123456789abcdef)" in shown
     assert "ctus study=segmentation" in shown
-    picture(page, "list")
+    picture(page, "list", 450)
 
 
 def test_the_saved_view_has_columns_for_settings_and_metrics(page: Page, address: str, store: Store) -> None:
@@ -142,7 +141,7 @@ def test_the_saved_view_has_columns_for_settings_and_metrics(page: Page, address
     headers = page.value(HEADERS)
     assert headers.index("model") < headers.index("dsc_mean") and "dataset" in headers
     assert "fold 0" not in page.text()
-    picture(page, "results")
+    picture(page, "results", 410)
 
 
 def test_grouping_by_a_setting_needs_no_typing(page: Page, address: str, store: Store) -> None:

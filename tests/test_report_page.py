@@ -5,18 +5,20 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 from chromium import Page, browser_program, chromium_page
+from page_checks import cut_texts, save_picture, smallest_text_px
 from report_runs import HOSTILE, runs
+from vessels import bent_tube
 
+from experiments.cli import main
 from experiments.outcome import Silent
 from experiments.studies.report import run
 from experiments.tracking import Store
 from experiments.tracking.archive import write_archive
+from registration.io.surfaces import write_surface
 
 pytestmark = [
     pytest.mark.pages,
@@ -38,8 +40,25 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 @pytest.fixture(scope="module")
+def simulated(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The address of the report of two methods that were tried on a drawn vessel."""
+    home = tmp_path_factory.mktemp("simulated")
+    write_surface(home / "tube.ply", bent_tube())
+    words = [f"target={home / 'tube.ply'}", "rigid=[single_icp,multistart]", "trials=3", "overlaps=[1.0]"]
+    words += ["perturbation.moving_points=300", "perturbation.fixed_points=900", f"out={home / 'robustness'}"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("CTUS_HOME", str(home))
+        patch.delenv("MLFLOW_TRACKING_URI", raising=False)
+        assert main(["study=robustness", *words]) == 0
+        (home / "out").mkdir()
+        run(runs=[], archive=None, out=None, store=Store(), workspace=home / "out", progress=Silent())
+    return (home / "out" / "index.html").as_uri()
+
+
+@pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
     with chromium_page(tmp_path_factory.mktemp("profile")) as opened:
+        opened.offline()
         yield opened
 
 
@@ -54,8 +73,27 @@ def test_the_page_fits_the_screen_and_shows_its_figures(page: Page, address: str
     assert page.value("document.images.length") == 1
     # What is wider than the screen scrolls in a frame of its own, which the keyboard reaches.
     assert page.value("[...document.querySelectorAll('.wide')].every(e => e.tabIndex === 0)")
-    if folder := os.environ.get("CTUS_SCREENSHOTS"):
-        page.save(Path(folder) / f"report_{width}.png")
+    assert smallest_text_px(page) >= 11
+    assert cut_texts(page, ".wide") == []
+    save_picture(page, f"report_{width}")
+    assert (page.requests(), page.errors()) == ([address], [])
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_a_section_has_its_tables_and_figures(page: Page, simulated: str, width: int) -> None:
+    page.size(width, 1300)
+    page.open(simulated)
+    page.wait("document.readyState === 'complete'", "the page")
+    page.value("document.querySelectorAll('img').forEach(e => { e.loading = 'eager'; })")
+    page.wait("[...document.images].every(e => e.complete && e.naturalWidth > 0)", "the figures")
+    assert page.value("document.documentElement.scrollWidth") <= width
+    assert page.value(
+        "document.querySelector('section[id^=robustness] table').innerText.includes('multistart')"
+    )
+    page.value("document.querySelector('section[id^=robustness]').scrollIntoView()")
+    page.settle()
+    save_picture(page, f"report_section_{width}")
+    assert (page.requests(), page.errors()) == ([simulated], [])
 
 
 def test_a_table_sorts_both_ways_and_names_are_text(page: Page, address: str) -> None:

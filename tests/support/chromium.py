@@ -19,6 +19,7 @@ _ARGUMENTS = (
     "--headless=new",
     "--no-sandbox",
     "--disable-gpu",
+    "--enable-unsafe-swiftshader",  # 3-D views, drawn by the processor
     "--disable-dev-shm-usage",
     "--disable-background-networking",
     "--no-first-run",
@@ -38,9 +39,11 @@ class Page:
     def __init__(self, send: int, receive: int) -> None:
         self._send, self._receive = send, receive
         self._last, self._buffer, self._session = 0, b"", None
+        self._events: list[dict[str, Any]] = []
         target = self._call("Target.createTarget", url="about:blank")["targetId"]
         self._session = self._call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
-        self._call("Page.enable")
+        for domain in ("Page", "Runtime", "Log", "Network"):
+            self._call(f"{domain}.enable")
 
     def size(self, width: int, height: int) -> None:
         """Set the size of the window in px."""
@@ -52,9 +55,39 @@ class Page:
             mobile=False,
         )
 
+    def offline(self) -> None:
+        """Cut the page off from every network."""
+        cut = {"offline": True, "latency": 0, "downloadThroughput": -1, "uploadThroughput": -1}
+        self._call("Network.emulateNetworkConditions", **cut)
+
     def open(self, address: str) -> None:
-        """Go to an address."""
+        """Go to an address; what was heard of earlier pages is forgotten."""
+        self._events.clear()
         self._call("Page.navigate", url=address)
+
+    def errors(self) -> list[str]:
+        """Errors and warnings on the console, exceptions, and what could not be loaded, since the page was opened."""
+        self.value("0")
+        found = []
+        for event in self._events:
+            what, name = event["params"], event["method"]
+            if name == "Runtime.exceptionThrown":
+                found.append(json.dumps(what["exceptionDetails"]))
+            elif name == "Runtime.consoleAPICalled" and what["type"] in ("error", "warning", "assert"):
+                found.append(json.dumps(what["args"]))
+            elif name == "Log.entryAdded" and what["entry"]["level"] == "error":
+                found.append(json.dumps(what["entry"]))
+            elif name == "Network.loadingFailed" and not what.get("canceled"):
+                found.append(json.dumps(what))
+        return found
+
+    def requests(self) -> list[str]:
+        """Addresses asked for since the page was opened, without data that the page itself holds."""
+        self.value("0")
+        asked = [
+            e["params"]["request"]["url"] for e in self._events if e["method"] == "Network.requestWillBeSent"
+        ]
+        return [address for address in asked if not address.startswith(("data:", "blob:"))]
 
     def value(self, expression: str) -> Any:
         """What a JavaScript expression gives, as plain data."""
@@ -112,10 +145,13 @@ class Page:
                 "Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code, **more
             )
 
-    def save(self, path: Path) -> None:
-        """Save what the window shows as PNG."""
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(base64.b64decode(self._call("Page.captureScreenshot", format="png")["data"]))
+    def settle(self) -> None:
+        """Wait until the page has drawn what it was asked for: some frames, and a moment besides."""
+        self.value("new Promise(done => requestAnimationFrame(() => setTimeout(done, 400)))")
+
+    def picture(self) -> bytes:
+        """What the window shows as PNG."""
+        return base64.b64decode(self._call("Page.captureScreenshot", format="png")["data"])
 
     def _call(self, method: str, **parameters: Any) -> dict[str, Any]:
         self._last += 1
@@ -125,6 +161,8 @@ class Page:
         os.write(self._send, json.dumps(message).encode() + b"\0")
         while True:
             answer = json.loads(self._message())
+            if "method" in answer:
+                self._events.append(answer)
             if answer.get("id") == self._last:
                 if "error" in answer:
                     raise RuntimeError(f"{method}: {answer['error']}")

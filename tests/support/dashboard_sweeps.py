@@ -11,6 +11,8 @@ import pytest
 from scored_cases import scored_cases
 from vessels import bent_tube
 
+from experiments.analysis.segmentation.summary import pooled_metrics
+from experiments.analysis.segmentation.tables import table
 from experiments.cli import main
 from experiments.outcome import InputData, Outcome
 from registration.io.surfaces import write_surface
@@ -54,12 +56,12 @@ def no_training(segmentation: ModuleType, monkeypatch: pytest.MonkeyPatch) -> No
             }
             for epoch in range(EPOCHS)
         )
-        metrics = {**segmentation.pooled_metrics(cases), "best_epoch": EPOCHS - 1.0, "training_s": 10.0}
+        metrics = {**pooled_metrics(cases), "best_epoch": EPOCHS - 1.0, "training_s": 10.0}
         return Outcome(
             metrics=metrics,
             cases=cases,
             history=history,
-            tables={"segmentation": segmentation.table(cases)},
+            tables={"segmentation": table(cases)},
             findings=(f"Fold {fold} is drawn, not trained.",),
             inputs=(InputData("phantom", "0123456789abcdef", "simulator"),),
         )

@@ -1,12 +1,10 @@
-"""Interactive 3-D pages: one self-contained HTML file each, its layers switched by the legend."""
+"""Interactive 3-D pages: one self-contained HTML file each, its layers switched by buttons."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
-from string import Template
 from typing import Any
 
 import numpy as np
@@ -14,21 +12,26 @@ import numpy as np
 from experiments import files
 from experiments.errors import InputError
 from experiments.reporting.labels import axis_label
+from experiments.reporting.scene_data import (
+    VIEW_CENTER,
+    VIEW_DIRECTION,
+    VIEW_DISTANCE,
+    bounds_of,
+    core_bounds_of,
+    view_eye,
+)
 from experiments.reporting.scene_layers import (
     COLOR_AXIS,
+    RADIUS_AXIS,
     CloudLayer,
     Layer,
     LineLayer,
     SurfaceLayer,
 )
+from experiments.reporting.view_page import RADIUS_SCALE, VALUES_SCALE, layer_button, scene_html
 
 # What one page holds of each kind. With the script of plotly.js (5 MB) this stays under 8 MB.
 MAX_SIZES = {"triangles": 80_000, "points": 35_000, "points of lines": 10_000}
-_COLORS = "Viridis"
-# Direction that the view is taken from, and its distance in radii of the sphere around all layers.
-_DIRECTION, _DISTANCE = np.array([1.7, -1.9, 0.8]), 3.0
-# The look of a verdict; whatever is neither good nor failed is in doubt.
-_BADGES = {"accepted": "good", "failed": "bad"}
 
 
 @dataclass(frozen=True)
@@ -102,19 +105,25 @@ class Scene:
         import plotly.graph_objects as go  # type: ignore[import-untyped]
 
         figure = go.Figure([layer.trace(self._max_size(layer)) for layer in self.layers], self._layout())
-        return _PAGE.substitute(
-            title=escape(self.title),
-            badge=self._badge(),
-            space=escape(self.space),
-            notes="\n".join(f"<p>{escape(note)}</p>" for note in (*self.notes, *self._decimation_notes())),
-            view=figure.to_html(
-                {"responsive": True, "displaylogo": False}, full_html=False, div_id="scene", validate=False
-            ),
+        fitting = self._fitting()
+        notes = (*self.notes, *self._decimation_notes(), *_outlier_notes(fitting["outliers"]))
+        view = figure.to_html(
+            {"responsive": True, "displayModeBar": False}, full_html=False, div_id="scene", validate=False
         )
+        buttons = [layer_button(layer.name, _swatch(layer), layer.shown) for layer in self.layers]
+        axes = f"Axes: {self.space}, in mm."
+        return scene_html(self.title, self.verdict, buttons, (*notes, axes), view, fitting)
 
-    def _badge(self) -> str:
-        kind = _BADGES.get(self.verdict, "doubt")
-        return f' <span class="badge {kind}">{escape(self.verdict)}</span>' if self.verdict else ""
+    def _fitting(self) -> dict[str, Any]:
+        """What the page fits its view with."""
+        cores = [core_bounds_of(layer.points_mm) for layer in self.layers]
+        return {
+            "boxes": [bounds_mm.tolist() for bounds_mm, _ in cores],
+            "whole": [bounds_of(layer.points_mm).tolist() for layer in self.layers],
+            "outliers": sum(count for _, count in cores),
+            "direction": VIEW_DIRECTION.tolist(),
+            "distance": VIEW_DISTANCE,
+        }
 
     def _max_size(self, layer: Layer) -> int:
         """A layer's share of what the page may hold of its kind."""
@@ -130,7 +139,9 @@ class Scene:
         ]
 
     def _layout(self) -> dict[str, Any]:
-        bounds_mm = np.stack([layer.bounds_mm() for layer in self.layers])
+        # Hidden layers and single points far away would shrink all else.
+        fitted = [layer for layer in self.layers if layer.shown] or self.layers
+        bounds_mm = np.stack([core_bounds_of(layer.points_mm)[0] for layer in fitted])
         low_mm, high_mm = bounds_mm[:, 0].min(axis=0), bounds_mm[:, 1].max(axis=0)
         margin_mm = 0.03 * float((high_mm - low_mm).max()) + 1e-6
         axes = {
@@ -145,66 +156,55 @@ class Scene:
             for at, axis in enumerate("xyz")
         }
         layout: dict[str, Any] = {
-            # The same length for a millimetre on every axis; layers that are switched off leave the view as it is.
+            # The same length for a millimetre on every axis.
             "scene": {
                 "aspectmode": "data",
                 **axes,
-                "camera": {"eye": _eye(high_mm - low_mm + 2 * margin_mm)},
+                "camera": {"eye": view_eye(high_mm - low_mm + 2 * margin_mm), "center": VIEW_CENTER},
             },
             "margin": {"l": 0, "r": 0, "t": 0, "b": 0},
-            "legend": {"x": 0.01, "y": 0.99, "bgcolor": "rgba(255,255,255,0.8)", "itemsizing": "constant"},
+            # The page's own buttons are reached by the keyboard too.
+            "showlegend": False,
             "paper_bgcolor": "#ffffff",
             "font": {"color": "#222222", "size": 13},
             "uirevision": "kept",
             # Plotly's own template would add what is not used here.
             "template": "none",
         }
+        return layout | self._color_scales()
+
+    def _color_scales(self) -> dict[str, Any]:
+        """The scales of values and of radii, one above the other where there are both."""
+        scales: dict[str, Any] = {}
         if any(layer.has_values for layer in self.layers):
-            scale: dict[str, Any] = {
-                "colorscale": _COLORS,
-                "colorbar": {"title": {"text": self.values_name}, "len": 0.7},
-            }
+            scales[COLOR_AXIS] = _scale(VALUES_SCALE, self.values_name)
             if self.values_range_mm is not None:
-                scale |= {"cmin": self.values_range_mm[0], "cmax": self.values_range_mm[1]}
-            layout[COLOR_AXIS] = scale
-        return layout
+                scales[COLOR_AXIS] |= {"cmin": self.values_range_mm[0], "cmax": self.values_range_mm[1]}
+        if any(layer.has_radii for layer in self.layers):
+            scales[RADIUS_AXIS] = _scale(RADIUS_SCALE, axis_label("radius_mm"))
+        if len(scales) == 2:
+            for name, height in zip(scales, (0.78, 0.26), strict=True):
+                scales[name]["colorbar"] |= {"len": 0.46, "y": height}
+        return scales
 
 
-def _eye(extent_mm: np.ndarray) -> dict[str, float]:
-    """Where the view is taken from, so far away that all of a box is in it.
+def _scale(colors: str, name: str) -> dict[str, Any]:
+    title = {"text": name, "side": "right"}
+    return {"colorscale": colors, "colorbar": {"title": title, "len": 0.7, "thickness": 16}}
 
-    Plotly scales the box to a volume of 1 and measures the distance in that scale.
-    """
-    box = extent_mm / np.cbrt(extent_mm.prod())
-    place = _DIRECTION / np.linalg.norm(_DIRECTION) * _DISTANCE * float(np.linalg.norm(box)) / 2
-    return dict(zip("xyz", map(float, place), strict=True))
+
+def _swatch(layer: Layer) -> str:
+    """The colour of a layer's button, or the name of its scale."""
+    if layer.has_values:
+        return VALUES_SCALE
+    return RADIUS_SCALE if layer.has_radii else layer.color
+
+
+def _outlier_notes(count: int) -> list[str]:
+    if not count:
+        return []
+    points = "1 point lies" if count == 1 else f"{count:,} points lie"
+    return [f"{points} far away from the others and outside the view; Show outliers brings all into it."]
 
 
 __all__ = ["CloudLayer", "Layer", "LineLayer", "Scene", "SurfaceLayer"]
-
-_PAGE = Template("""<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
-<title>$title</title>
-<style>
-html, body { height: 100%; } body { display: flex; flex-direction: column; margin: 0; background: #fff; color: #222;
-  font-family: system-ui, sans-serif; }
-h1 { font-size: 1.2rem; margin: .7rem 1rem .2rem; }
-/* The notes come first in the text, so that the view is drawn at the height that they leave. */
-#view { flex: 1; min-height: 420px; order: 1; } #view > div { height: 100%; }
-.badge { border-radius: 10px; padding: 2px 10px; font-size: .85rem; font-weight: 600; white-space: nowrap; }
-.good { background: #d9f2e3; color: #0d5a2c; } .doubt { background: #fdeccf; color: #6d4300; }
-.bad { background: #f9d9d7; color: #7d1611; }
-@media (max-width: 600px) { h1 { font-size: 1rem; } #notes { font-size: .8rem; } }
-#notes { order: 2; margin: 0 1rem .6rem; font-size: .85rem; } #notes p { margin: .15rem 0; }
-</style></head><body>
-<h1>$title$badge</h1>
-<div id="notes">$notes<p>Axes: $space, in mm. Drag to turn, scroll to zoom; a click in the legend switches a
-layer, a double click leaves it alone.</p></div>
-<div id="view">$view</div>
-<script>
-// On a narrow screen the legend would cover the view: it goes below.
-if (window.innerWidth < 600) Plotly.relayout("scene", {
-  "legend.orientation": "h", "legend.x": 0, "legend.y": -0.02, "legend.yanchor": "top", "font.size": 11});
-</script>
-</body></html>
-""")

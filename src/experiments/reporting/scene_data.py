@@ -11,6 +11,14 @@ from registration.geometry.shapes import Mesh
 # Collapsing edges one by one takes a minute for a million triangles: of so many times more than wanted, vertices are
 # first merged by cubes.
 QUADRIC_TIMES = 4
+# Points are outliers, which the view is not fitted to, that lie farther from the median than this many times the
+# distance that this share of the points keeps.
+OUTLIER_TIMES, CORE_SHARE = 3.0, 0.95
+# Unit vector that a view is taken from, and its distance in radii of the sphere around all that is in it.
+VIEW_DIRECTION = np.array([1.7, -1.9, 0.8]) / np.linalg.norm([1.7, -1.9, 0.8])
+VIEW_DISTANCE = 2.85
+# It looks a little below the middle: the labels of the axes hang below the box.
+VIEW_CENTER = {"x": 0.0, "y": 0.0, "z": -0.12}
 
 
 def decimated(mesh: Mesh, values: np.ndarray | None, max_triangles: int) -> tuple[Mesh, np.ndarray | None]:
@@ -66,6 +74,46 @@ def bounds_of(points_mm: np.ndarray) -> np.ndarray:
         Lowest and highest coordinates in mm.
     """
     return np.stack([points_mm.min(axis=0), points_mm.max(axis=0)])
+
+
+def core_bounds_of(points_mm: np.ndarray) -> tuple[np.ndarray, int]:
+    """Compute the bounding box of points without those that lie far away from all others.
+
+    Parameters
+    ----------
+    points_mm : ndarray, shape (n, 3)
+        Points in mm.
+
+    Returns
+    -------
+    bounds_mm : ndarray, shape (2, 3)
+        Lowest and highest coordinates of the kept points in mm.
+    outliers : int
+        Number of points that lie more than three times as far from the median as 95 % of the points.
+    """
+    distance_mm = np.linalg.norm(points_mm - np.median(points_mm, axis=0), axis=1)
+    core_mm = OUTLIER_TIMES * float(np.quantile(distance_mm, CORE_SHARE))
+    # Where nearly all points are one point, there is no size to compare with.
+    kept = distance_mm <= core_mm if core_mm > 0 else np.ones(len(points_mm), dtype=bool)
+    return bounds_of(points_mm[kept]), int((~kept).sum())
+
+
+def view_eye(extent_mm: np.ndarray) -> dict[str, float]:
+    """Compute where a view is taken from, so far away that all of a box is in it.
+
+    Parameters
+    ----------
+    extent_mm : ndarray, shape (3,)
+        Sides of the box in mm, all above 0.
+
+    Returns
+    -------
+    dict of str to float
+        Coordinates x, y and z in plotly's scale, in which the box has a volume of 1.
+    """
+    box = extent_mm / np.cbrt(extent_mm.prod())
+    place = VIEW_DIRECTION * VIEW_DISTANCE * float(np.linalg.norm(box)) / 2
+    return dict(zip("xyz", map(float, place), strict=True))
 
 
 def require_finite(name: str, points_mm: np.ndarray) -> None:

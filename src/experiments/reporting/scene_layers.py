@@ -9,11 +9,11 @@ import numpy as np
 
 from experiments.errors import InputError
 from experiments.reporting.scene_data import (
-    bounds_of,
     decimated,
     require_finite,
     require_values,
 )
+from registration import transforms
 from registration.geometry.shapes import Centerline, Mesh
 
 if TYPE_CHECKING:
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 BLUE, ORANGE, RED, GREY = "#2a6f97", "#e07a1f", "#c1121f", "#6c757d"
 GREEN = "#2e8b57"
-# Of a colour scale that all layers with values share.
-COLOR_AXIS = "coloraxis"
+# Of a colour scale that all layers with values share, and of the one that all lines with radii share.
+COLOR_AXIS, RADIUS_AXIS = "coloraxis", "coloraxis2"
 _LIGHT = {"ambient": 0.55, "diffuse": 0.7, "specular": 0.15, "roughness": 0.6, "fresnel": 0.1}
 
 
@@ -47,14 +47,21 @@ class Layer(Protocol):
     def has_values(self) -> bool:
         """Whether it is coloured by values."""
 
-    def bounds_mm(self) -> np.ndarray:
-        """Compute the bounding box.
+    @property
+    def has_radii(self) -> bool:
+        """Whether it is coloured by radius."""
 
-        Returns
-        -------
-        ndarray, shape (2, 3)
-            Lowest and highest coordinates in mm.
-        """
+    @property
+    def color(self) -> str:
+        """Colour where there are neither values nor radii."""
+
+    @property
+    def shown(self) -> bool:
+        """Whether it is visible at first."""
+
+    @property
+    def points_mm(self) -> np.ndarray:
+        """Its points (n, 3) in mm, which the view is fitted to."""
 
     def trace(self, max_size: int) -> go.Mesh3d | go.Scatter3d:
         """Convert the layer to a trace of plotly.
@@ -88,7 +95,7 @@ class SurfaceLayer:
     values_mm : ndarray, shape (v,), or None, optional
         Values at the vertices that colour it.
     shown : bool, optional
-        Whether it is visible at first; a click in the legend switches it.
+        Whether it is visible at first; its button switches it.
 
     Raises
     ------
@@ -126,15 +133,15 @@ class SurfaceLayer:
         """Whether it is coloured by values."""
         return self.values_mm is not None
 
-    def bounds_mm(self) -> np.ndarray:
-        """Compute the bounding box.
+    @property
+    def has_radii(self) -> bool:
+        """Always False: there are none."""
+        return False
 
-        Returns
-        -------
-        ndarray, shape (2, 3)
-            Lowest and highest coordinates in mm.
-        """
-        return bounds_of(self.mesh.vertices_mm)
+    @property
+    def points_mm(self) -> np.ndarray:
+        """Vertices (v, 3) in mm."""
+        return self.mesh.vertices_mm
 
     def trace(self, max_size: int) -> go.Mesh3d:
         """Convert the surface to a mesh3d trace.
@@ -169,7 +176,7 @@ class SurfaceLayer:
 
 @dataclass(frozen=True)
 class LineLayer:
-    """Lines of one colour.
+    """Lines of one colour, or coloured by their radius.
 
     Parameters
     ----------
@@ -178,13 +185,15 @@ class LineLayer:
     lines_mm : sequence of ndarray, shape (n, 3)
         Points of each line in mm.
     color : str, optional
-        Colour.
+        Colour where there are no radii.
     width_px : float, optional
         Width in px.
     radius_mm : sequence of ndarray, shape (n,), or None, optional
-        Radius at each point of each line in mm, shown where the pointer rests.
+        Radius at each point of each line in mm, shown as its colour and where the pointer rests.
     shown : bool, optional
-        Whether it is visible at first; a click in the legend switches it.
+        Whether it is visible at first; its button switches it.
+    dash : {'solid', 'dash', 'dot'}, optional
+        Stroke, which tells lines apart that are coloured by radius.
 
     Raises
     ------
@@ -198,6 +207,7 @@ class LineLayer:
     width_px: float = 5.0
     radius_mm: Sequence[np.ndarray] | None = None
     shown: bool = True
+    dash: str = "solid"
 
     def __post_init__(self) -> None:
         if not self.size:
@@ -207,11 +217,18 @@ class LineLayer:
             raise InputError(
                 f"{self.name}: expected one radius a point of every line, received another number"
             )
-        require_finite(self.name, np.concatenate(list(self.lines_mm)))
+        require_finite(self.name, self.points_mm)
 
     @classmethod
-    def of(cls, name: str, centerline: Centerline, color: str = RED, shown: bool = True) -> LineLayer:
-        """Make a layer of a centerline.
+    def of(
+        cls,
+        name: str,
+        centerline: Centerline,
+        pose: np.ndarray | None = None,
+        shown: bool = True,
+        dash: str = "solid",
+    ) -> LineLayer:
+        """Make a layer of a centerline, coloured by its radius.
 
         Parameters
         ----------
@@ -219,19 +236,23 @@ class LineLayer:
             Name in the legend.
         centerline : Centerline
             Lines with radii in mm.
-        color : str, optional
-            Colour.
+        pose : ndarray, shape (4, 4), or None, optional
+            Rigid transform that it is shown at; None for where it is.
         shown : bool, optional
             Whether it is visible at first.
+        dash : {'solid', 'dash', 'dot'}, optional
+            Stroke.
 
         Returns
         -------
         LineLayer
             The layer.
         """
-        lines = centerline.lines
-        radius_mm = [line.radius_mm for line in lines]
-        return cls(name, [line.points_mm for line in lines], color, radius_mm=radius_mm, shown=shown)
+        places_mm = [line.points_mm for line in centerline.lines]
+        if pose is not None:
+            places_mm = [transforms.apply(pose, points_mm) for points_mm in places_mm]
+        radius_mm = [line.radius_mm for line in centerline.lines]
+        return cls(name, places_mm, radius_mm=radius_mm, shown=shown, dash=dash)
 
     @property
     def unit(self) -> str:
@@ -245,18 +266,18 @@ class LineLayer:
 
     @property
     def has_values(self) -> bool:
-        """Always False: lines have one colour."""
+        """Always False: lines have one colour, or that of their radius."""
         return False
 
-    def bounds_mm(self) -> np.ndarray:
-        """Compute the bounding box.
+    @property
+    def has_radii(self) -> bool:
+        """Whether it is coloured by radius."""
+        return self.radius_mm is not None
 
-        Returns
-        -------
-        ndarray, shape (2, 3)
-            Lowest and highest coordinates in mm.
-        """
-        return bounds_of(np.concatenate(list(self.lines_mm)))
+    @property
+    def points_mm(self) -> np.ndarray:
+        """Points of all lines (n, 3) in mm."""
+        return np.concatenate(list(self.lines_mm))
 
     def trace(self, max_size: int) -> go.Scatter3d:
         """Convert the lines to one scatter3d trace.
@@ -282,16 +303,22 @@ class LineLayer:
             kept = np.unique(np.append(np.arange(0, len(line), step), len(line) - 1))
             parts += [np.column_stack([line, radius])[kept], gap]
         rows = np.concatenate(parts[:-1])
+        look: dict[str, Any] = {"color": self.color, "width": self.width_px, "dash": self.dash}
         hover: dict[str, Any] = {"hoverinfo": "name"}
         if self.radius_mm is not None:
+            radius_mm = rows[:, 3].astype(np.float32)
+            # A gap has no place; a colour it needs, or the lines behind it would have none.
+            look |= {
+                "color": np.where(np.isnan(radius_mm), np.nanmin(radius_mm), radius_mm),
+                "coloraxis": RADIUS_AXIS,
+            }
             hover = {
-                "customdata": rows[:, 3].astype(np.float32),
+                "customdata": radius_mm,
                 "hovertemplate": "radius %{customdata:.2f} mm<extra>%{fullData.name}</extra>",
             }
         return go.Scatter3d(
-            **_coordinates(rows[:, :3]), mode="lines", line={"color": self.color, "width": self.width_px},
-            **_entry(self.name, self.shown), **hover,
-        )  # fmt: skip
+            **_coordinates(rows[:, :3]), mode="lines", line=look, **_entry(self.name, self.shown), **hover
+        )
 
 
 @dataclass(frozen=True)
@@ -311,7 +338,7 @@ class CloudLayer:
     values_mm : ndarray, shape (n,), or None, optional
         Values that colour the points.
     shown : bool, optional
-        Whether it is visible at first; a click in the legend switches it.
+        Whether it is visible at first; its button switches it.
 
     Raises
     ------
@@ -347,15 +374,10 @@ class CloudLayer:
         """Whether it is coloured by values."""
         return self.values_mm is not None
 
-    def bounds_mm(self) -> np.ndarray:
-        """Compute the bounding box.
-
-        Returns
-        -------
-        ndarray, shape (2, 3)
-            Lowest and highest coordinates in mm.
-        """
-        return bounds_of(self.points_mm)
+    @property
+    def has_radii(self) -> bool:
+        """Always False: there are none."""
+        return False
 
     def trace(self, max_size: int) -> go.Scatter3d:
         """Convert the points to a scatter3d trace.

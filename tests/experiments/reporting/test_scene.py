@@ -71,7 +71,7 @@ def test_coordinates_and_triangles_are_stored_in_binary() -> None:
         assert trace[corner]["dtype"] == "u2"
 
 
-def test_axes_are_in_mm_at_one_scale_and_hold_every_layer() -> None:
+def test_axes_are_in_mm_at_one_scale_and_hold_what_is_shown() -> None:
     hidden = CloudLayer("far", np.array([[400.0, 0, 0], [401, 1, 1]]), shown=False)
     layout = figure_of(Scene([SURFACE, hidden], "A vessel").html(), "scene")["layout"]
     assert layout["scene"]["aspectmode"] == "data"
@@ -83,7 +83,9 @@ def test_axes_are_in_mm_at_one_scale_and_hold_every_layer() -> None:
     low_mm, high_mm = np.array([layout["scene"][f"{axis}axis"]["range"] for axis in "xyz"]).T
     assert (low_mm < TUBE.vertices_mm.min(axis=0)).all()
     assert (high_mm > TUBE.vertices_mm.max(axis=0)).all()
-    assert 401 < high_mm[0] < 415
+    assert high_mm[0] < 250, "a hidden layer does not shrink the others"
+    alone = figure_of(Scene([hidden], "A cloud").html(), "scene")["layout"]
+    assert alone["scene"]["xaxis"]["range"][1] > 401
     assert "coloraxis" not in layout
 
 
@@ -94,7 +96,7 @@ def test_the_view_is_so_far_away_that_a_long_vessel_is_in_it() -> None:
         return float(np.linalg.norm(list(eye.values())))
 
     # In plotly's scale, a box of volume 1: with the margin |(16, 16, 106)| / (16 * 16 * 106)^(1/3), over sqrt(3).
-    assert distance(10.0) == pytest.approx(3.0 * np.sqrt(3) / 2)
+    assert distance(10.0) == pytest.approx(2.85 * np.sqrt(3) / 2)
     assert distance(100.0) / distance(10.0) == pytest.approx(2.08, abs=0.01)
 
 
@@ -110,12 +112,34 @@ def test_layers_with_values_share_one_scale() -> None:
     assert page["data"][0]["coloraxis"] == page["data"][1]["marker"]["coloraxis"] == "coloraxis"
 
 
+def test_a_point_far_away_is_outside_the_view_and_said() -> None:
+    far = CloudLayer("far", np.concatenate([TUBE.vertices_mm, [[9000.0, 0, 0]]]))
+    text = Scene([far, SURFACE], "A vessel").html()
+    assert figure_of(text, "scene")["layout"]["scene"]["xaxis"]["range"][1] < 250
+    assert "1 point lies far away from the others" in text
+    assert 'id="all">' in text
+    assert 'id="all" hidden>' in Scene([SURFACE], "A vessel").html()
+
+
+def test_radii_have_a_scale_of_their_own() -> None:
+    line = LineLayer("centerline", [TUBE.vertices_mm[:4]], radius_mm=[np.arange(4.0)])
+    alone = figure_of(Scene([line], "A vessel").html(), "scene")
+    assert alone["data"][0]["line"]["coloraxis"] == "coloraxis2"
+    assert alone["layout"]["coloraxis2"]["colorbar"]["title"]["text"] == "Radius (mm)"
+    assert "coloraxis" not in alone["layout"]
+    coloured = SurfaceLayer("a", TUBE, values_mm=TUBE.vertices_mm[:, 2])
+    both = figure_of(Scene([coloured, line], "A vessel").html(), "scene")["layout"]
+    upper, lower = both["coloraxis"]["colorbar"], both["coloraxis2"]["colorbar"]
+    assert upper["y"] - upper["len"] / 2 > lower["y"] + lower["len"] / 2
+
+
 def test_names_and_notes_can_not_break_the_page() -> None:
     nasty = "</script><b>$view & 'x'"
     text = Scene([SurfaceLayer(nasty, TUBE)], nasty, [nasty], space=nasty).html()
     page = Parsed(text)
     assert figure_of(text, "scene")["data"][0]["name"] == nasty
-    assert page.text.count(nasty) == 4
+    # In title, heading, button, note and the name of the axes.
+    assert page.text.count(nasty) == 5
     assert "b" not in [tag for tag, _ in page.elements]
 
 

@@ -90,14 +90,27 @@ def test_a_cloud_is_decimated_to_points_of_it() -> None:
 def test_lines_are_kept_apart_and_carry_their_radius() -> None:
     first = Polyline(np.array([[0.0, 0, 0], [0, 0, 1], [0, 0, 2]]), np.array([3.0, 2.5, 2.0]))
     second = Polyline(np.array([[5.0, 0, 0], [6, 0, 0]]), np.array([1.0, 0.5]))
-    trace = LineLayer.of("centerline", Centerline((first, second)), color="#111111").trace(100)
+    trace = LineLayer.of("centerline", Centerline((first, second)), dash="dash").trace(100)
     found = places(trace)
     np.testing.assert_array_equal(np.isnan(found).all(axis=1), [False, False, False, True, False, False])
     np.testing.assert_array_equal(found[[0, 2, 4, 5]], [[0, 0, 0], [0, 0, 2], [5, 0, 0], [6, 0, 0]])
     np.testing.assert_array_equal(trace["customdata"], [3.0, 2.5, 2.0, np.nan, 1.0, 0.5])
-    assert (trace["mode"], trace["line"]["color"]) == ("lines", "#111111")
-    plain = LineLayer("path", [first.points_mm]).trace(100)
-    assert plain["customdata"] is None
+    assert (trace["mode"], trace["line"]["dash"], trace["line"]["coloraxis"]) == (
+        "lines",
+        "dash",
+        "coloraxis2",
+    )
+    # The gap has the colour of the smallest radius, so that it does not widen the scale.
+    np.testing.assert_array_equal(trace["line"]["color"], [3.0, 2.5, 2.0, 0.5, 1.0, 0.5])
+    plain = LineLayer("path", [first.points_mm], color="#111111").trace(100)
+    assert (plain["customdata"], plain["line"]["color"]) == (None, "#111111")
+
+
+def test_a_centerline_is_shown_at_its_pose() -> None:
+    line = Centerline((Polyline(np.array([[0.0, 0, 0], [0, 0, 1]]), np.ones(2)),))
+    pose = np.eye(4)
+    pose[:3, 3] = 1.0, 2.0, 3.0
+    np.testing.assert_array_equal(LineLayer.of("c", line, pose).points_mm, [[1, 2, 3], [1, 2, 4]])
 
 
 def test_a_long_line_keeps_its_ends() -> None:
@@ -107,16 +120,17 @@ def test_a_long_line_keeps_its_ends() -> None:
     assert (found[0, 0], found[-1, 0]) == (0, 999)
 
 
-def test_bounds_and_sizes() -> None:
+def test_points_and_sizes() -> None:
     points_mm = np.array([[1.0, -2, 3], [4, 5, -6]])
     for layer, size, unit in (
         (CloudLayer("c", points_mm), 2, "points"),
         (LineLayer("l", [points_mm[:1], points_mm[1:]]), 2, "points of lines"),
         (SurfaceLayer("s", TUBE), len(TUBE.triangles), "triangles"),
     ):
-        assert (layer.size, layer.unit, layer.has_values) == (size, unit, False)
-    np.testing.assert_array_equal(CloudLayer("c", points_mm).bounds_mm(), [[1, -2, -6], [4, 5, 3]])
-    np.testing.assert_array_equal(LineLayer("l", [points_mm]).bounds_mm(), [[1, -2, -6], [4, 5, 3]])
+        assert (layer.size, layer.unit, layer.has_values, layer.has_radii) == (size, unit, False, False)
+    assert LineLayer("l", [points_mm], radius_mm=[np.ones(2)]).has_radii
+    np.testing.assert_array_equal(LineLayer("l", [points_mm[:1], points_mm[1:]]).points_mm, points_mm)
+    assert SurfaceLayer("s", TUBE).points_mm is TUBE.vertices_mm
 
 
 @pytest.mark.parametrize(

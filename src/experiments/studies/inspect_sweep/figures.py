@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from experiments.reporting.labels import axis_label
+from experiments.reporting.scene_data import VIEW_CENTER, core_bounds_of, view_eye
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go  # type: ignore[import-untyped]
@@ -74,13 +75,55 @@ def space_figure(sweep: TrackedSweep, corners_mm: np.ndarray) -> go.Figure:
         name="this frame",
         line={"color": _CHOSEN, "width": 7},
     )
-    axes = {f"{axis}axis": {"title": axis_label(f"{axis}_mm")} for axis in "xyz"}
     figure.update_layout(
-        scene={"aspectmode": "data", "camera": {"eye": {"x": 1.6, "y": 1.6, "z": 1.1}}, **axes},
+        scene=_fitted_scene(path, corners_mm),
         margin={"l": 0, "r": 0, "t": 0, "b": 0},
-        legend={"x": 0, "y": 1},
+        # Entries say what is what; they switch nothing, so that the keyboard misses nothing.
+        legend={"x": 0, "y": 1, "itemclick": False, "itemdoubleclick": False},
     )
     return figure
+
+
+def _fitted_scene(path_mm: np.ndarray, corners_mm: np.ndarray) -> dict[str, Any]:
+    """Axes and camera that show path and image planes."""
+    low_mm, high_mm = _fitted_mm(path_mm, corners_mm)
+    axes = {
+        f"{axis}axis": {
+            "title": axis_label(f"{axis}_mm"),
+            "range": [float(low_mm[at]), float(high_mm[at])],
+            "nticks": 6,
+        }
+        for at, axis in enumerate("xyz")
+    }
+    camera = {"eye": view_eye(high_mm - low_mm), "center": VIEW_CENTER}
+    return {"aspectmode": "data", "camera": camera, **axes}
+
+
+def far_poses(sweep: TrackedSweep) -> int:
+    """Count the poses that lie far away from all others, which the view of the path is not fitted to.
+
+    Parameters
+    ----------
+    sweep : TrackedSweep
+        Tracked sweep.
+
+    Returns
+    -------
+    int
+        Number of poses.
+    """
+    return core_bounds_of(sweep.world_T_ee[:, :3, 3])[1] if len(sweep.world_T_ee) else 0
+
+
+def _fitted_mm(path_mm: np.ndarray, corners_mm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The lowest and highest coordinates of the view: path and image planes, without single ones far away."""
+    drawn = [points_mm for points_mm in (path_mm, corners_mm.reshape(-1, 3)) if len(points_mm)]
+    if not drawn:
+        return np.zeros(3), np.ones(3)
+    bounds_mm = np.stack([core_bounds_of(points_mm)[0] for points_mm in drawn])
+    low_mm, high_mm = bounds_mm[:, 0].min(axis=0), bounds_mm[:, 1].max(axis=0)
+    margin_mm = 0.03 * float((high_mm - low_mm).max()) + 1e-3
+    return low_mm - margin_mm, high_mm + margin_mm
 
 
 def intervals_figure(sweep: TrackedSweep) -> go.Figure:
@@ -114,7 +157,7 @@ def intervals_figure(sweep: TrackedSweep) -> go.Figure:
             marker_color=_KEPT, row=1, col=column,
         )  # fmt: skip
         figure.update_xaxes(title=axis_label("interval_ms"), row=1, col=column)
-        figure.update_yaxes(title="Count", type="log", row=1, col=column)
+        figure.update_yaxes(title="Count", type="log", dtick=1, row=1, col=column)
     figure.update_layout(showlegend=False, margin={"l": 50, "r": 10, "t": 30, "b": 40})
     return figure
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import base64
 import io
-import json
 from html import escape
 from string import Template
 from typing import TYPE_CHECKING, Any
@@ -15,8 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.outcome import Progress
+from experiments.reporting.view_page import BADGE_STYLE, TURNING, badge, script_json
 from experiments.studies.inspect_sweep.figures import (
     evenly,
+    far_poses,
     intervals_figure,
     space_figure,
     timeline_figure,
@@ -75,10 +76,16 @@ def page(
         for frame in progress.track(shown.tolist(), "frames", total=len(shown))
     ]
     rows = (f"<tr><th>{escape(what)}</th><td>{escape(value)}</td></tr>" for what, value in table.values)
+    far = far_poses(sweep)
     return _PAGE.substitute(
         name=escape(name),
+        badge=_badge(posed),
+        badge_style=BADGE_STYLE,
+        turning=TURNING,
         rows="\n".join(rows),
-        frames=_script_json(viewer),
+        far="1 pose lies" if far == 1 else f"{far} poses lie",
+        far_hidden="" if far else " hidden",
+        frames=script_json(viewer),
         last=max(0, len(viewer) - 1),
         # The first plot brings the script of plotly.js along.
         space=_plot("space", space_figure(sweep, corners_mm), include_plotlyjs=True),
@@ -90,7 +97,7 @@ def page(
 def _plot(name: str, figure: Any, include_plotlyjs: bool = False) -> str:
     """An element of the page with the figure in it."""
     drawn: str = figure.to_html(
-        {"responsive": True, "displaylogo": False},
+        {"responsive": True, "displayModeBar": False},
         full_html=False,
         include_plotlyjs=include_plotlyjs,
         div_id=name,
@@ -117,9 +124,14 @@ def _viewed(
     }
 
 
-def _script_json(value: Any) -> str:
-    """JSON that can stand inside a script element whatever text it holds."""
-    return json.dumps(value).replace("</", "<\\/")
+def _badge(posed: PosedFrames) -> str:
+    """How many frames are of use, in a badge."""
+    kept, dropped = len(posed.kept), posed.frames_dropped
+    if not kept:
+        return badge("no frame has a pose", "bad")
+    if dropped:
+        return badge(f"{dropped} of {kept + dropped} frames dropped", "doubt")
+    return badge("all frames have a pose", "good")
 
 
 def _picture(image: np.ndarray, shown_px: int) -> str:
@@ -144,31 +156,46 @@ def _corners_mm(sweep: TrackedSweep, posed: PosedFrames) -> np.ndarray:
 
 
 _PAGE = Template("""<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8"><title>$name</title>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
+<title>Tracked sweep $name</title>
 <style>
 body { font-family: system-ui, sans-serif; margin: 1.2rem; color: #222; max-width: 1500px; }
-h1 { font-size: 1.3rem; } h2 { font-size: 1.05rem; margin: 1.2rem 0 .4rem; }
+h1 { font-size: 1.3rem; overflow-wrap: anywhere; } h2 { font-size: 1.05rem; margin: 1.2rem 0 .4rem; }
 table { border-collapse: collapse; font-size: .9rem; } th { text-align: left; font-weight: 600; }
 th, td { padding: .15rem .8rem .15rem 0; vertical-align: top; }
-.pair { display: grid; grid-template-columns: minmax(320px, 1fr) minmax(420px, 1.4fr); gap: 1.2rem; }
+.pair { display: grid; grid-template-columns: minmax(0, 1fr) minmax(0, 1.4fr); gap: 1.2rem; }
 #picture { width: 100%; max-height: 520px; object-fit: contain; background: #000; }
-#scrub { width: 100%; } #label { font-variant-numeric: tabular-nums; }
+#scrub { width: 100%; height: 2rem; } #label { font-variant-numeric: tabular-nums; }
+.below { color: #4a5563; font-size: .85rem; margin: .2rem 0; }
+$badge_style
+@media (max-width: 900px) { .pair { grid-template-columns: minmax(0, 1fr); gap: 0; } }
+@media (max-width: 600px) { body { margin: .8rem; } h1 { font-size: 1.1rem; } }
 </style></head><body>
-<h1>$name</h1>
+<h1>Tracked sweep $name$badge</h1>
 <table>$rows</table>
 <div class="pair">
 <div><h2>Frames</h2><img id="picture" alt="ultrasound frame">
 <input id="scrub" type="range" min="0" max="$last" value="0" aria-label="frame"><div id="label"></div></div>
-<div><h2>Probe path and image planes (world, mm)</h2>$space</div>
+<div><h2>Probe path and image planes (world, mm)</h2>
+<div id="turned" tabindex="0" role="application" aria-label="3-D view: arrow keys turn, plus and minus zoom">
+$space</div>
+<p class="below">Drag or use the arrow keys to turn, scroll or use + and - to zoom.<span$far_hidden>
+$far outside the view. <button type="button" id="all">Show all</button></span></p></div>
 </div>
 <h2>Timing</h2>$intervals
 <h2>Frames kept and dropped</h2>$timeline
 <script>
+$turning
+turnable(document.getElementById("turned"), document.getElementById("space"));
 const frames = $frames;
 const scrub = document.getElementById("scrub");
 function show() {
   const frame = frames[Number(scrub.value)];
-  if (!frame) { document.getElementById("label").textContent = "no frames"; return; }
+  if (!frame) {
+    document.getElementById("label").textContent = "no frames";
+    document.getElementById("picture").hidden = scrub.hidden = true;
+    return;
+  }
   document.getElementById("picture").src = frame.picture;
   document.getElementById("label").textContent = frame.label;
   const [x, y, z] = frame.outline || [[], [], []];
@@ -176,5 +203,22 @@ function show() {
 }
 scrub.addEventListener("input", show);
 show();
+document.getElementById("all").addEventListener("click", () => Plotly.relayout("space",
+  {"scene.xaxis.autorange": true, "scene.yaxis.autorange": true, "scene.zaxis.autorange": true}));
+if (window.innerWidth < 600) {
+  // Side by side the counts would be too narrow to read.
+  const intervals = document.getElementById("intervals");
+  intervals.style.height = intervals.parentNode.style.height = "460px";
+  Plotly.relayout(intervals, {"xaxis.domain": [0, 1], "xaxis2.domain": [0, 1], "yaxis.domain": [0.64, 1],
+    "yaxis2.domain": [0, 0.34], "annotations[0].x": 0.5, "annotations[1].x": 0.5, "annotations[1].y": 0.34})
+    .then(() => Plotly.Plots.resize(intervals));
+  const space = document.getElementById("space");
+  Object.assign(space.layout.legend, {orientation: "h", x: 0, y: 1, yanchor: "bottom"});
+  Object.assign(space.data[0].marker.colorbar, {orientation: "h", len: 0.9, x: 0.5, xanchor: "center", y: 0,
+    yanchor: "top"});
+  // Drawn afresh: a scale that is there does not turn.
+  Plotly.newPlot(space, space.data, space.layout, {responsive: true, displayModeBar: false})
+    .then(() => widened(space));
+}
 </script></body></html>
 """)

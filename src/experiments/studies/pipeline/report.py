@@ -134,6 +134,7 @@ def outcome(
     truth: SimulatedSweep,
     masks: np.ndarray,
     dropped: int,
+    name: str,
 ) -> Outcome:
     """Collect metrics, tables, figures and findings of one registered sweep.
 
@@ -151,6 +152,8 @@ def outcome(
         Masks that the network found.
     dropped : int
         Number of frames without a pose.
+    name : str
+        Name of the sweep and of the network in the title of the page.
 
     Returns
     -------
@@ -165,7 +168,8 @@ def outcome(
     scores = summarise({key: cases[key] for key in ("dsc", "hd95_mm", "missed", "false_alarm")})
     measured, registered = _measured(found.registered), found.registered
     said = (_finding(registered, scores["dsc_mean"]), *_sentences(registered), *_gaps(found))
-    scene = pipeline_scene(truth, found.cloud_mm, found.built, registered, (said[1], said[0], *said[2:]))
+    notes = (said[1], said[0], *said[2:])
+    scene = pipeline_scene(truth, found.cloud_mm, found.built, registered, notes, name)
     return Outcome(
         metrics={
             **scores,

@@ -31,6 +31,7 @@ def pipeline_scene(
     built: Reconstructed | None,
     registered: RegisteredSweep,
     findings: Sequence[str],
+    name: str,
 ) -> Scene:
     """Make the scene of one registered sweep, in the frame of the CT in mm.
 
@@ -46,6 +47,8 @@ def pipeline_scene(
         Results of the registration's stages.
     findings : sequence of str
         Sentences next to the scene, the verdict first.
+    name : str
+        Name of the sweep and of the network in the title.
 
     Returns
     -------
@@ -64,8 +67,7 @@ def pipeline_scene(
         moved = with_points(built.surface, transforms.apply(pose, points_of(built.surface)))
         layers.append(shape_layer("reconstructed surface, registered", moved, ORANGE, 0.6, shown=False))
         if built.centerline is not None:
-            places = [transforms.apply(pose, line.points_mm) for line in built.centerline.lines]
-            layers.append(LineLayer("centerline, registered", places, ORANGE))
+            layers.append(LineLayer.of("centerline, registered", built.centerline, pose))
     true_mm = transforms.apply(truth.ct_T_world, cloud_mm)
     layers.append(shape_layer("contours at the true pose", true_mm, GREEN, 0.9, shown=False))
     if registered.deformed is not None:
@@ -73,7 +75,7 @@ def pipeline_scene(
     methods = [registered.rigid, *([registered.deformed.name] if registered.deformed else [])]
     return Scene(
         layers=layers,
-        title=f"A simulated sweep on its model from CT by {', '.join(methods)}",
+        title=f"{name}, on its model from CT by {', '.join(methods)}",
         notes=findings,
         values_name="Distance to the model (mm)",
         values_range_mm=color_range_mm(distance_mm),

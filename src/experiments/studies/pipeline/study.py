@@ -189,7 +189,9 @@ def run(
     found = Registered(gathered.cloud.points_mm, built, refusal, left_out, placed)
     write(workspace, truth, found, slicer)
     masks = values >= 0.5
-    return outcome(_score_frames(masks, truth), found, seconds, truth, masks, sum(posed.dropped.values()))
+    dropped = sum(posed.dropped.values())
+    name = f"Simulated sweep {sweep_index}, segmented by {Path(model_path).name}"
+    return outcome(_score_frames(masks, truth), found, seconds, truth, masks, dropped, name)
 
 
 def _reconstructed(

@@ -69,8 +69,9 @@ def register_scene(
         notes.append(
             f"Before registration the moving file lies {away_mm:.0f} mm away; it is not shown there."
         )
+    # Opaque, or the colours of the far side would mix with those of the near one.
     layers.append(
-        shape_layer("moving, after", with_points(moving, after_mm), BLUE, 0.9, values_mm=distance_mm)
+        shape_layer("moving, after", with_points(moving, after_mm), BLUE, 1.0, values_mm=distance_mm)
     )
     if rival_fixed_T_moving is not None:
         rival_mm = transforms.apply(rival_fixed_T_moving, points_of(moving))
@@ -97,8 +98,7 @@ def _lines(pair: Pair, fixed_T_moving: np.ndarray) -> list[LineLayer]:
     """The centerlines of both sides, where there are any."""
     lines = []
     if pair.fixed.centerline is not None:
-        lines.append(LineLayer.of("centerline, fixed", pair.fixed.centerline, RED))
-    if pair.moving.centerline is not None:
-        places = [transforms.apply(fixed_T_moving, line.points_mm) for line in pair.moving.centerline.lines]
-        lines.append(LineLayer("centerline, moving after", places, BLUE))
+        lines.append(LineLayer.of("centerline, fixed", pair.fixed.centerline))
+    if (moving := pair.moving.centerline) is not None:
+        lines.append(LineLayer.of("centerline, moving after", moving, fixed_T_moving, dash="dash"))
     return lines

@@ -25,6 +25,7 @@ th, td { padding: 5px 9px; text-align: left; vertical-align: top; border-bottom:
 th { background: var(--soft); white-space: nowrap; }
 th button { font: inherit; font-weight: 600; border: 0; background: none; padding: 0; cursor: pointer; color: inherit; }
 th button::after { content: " \\2195"; color: #8894a3; }
+th.number { text-align: right; }
 td.number { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
 tbody tr:last-child td { border-bottom: 0; }
 code, .run { font: 12px/1.4 ui-monospace, monospace; }
@@ -105,7 +106,9 @@ document.querySelectorAll("th button").forEach(function (button) {
 </html>
 """
 TABLE = """<div class="wide" tabindex="0" role="region" aria-label="{{ one.title }}"><table><thead><tr>
-{%- for name in one.columns %}<th scope="col"><button type="button">{{ name }}</button></th>{% endfor -%}
+{%- for name in one.columns -%}
+<th scope="col"{% if one.rows and one.rows[0][loop.index0].number %} class="number"{% endif %}><button type="button">
+{{- name }}</button></th>{% endfor -%}
 </tr></thead><tbody>
 {%- for row in one.rows %}<tr>{% for cell in row %}<td{% if cell.number %} class="number"{% endif %}>
 {%- if cell.badge %}<span class="badge {{ cell.badge }}">{{ cell.text }}</span>

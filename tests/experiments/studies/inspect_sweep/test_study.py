@@ -108,6 +108,26 @@ def test_page_shows_the_path_the_planes_and_the_times(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.parametrize(
+    ("sweep", "badge"),
+    [
+        (known_sweep(), '<span class="badge good">all frames have a pose</span>'),
+        (with_late_frames(), '<span class="badge doubt">5 of 9 frames dropped</span>'),
+    ],
+)
+def test_the_title_says_how_many_frames_are_of_use(tmp_path: Path, sweep: TrackedSweep, badge: str) -> None:
+    assert f"<h1>Tracked sweep a sweep {badge}</h1>" in looked_at(tmp_path, sweep)[1]
+
+
+def test_a_pose_far_away_is_outside_the_view_and_said(tmp_path: Path) -> None:
+    sweep = known_sweep(frame_count=12)
+    poses = sweep.world_T_ee.copy()
+    poses[0, 0, 3] = 9000.0
+    _, html = looked_at(tmp_path, replace(sweep, world_T_ee=poses))
+    assert "1 pose lies outside the view." in html.replace("\n", " ")
+    assert max(figure_of(html, "space")["layout"]["scene"]["xaxis"]["range"]) < 500
+
+
 def test_only_so_many_frames_are_shown(tmp_path: Path) -> None:
     _, html = looked_at(tmp_path, known_sweep(frame_count=9), shown_frames=3)
     shown = script_value(html, "frames")
@@ -128,6 +148,7 @@ def test_recording_without_frames_has_a_page_too(tmp_path: Path) -> None:
     )
     outcome, html = looked_at(tmp_path, poses_only)
     assert script_value(html, "frames") == []
+    assert '<span class="badge bad">no frame has a pose</span>' in html
     assert outcome.metrics["poses"] == 28.0
 
 
