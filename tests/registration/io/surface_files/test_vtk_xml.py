@@ -19,7 +19,7 @@ MESH = tube(straight(10.0), 4.0, around=12)
 
 
 def stored(path: Path, mode: str, packing: str, wide: bool = True, in_text: bool = False) -> Path:
-    data = _polydata(MESH)
+    data = _polydata(MESH, None)
     values = numpy_to_vtk(np.arange(len(MESH.vertices_mm), dtype=np.float32), deep=True)
     values.SetName("a")
     data.GetPointData().AddArray(values)
