@@ -162,7 +162,9 @@ def borders(mesh: Mesh) -> tuple[Border, ...]:
         return ()
     rim = edges[single]
     of_vertex = connected(rim, len(mesh.vertices_mm))[1]
-    found = [_border(mesh, rim[own]) for own in _groups(of_vertex[rim[:, 0]])]
+    groups = _groups(of_vertex[rim[:, 0]])
+    at = _TrianglesAt(mesh)
+    found = [_border(mesh, rim[own], at) for own in groups]
     return tuple(sorted(found, key=lambda border: -border.radius_mm))
 
 
@@ -204,7 +206,24 @@ def with_caps(mesh: Mesh, chosen: tuple[Border, ...], rings: int = 1) -> Mesh:
     return Mesh(np.concatenate(vertices), np.concatenate(triangles).astype(np.int64))
 
 
-def _border(mesh: Mesh, edges: np.ndarray) -> Border:
+class _TrianglesAt:
+    """The triangles at vertices: looked up, as a rough mesh has hundreds of borders of a few edges each."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        corners = mesh.triangles.reshape(-1)
+        self._owner = np.argsort(corners, kind="stable") // 3
+        self._last = np.cumsum(np.bincount(corners, minlength=len(mesh.vertices_mm)))
+        self._uses = np.diff(self._last, prepend=0)
+
+    def __call__(self, vertices: np.ndarray) -> np.ndarray:
+        """The indices of all triangles that have one of these different vertices, each once, in their order."""
+        uses = self._uses[vertices]
+        # The places of each vertex in the list of owners, one run after the other.
+        places = np.repeat(self._last[vertices] - np.cumsum(uses), uses) + np.arange(uses.sum())
+        return np.unique(self._owner[places])
+
+
+def _border(mesh: Mesh, edges: np.ndarray, at: _TrianglesAt) -> Border:
     start_mm, end_mm = mesh.vertices_mm[edges[:, 0]], mesh.vertices_mm[edges[:, 1]]
     length_mm = np.linalg.norm(end_mm - start_mm, axis=1)
     # Weighted by length, so that a stretch with many short edges pulls no harder than one with few long ones.
@@ -214,11 +233,9 @@ def _border(mesh: Mesh, edges: np.ndarray) -> Border:
     area_mm2 = 0.5 * np.cross(end_mm - centre_mm, start_mm - centre_mm).sum(axis=0)
     size_mm2 = float(np.linalg.norm(area_mm2))
     normal = area_mm2 / max(size_mm2, np.finfo(np.float64).tiny)
-    near = np.zeros(len(mesh.vertices_mm), dtype=bool)
-    near[edges] = True
     # By area, so that slivers left by a cut do not speak for the wall.
-    near[mesh.triangles[near[mesh.triangles].any(axis=1)]] = True
-    a, b, c = np.moveaxis(mesh.corners_mm[near[mesh.triangles].any(axis=1)], 1, 0)
+    near = mesh.triangles[at(np.unique(mesh.triangles[at(np.unique(edges))]))]
+    a, b, c = np.moveaxis(mesh.vertices_mm[near], 1, 0)
     walls = np.cross(b - a, c - a)
     facing = float((walls @ normal).sum() / max(float(np.linalg.norm(walls, axis=1).sum()), 1e-300))
     return Border(edges, centre_mm, normal, float(np.sqrt(size_mm2 / np.pi)), facing)

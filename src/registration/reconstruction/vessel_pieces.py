@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -169,6 +170,16 @@ class _Piece:
         ends = tuple(border for border in borders(mesh) if border.is_end)
         return cls(mesh, ends, float(mesh.areas_mm2.sum()))
 
+    @cached_property
+    def box_mm(self) -> tuple[np.ndarray, np.ndarray]:
+        """Its lowest and highest coordinates."""
+        return self.mesh.vertices_mm.min(axis=0), self.mesh.vertices_mm.max(axis=0)
+
+    @cached_property
+    def distance(self) -> SurfaceDistance:
+        """The distance to it, whose search tree is made once for all ends that look at it."""
+        return SurfaceDistance(self.mesh)
+
     def length_mm(self, end: Border) -> float:
         """That of a tube of an end's width with the piece's area."""
         return self.area_mm2 / (2 * np.pi * max(end.radius_mm, 1e-9))
@@ -179,8 +190,13 @@ def _branches(branch: _Piece, end: Border, trunk: _Piece) -> bool:
     if branch.length_mm(end) < BRANCH_RADII * end.radius_mm or branch.area_mm2 > trunk.area_mm2:
         return False
     reach_mm = BRANCH_RADII * end.radius_mm
+    lowest_mm, highest_mm = trunk.box_mm
+    outside_mm = np.maximum(np.maximum(lowest_mm - end.centre_mm, end.centre_mm - highest_mm), 0.0)
+    # Farther from its box is farther from it; the margin is for the single precision of the distances.
+    if np.linalg.norm(outside_mm) > 1.001 * reach_mm + 1e-3:
+        return False
     ahead_mm = end.centre_mm + np.linspace(0, reach_mm, 9)[:, None] * end.normal
-    apart_mm = SurfaceDistance(trunk.mesh)(ahead_mm)
+    apart_mm = trunk.distance(ahead_mm)
     return bool(apart_mm[0] <= reach_mm and apart_mm.min() <= 0.25 * end.radius_mm)
 
 

@@ -79,3 +79,19 @@ def test_pieces_and_the_largest_of_them() -> None:
     assert len(set(of_triangle[:4])) == len(set(of_triangle[4:])) == 1
     np.testing.assert_allclose(largest_piece(both).vertices_mm, large.vertices_mm)
     assert largest_piece(large) is large
+
+
+def test_a_rough_meshs_borders_are_judged_by_the_two_rings_around_each() -> None:
+    whole = tube(straight(30.0), 4.0, around=24)
+    mesh = keep_triangles(whole, np.random.default_rng(0).random(len(whole.triangles)) > 0.05)
+    found = borders(mesh)
+    assert len(found) > 20
+    for border in found:
+        near = np.zeros(len(mesh.vertices_mm), dtype=bool)
+        near[border.edges] = True
+        near[mesh.triangles[near[mesh.triangles].any(axis=1)]] = True
+        a, b, c = np.moveaxis(mesh.corners_mm[near[mesh.triangles].any(axis=1)], 1, 0)
+        walls = np.cross(b - a, c - a)
+        assert border.facing == pytest.approx(
+            (walls @ border.normal).sum() / np.linalg.norm(walls, axis=1).sum()
+        )
