@@ -107,6 +107,9 @@ def read_table(path: Path, kind: str = "a table of cases", columns: Sequence[str
 
     with reading(path, kind):
         table = pd.read_parquet(path)
+        # Texts are decoded when they are asked for: bytes that are none are to be noticed here.
+        for name in table.select_dtypes(exclude="number"):
+            table[name].tolist()
     if missing := [column for column in columns if column not in table]:
         raise InputError(f"{path}: expected the columns {', '.join(columns)}, found no {missing[0]}")
     return table

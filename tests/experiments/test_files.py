@@ -82,3 +82,13 @@ def test_a_table_without_a_column_is_refused(tmp_path: Path) -> None:
         InputError, match=r"cases\.parquet: expected the columns run_id, dsc, found no run_id"
     ):
         read_table(tmp_path / "cases.parquet", columns=["run_id", "dsc"])
+
+
+def test_a_text_that_is_none_is_refused_by_the_files_name(tmp_path: Path) -> None:
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    bytes_ = pa.array([b"\xa8bc", b"right"], pa.binary())
+    parquet.write_table(pa.table({"name": bytes_.view(pa.string())}), tmp_path / "cases.parquet")
+    with pytest.raises(InputError, match=r"cases\.parquet: expected a table of cases"):
+        read_table(tmp_path / "cases.parquet")
