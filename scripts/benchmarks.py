@@ -47,6 +47,8 @@ CLAIMS: dict[str, tuple[str, ...]] = {
     "metrics": ("claims_framework", "metrics_logged"),
     "composing": ("claims_mended", "composing"),
     "contours": ("claims_mended", "contours"),
+    "borders": ("claims_mended", "borders"),
+    "figures": ("claims_mended", "figures"),
 }
 PROFILE = "profile"
 # Read by numerical libraries when they are imported.

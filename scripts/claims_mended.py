@@ -18,6 +18,7 @@ from side_by_side import Claim, Side
 # The last commit before calls composed their configuration once instead of twice, with YAML parsed in C, and before
 # masks were described within their boxes.
 BEFORE_COMPOSING = "2093132^"
+BEFORE_FIGURES, BEFORE_BORDERS = "94ab39d^", "7ae7e7b^"
 REMARK = "What was mended: the peer is this project's earlier self."
 
 
@@ -52,6 +53,32 @@ def contours(quick: bool) -> Claim:
         20 if quick else 40,
         BEFORE_COMPOSING,
         1 if quick else 7,
+    )
+
+
+def borders(quick: bool) -> Claim:
+    """The borders of a rough surface, beside the same before each looked up its own triangles."""
+    rings = 20 if quick else 75
+    return beside_earlier(
+        "Mended: borders of a rough surface",
+        f"a tube of {rings} rings of 48 that has lost a tenth of its triangles",
+        "rough_borders",
+        rings,
+        BEFORE_BORDERS,
+        1 if quick else 9,
+    )
+
+
+def figures(quick: bool) -> Claim:
+    """A figure in two formats, beside the same before it was laid out once for both."""
+    panels = 2 if quick else 5
+    return beside_earlier(
+        "Mended: a figure in two formats",
+        f"{panels} panels drawn and written as PNG and SVG; the pictures of PNG are compared",
+        "figure_files",
+        panels,
+        BEFORE_FIGURES,
+        1 if quick else 9,
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -114,13 +115,17 @@ class Scene:
         axes = f"Axes: {self.space}, in mm."
         return scene_html(self.title, self.verdict, buttons, (*notes, axes), view, fitting)
 
+    @cached_property
+    def _cores(self) -> list[tuple[np.ndarray, int]]:
+        """Box of each layer without points far away, and the number of these."""
+        return [core_bounds_of(layer.points_mm) for layer in self.layers]
+
     def _fitting(self) -> dict[str, Any]:
         """What the page fits its view with."""
-        cores = [core_bounds_of(layer.points_mm) for layer in self.layers]
         return {
-            "boxes": [bounds_mm.tolist() for bounds_mm, _ in cores],
+            "boxes": [bounds_mm.tolist() for bounds_mm, _ in self._cores],
             "whole": [bounds_of(layer.points_mm).tolist() for layer in self.layers],
-            "outliers": sum(count for _, count in cores),
+            "outliers": sum(count for _, count in self._cores),
             "direction": VIEW_DIRECTION.tolist(),
             "distance": VIEW_DISTANCE,
         }
@@ -140,8 +145,9 @@ class Scene:
 
     def _layout(self) -> dict[str, Any]:
         # Hidden layers and single points far away would shrink all else.
-        fitted = [layer for layer in self.layers if layer.shown] or self.layers
-        bounds_mm = np.stack([core_bounds_of(layer.points_mm)[0] for layer in fitted])
+        boxes_mm = [box_mm for box_mm, _ in self._cores]
+        shown_mm = [box_mm for layer, box_mm in zip(self.layers, boxes_mm, strict=True) if layer.shown]
+        bounds_mm = np.stack(shown_mm or boxes_mm)
         low_mm, high_mm = bounds_mm[:, 0].min(axis=0), bounds_mm[:, 1].max(axis=0)
         margin_mm = 0.03 * float((high_mm - low_mm).max()) + 1e-6
         axes = {

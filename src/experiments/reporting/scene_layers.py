@@ -13,7 +13,6 @@ from experiments.reporting.scene_data import (
     require_finite,
     require_values,
 )
-from registration import transforms
 from registration.geometry.shapes import Centerline, Mesh
 
 if TYPE_CHECKING:
@@ -224,7 +223,6 @@ class LineLayer:
         cls,
         name: str,
         centerline: Centerline,
-        pose: np.ndarray | None = None,
         shown: bool = True,
         dash: str = "solid",
     ) -> LineLayer:
@@ -236,8 +234,6 @@ class LineLayer:
             Name in the legend.
         centerline : Centerline
             Lines with radii in mm.
-        pose : ndarray, shape (4, 4), or None, optional
-            Rigid transform that it is shown at; None for where it is.
         shown : bool, optional
             Whether it is visible at first.
         dash : {'solid', 'dash', 'dot'}, optional
@@ -249,8 +245,6 @@ class LineLayer:
             The layer.
         """
         places_mm = [line.points_mm for line in centerline.lines]
-        if pose is not None:
-            places_mm = [transforms.apply(pose, points_mm) for points_mm in places_mm]
         radius_mm = [line.radius_mm for line in centerline.lines]
         return cls(name, places_mm, radius_mm=radius_mm, shown=shown, dash=dash)
 

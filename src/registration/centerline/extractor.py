@@ -174,8 +174,8 @@ class CenterlineExtractor:
 def _edge_mm(mesh: Mesh) -> float:
     """Median of the triangles' shortest edges.
 
-    A splinter of a rough surface is thinner than its triangles are wide: sampled by its thickness it would have several
-    times as many points as the vessel, and most of the time would go there.
+    A small piece of a rough surface is thinner than its triangles are wide: sampled by its thickness it would have
+    several times as many points as the vessel, and most of the time would go there.
     """
     edges_mm = np.linalg.norm(mesh.corners_mm - np.roll(mesh.corners_mm, 1, axis=1), axis=2)
     return float(np.median(edges_mm.min(axis=1)))

@@ -163,7 +163,7 @@ def borders(mesh: Mesh) -> tuple[Border, ...]:
     rim = edges[single]
     of_vertex = connected(rim, len(mesh.vertices_mm))[1]
     groups = _groups(of_vertex[rim[:, 0]])
-    at = _TrianglesAt(mesh)
+    at = TrianglesAt(mesh)
     found = [_border(mesh, rim[own], at) for own in groups]
     return tuple(sorted(found, key=lambda border: -border.radius_mm))
 
@@ -206,8 +206,14 @@ def with_caps(mesh: Mesh, chosen: tuple[Border, ...], rings: int = 1) -> Mesh:
     return Mesh(np.concatenate(vertices), np.concatenate(triangles).astype(np.int64))
 
 
-class _TrianglesAt:
-    """The triangles at vertices: looked up, as a rough mesh has hundreds of borders of a few edges each."""
+class TrianglesAt:
+    """Find the triangles at vertices: looked up, as a rough mesh has hundreds of borders of a few edges each.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Mesh.
+    """
 
     def __init__(self, mesh: Mesh) -> None:
         corners = mesh.triangles.reshape(-1)
@@ -215,15 +221,26 @@ class _TrianglesAt:
         self._last = np.cumsum(np.bincount(corners, minlength=len(mesh.vertices_mm)))
         self._uses = np.diff(self._last, prepend=0)
 
-    def __call__(self, vertices: np.ndarray) -> np.ndarray:
-        """The indices of all triangles that have one of these different vertices, each once, in their order."""
+    def __call__(self, vertices: Int64[np.ndarray, " k"]) -> Int64[np.ndarray, " m"]:
+        """Find the triangles that have one of some vertices.
+
+        Parameters
+        ----------
+        vertices : ndarray of int, shape (k,)
+            Indices of vertices.
+
+        Returns
+        -------
+        ndarray of int, shape (m,)
+            Indices of the triangles, each once, in their order.
+        """
         uses = self._uses[vertices]
         # The places of each vertex in the list of owners, one run after the other.
         places = np.repeat(self._last[vertices] - np.cumsum(uses), uses) + np.arange(uses.sum())
         return np.unique(self._owner[places])
 
 
-def _border(mesh: Mesh, edges: np.ndarray, at: _TrianglesAt) -> Border:
+def _border(mesh: Mesh, edges: np.ndarray, at: TrianglesAt) -> Border:
     start_mm, end_mm = mesh.vertices_mm[edges[:, 0]], mesh.vertices_mm[edges[:, 1]]
     length_mm = np.linalg.norm(end_mm - start_mm, axis=1)
     # Weighted by length, so that a stretch with many short edges pulls no harder than one with few long ones.

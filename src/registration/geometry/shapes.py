@@ -260,6 +260,23 @@ class Centerline:
         """Sum of the lines' arc lengths."""
         return float(sum(line.length_mm for line in self.lines))
 
+    def transformed(self, A_T_B: Float64[np.ndarray, "4 4"]) -> Centerline:
+        """Transform the lines into another coordinate frame.
+
+        Parameters
+        ----------
+        A_T_B : ndarray, shape (4, 4)
+            Rigid transform from this centerline's frame B to A.
+
+        Returns
+        -------
+        Centerline
+            The same lines in frame A, with the same radii.
+        """
+        return Centerline(
+            tuple(Polyline(transforms.apply(A_T_B, line.points_mm), line.radius_mm) for line in self.lines)
+        )
+
     def even_points(self, max_points: int) -> Float64[np.ndarray, "k 3"]:
         """Place points at even arc length, both ends of each line included.
 

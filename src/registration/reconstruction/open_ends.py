@@ -12,7 +12,13 @@ from scipy.sparse import coo_array, csr_array
 from scipy.spatial import cKDTree
 
 from registration.checks import require_positive
-from registration.geometry.mesh_topology import borders, connected, directed_edges, edge_numbers
+from registration.geometry.mesh_topology import (
+    TrianglesAt,
+    borders,
+    connected,
+    directed_edges,
+    edge_numbers,
+)
 from registration.geometry.point_cloud import OrientedCloud
 from registration.geometry.shapes import Mesh
 from registration.reconstruction.outlier_filters import VoxelDownsampling
@@ -78,15 +84,12 @@ class _Surroundings:
 
     def __init__(self, mesh: Mesh) -> None:
         self.mesh = mesh
-        count, corners = len(mesh.vertices_mm), mesh.triangles.reshape(-1)
+        count = len(mesh.vertices_mm)
         edges = directed_edges(mesh)
         ones = np.ones(len(edges), dtype=bool)
         neighbours = coo_array((ones, edges.T), shape=(count, count)).tocsr()
         self.neighbours = csr_array(neighbours + neighbours.T)
-        owner = np.repeat(np.arange(len(mesh.triangles)), 3)
-        self.triangles = coo_array(
-            (np.ones(len(corners), dtype=bool), (corners, owner)), shape=(count, len(mesh.triangles))
-        ).tocsr()
+        self.triangles_at = TrianglesAt(mesh)
 
     def is_hole(
         self, own: Int64[np.ndarray, " o"], past_mm: Float64[np.ndarray, " v"], bridge_mm: float
@@ -112,9 +115,7 @@ class _Surroundings:
             ring = np.setdiff1d(self.neighbours[ring].indices, np.concatenate(rings))
             rings.append(ring)
         inner = np.concatenate(rings[:-1])
-        used, corners = np.unique(
-            self.mesh.triangles[np.unique(self.triangles[inner].indices)], return_inverse=True
-        )
+        used, corners = np.unique(self.mesh.triangles[self.triangles_at(inner)], return_inverse=True)
         part = Mesh(self.mesh.vertices_mm[used], corners.reshape(-1, 3).astype(np.int64))
         values = np.where(np.isin(used, own), past_mm[used], np.minimum(past_mm[used], -SHALLOW_MM))
         cut, ends = _cut(part, values, 0.0)

@@ -110,7 +110,7 @@ def test_a_centerline_is_shown_at_its_pose() -> None:
     line = Centerline((Polyline(np.array([[0.0, 0, 0], [0, 0, 1]]), np.ones(2)),))
     pose = np.eye(4)
     pose[:3, 3] = 1.0, 2.0, 3.0
-    np.testing.assert_array_equal(LineLayer.of("c", line, pose).points_mm, [[1, 2, 3], [1, 2, 4]])
+    np.testing.assert_array_equal(LineLayer.of("c", line.transformed(pose)).points_mm, [[1, 2, 3], [1, 2, 4]])
 
 
 def test_a_long_line_keeps_its_ends() -> None:

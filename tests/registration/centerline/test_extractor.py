@@ -153,10 +153,10 @@ def test_blobs_on_a_wall_and_beside_it_are_no_branches() -> None:
     assert len(CenterlineExtractor()(surround((trunk, side), pitch_mm=0.6, blend_mm=0.0)).lines) == 2
 
 
-def test_a_splinter_is_sampled_no_finer_than_its_triangles_and_the_vessel_as_ever(
+def test_a_small_piece_is_sampled_no_finer_than_its_triangles_and_the_vessel_as_ever(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    vessel, splinter = tube(straight(), 3.0), tube(straight(10.0), 0.1, around=4)
+    vessel, small = tube(straight(), 3.0), tube(straight(10.0), 0.1, around=4)
     sizes_mm = []
 
     def recorded(wall: Mesh, walls: Any, size_mm: float) -> Any:
@@ -164,7 +164,7 @@ def test_a_splinter_is_sampled_no_finer_than_its_triangles_and_the_vessel_as_eve
         return medial_axis(wall, walls, size_mm)
 
     monkeypatch.setattr(extractor, "medial_axis", recorded)
-    monkeypatch.setattr(VesselPieces, "parts", lambda self, mesh: [vessel, splinter])
+    monkeypatch.setattr(VesselPieces, "parts", lambda self, mesh: [vessel, small])
     found = CenterlineExtractor()(vessel)
     # Twice the volume over the area of a capped tube, and the side of a square in a circle of 0.1 mm.
     assert sizes_mm[0] == pytest.approx(3.0 * 40 / 43, rel=0.02)

@@ -20,8 +20,7 @@ from experiments.reporting.slicer_scene import (
     write_slicer_bundle,
     write_slicer_scene,
 )
-from registration import transforms
-from registration.geometry.shapes import Centerline, Mesh, Polyline, Surface, transformed
+from registration.geometry.shapes import Centerline, Mesh, Surface, transformed
 from registration.io.centerlines import write_centerline
 from registration.io.landmarks import Landmarks, write_landmarks
 from registration.io.patient_space import write_model
@@ -120,28 +119,6 @@ def write_slicer_result(workspace: Path, result: SlicerResult, slicer: str) -> N
     write_slicer_scene(workspace / FILES[0], nodes)
     if slicer == BUNDLE:
         write_slicer_bundle(workspace / FILES[1], workspace / FILES[0])
-
-
-def moved_centerline(line: Centerline, fixed_T_moving: Float64[np.ndarray, "4 4"]) -> Centerline:
-    """Move a centerline into the fixed frame.
-
-    Parameters
-    ----------
-    line : Centerline
-        Centerline in the moving frame in mm.
-    fixed_T_moving : ndarray, shape (4, 4)
-        Pose.
-
-    Returns
-    -------
-    Centerline
-        Centerline in the fixed frame in mm, with the same radii.
-    """
-    return Centerline(
-        tuple(
-            Polyline(transforms.apply(fixed_T_moving, part.points_mm), part.radius_mm) for part in line.lines
-        )
-    )
 
 
 @dataclass(frozen=True)

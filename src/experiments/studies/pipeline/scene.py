@@ -10,7 +10,7 @@ from experiments.analysis.registration.registered_scene import (
     deformed_layers,
     shape_layer,
 )
-from experiments.analysis.registration.slicer_result import SlicerResult, moved_centerline
+from experiments.analysis.registration.slicer_result import SlicerResult
 from experiments.reporting.scene import LineLayer, Scene
 from experiments.reporting.scene_layers import BLUE, GREEN, GREY, ORANGE
 from registration import transforms
@@ -67,7 +67,7 @@ def pipeline_scene(
         moved = with_points(built.surface, transforms.apply(pose, points_of(built.surface)))
         layers.append(shape_layer("reconstructed surface, registered", moved, ORANGE, 0.6, shown=False))
         if built.centerline is not None:
-            layers.append(LineLayer.of("centerline, registered", built.centerline, pose))
+            layers.append(LineLayer.of("centerline, registered", built.centerline.transformed(pose)))
     true_mm = transforms.apply(truth.ct_T_world, cloud_mm)
     layers.append(shape_layer("contours at the true pose", true_mm, GREEN, 0.9, shown=False))
     if registered.deformed is not None:
@@ -112,5 +112,5 @@ def pipeline_slicer_result(
     if built is not None:
         further["reconstructed surface, moved"] = transformed(built.surface, pose)
         if built.centerline is not None:
-            lines["centerline, moved"] = moved_centerline(built.centerline, pose)
+            lines["centerline, moved"] = built.centerline.transformed(pose)
     return SlicerResult(truth.model, cloud_mm, pose, lines, further=further, deformed=registered.deformed)

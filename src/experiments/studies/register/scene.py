@@ -100,5 +100,7 @@ def _lines(pair: Pair, fixed_T_moving: np.ndarray) -> list[LineLayer]:
     if pair.fixed.centerline is not None:
         lines.append(LineLayer.of("centerline, fixed", pair.fixed.centerline))
     if (moving := pair.moving.centerline) is not None:
-        lines.append(LineLayer.of("centerline, moving after", moving, fixed_T_moving, dash="dash"))
+        lines.append(
+            LineLayer.of("centerline, moving after", moving.transformed(fixed_T_moving), dash="dash")
+        )
     return lines

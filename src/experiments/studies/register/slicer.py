@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from experiments.analysis.registration.slicer_result import SlicerResult, moved_centerline
+from experiments.analysis.registration.slicer_result import SlicerResult
 from experiments.studies.register.carried import CENTERLINES, carried_record
 from experiments.studies.register.record import Registered
 from registration import transforms
@@ -27,7 +27,7 @@ def slicer_result(found: Registered) -> SlicerResult:
     if pair.fixed.centerline is not None:
         lines["centerline, fixed"] = pair.fixed.centerline
     if pair.moving.centerline is not None:
-        lines["centerline, moved"] = moved_centerline(pair.moving.centerline, pose)
+        lines["centerline, moved"] = pair.moving.centerline.transformed(pose)
     landmarks = {}
     if pair.landmarks is not None:
         names = pair.landmarks.names

@@ -12,7 +12,6 @@ from vessels import bent_tube
 
 from experiments.analysis.registration.slicer_result import (
     SlicerResult,
-    moved_centerline,
     require_slicer,
     write_slicer_result,
 )
@@ -37,7 +36,7 @@ def written(folder: Path, moving: Surface, slicer: str = "scene") -> SlicerResul
         TUBE,
         moving,
         POSE,
-        {"centerline, fixed": LINE, "centerline, moved": moved_centerline(LINE, POSE)},
+        {"centerline, fixed": LINE, "centerline, moved": LINE.transformed(POSE)},
         {"landmarks, fixed": Landmarks(("a", "b"), MARKS_MM)},
         {"another": TUBE},
     )
