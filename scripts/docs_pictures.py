@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -22,13 +23,18 @@ MAX_BYTES = 250_000
 _PICTURE = re.compile(r"!\[[^\]]*\]\((?P<target>[^)\s]+\.png)\)")
 
 
-def main() -> None:
-    """Write every picture that the documentation shows of a page."""
+def main() -> int:
+    """Write every picture that the documentation shows of a page; 2 where one is missing."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path, help="where make test-pages saved its pictures (PAGES)")
     folder = parser.parse_args().folder
-    for path in pictures_of_pages(ROOT / "docs"):
-        print(f"{path.relative_to(ROOT)}: {small_picture(folder / path.name, path) / 1000:.0f} kB")
+    try:
+        for path in pictures_of_pages(ROOT / "docs"):
+            print(f"{path.relative_to(ROOT)}: {small_picture(folder / path.name, path) / 1000:.0f} kB")
+    except InputError as refusal:
+        print(refusal, file=sys.stderr)
+        return 2
+    return 0
 
 
 def pictures_of_pages(docs: Path) -> list[Path]:
@@ -91,4 +97,4 @@ def small_picture(source: Path, place: Path) -> int:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

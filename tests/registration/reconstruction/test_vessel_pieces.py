@@ -57,6 +57,16 @@ def test_a_second_piece(other: Mesh, kept: bool) -> None:
     assert found.share_dropped == pytest.approx(1 - area_mm2 / whole_mm2)
 
 
+@pytest.mark.parametrize(("gap_mm", "kept"), [(1.5, 2), (6.0, 1)])
+def test_a_branch_that_begins_outside_the_box_of_its_trunk_is_kept_where_it_is_near(
+    gap_mm: float, kept: int
+) -> None:
+    upright = np.column_stack([np.zeros(50), np.zeros(50), np.arange(50) * 0.8])
+    away_mm = 3.0 + gap_mm + np.arange(0, 12, 0.8)
+    branch = np.column_stack([away_mm, np.zeros(len(away_mm)), np.full(len(away_mm), 20.0)])
+    assert VesselPieces()(together(tube(upright, 3.0), tube(branch, 1.5))).kept == kept
+
+
 def test_pieces_join_one_after_another_and_each_has_its_line() -> None:
     mesh = together(tube(LINE[:22], 3.0), tube(LINE[30:48], 3.0), tube(LINE[55:], 3.0))
     found = VesselPieces()(mesh)
