@@ -36,6 +36,8 @@ LINE_EVERY_S = 15.0
 WIDEST_TABLE = 160
 # Of a terminal so many columns are used, however wide it is: lines stay easy to read, and to show to others.
 WIDEST_LINE = 100
+# What a text in a cell is shortened to, one after the other, before columns are left out of a table on a terminal.
+SHORTER_TEXTS = (32, 24, 20, 14)
 
 
 class TerminalProgress:
@@ -147,8 +149,8 @@ def _columns() -> tuple[ProgressColumn, ...]:
 def print_tables(tables: dict[str, pd.DataFrame], console: Console | None = None) -> None:
     """Print small result tables. Names of columns break at their underscores, so that the tables stay narrow.
 
-    On a terminal a table has the columns that fit, from the left, and a line that names the others; ``verbose=true``
-    and a pipe get all of them, ``quiet=true`` none.
+    On a terminal long texts in cells are shortened, and a table has the columns that fit, from the left, and a line
+    that names the others; ``verbose=true`` and a pipe get all of them, ``quiet=true`` none.
 
     Parameters
     ----------
@@ -165,8 +167,9 @@ def print_tables(tables: dict[str, pd.DataFrame], console: Console | None = None
     # Elsewhere a table wider than the terminal had better wrap than lose digits.
     console.width = line_width(console) if fitting else max(console.width, WIDEST_TABLE)
     for title, frame in tables.items():
-        count = _columns_that_fit(title, frame, console) if fitting else len(frame.columns)
-        console.print(_table(title, frame.iloc[:, :count]))
+        whole = (len(frame.columns), None)
+        count, longest = _columns_that_fit(title, frame, console) if fitting else whole
+        console.print(_table(title, frame.iloc[:, :count], longest))
         if left := [str(name) for name in frame.columns[count:]]:
             more = f"{len(left)} more in summary.md: {', '.join(left)}"
             print(
@@ -190,19 +193,26 @@ def line_width(console: Console) -> int:
     return min(console.width, WIDEST_LINE)
 
 
-def _columns_that_fit(title: str, frame: pd.DataFrame, console: Console) -> int:
-    """How many columns, from the left, the terminal is wide enough for; one at least."""
-    for count in range(len(frame.columns), 1, -1):
-        table = _table(title, frame.iloc[:, :count])
-        if Measurement.get(console, console.options.update_width(10_000), table).maximum <= console.width:
-            return count
-    return 1
+def _columns_that_fit(title: str, frame: pd.DataFrame, console: Console) -> tuple[int, int | None]:
+    """How many columns, from the left, the terminal is wide enough for, one at least, and how long a text may be."""
+
+    def fits(count: int, longest: int | None) -> bool:
+        table = _table(title, frame.iloc[:, :count], longest)
+        return Measurement.get(console, console.options.update_width(10_000), table).maximum <= console.width
+
+    for longest in (None, *SHORTER_TEXTS):
+        if fits(len(frame.columns), longest):
+            return len(frame.columns), longest
+    shortest = SHORTER_TEXTS[-1]
+    return next(
+        (count for count in range(len(frame.columns) - 1, 1, -1) if fits(count, shortest)), 1
+    ), shortest
 
 
-def _table(title: str, frame: pd.DataFrame) -> Table:
+def _table(title: str, frame: pd.DataFrame, longest: int | None) -> Table:
     # As Text: in a plain string rich takes what stands in square brackets for markup and leaves it out.
     table = Table(title=Text(title, "table.title"), title_justify="left", box=box.SIMPLE_HEAD)
-    rows = [[cell_text(value) for value in row] for row in frame.itertuples(index=False)]
+    rows = [[_shortened(value, longest) for value in row] for row in frame.itertuples(index=False)]
     for index, column in enumerate(frame.columns):
         numeric = frame[column].dtype.kind in "if"
         width = max([len(row[index]) for row in rows] + [9])
@@ -215,6 +225,13 @@ def _table(title: str, frame: pd.DataFrame) -> Table:
     for row in rows:
         table.add_row(*map(Text, row))
     return table
+
+
+def _shortened(value: object, longest: int | None) -> str:
+    """A cell's text, cut if it is longer; of numbers nothing is cut."""
+    text = cell_text(value)
+    cut = longest is not None and isinstance(value, str) and len(text) > longest
+    return f"{text[: longest - 1].rstrip()}…" if cut and longest else text
 
 
 def _broken(name: str, width: int) -> str:

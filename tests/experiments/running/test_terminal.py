@@ -95,6 +95,32 @@ def test_on_a_terminal_a_table_has_the_columns_that_fit_and_names_the_others(wid
     assert more.startswith(f"{20 - shown} more")
 
 
+TEXTS = pd.DataFrame(
+    {
+        "measured_on": ["artery, 100 %, cpd, " + "a long condition " * 3],
+        "command": ["ctus study=accuracy " * 4],
+        "tre_mm_over_everything": [12345678.5],
+    }
+)
+
+
+@pytest.mark.parametrize("width", [80, 100])
+def test_on_a_terminal_long_texts_are_shortened_before_a_column_is_left_out(width: int) -> None:
+    stream = io.StringIO()
+    print_tables({"Long": TEXTS}, Console(file=stream, force_terminal=True, width=width, color_system=None))
+    assert "12345678.500" in stream.getvalue() and "more in summary.md" not in stream.getvalue()
+    assert "artery, 100 %, cpd" in stream.getvalue() and "…" in stream.getvalue()
+    assert max(map(len, stream.getvalue().splitlines())) <= width
+    assert TEXTS["command"][0] in markdown({"Long": TEXTS})
+
+
+def test_a_text_that_fits_is_not_shortened() -> None:
+    stream = io.StringIO()
+    one = TEXTS[["measured_on"]]
+    print_tables({"Long": one}, Console(file=stream, force_terminal=True, width=100, color_system=None))
+    assert one["measured_on"][0].strip() in stream.getvalue()
+
+
 def test_a_pipe_and_verbose_get_every_column(monkeypatch) -> None:
     for terminal, level in ((False, "normal"), (True, "verbose")):
         monkeypatch.setenv(VARIABLE, level)

@@ -68,6 +68,16 @@ class _Walk:
                 raise self.cut(count)
             self.at = found.end()
 
+    def whole_numbers(self, count: int, kind: str) -> np.ndarray:
+        """Values that :meth:`skip` goes past."""
+        begin = self.at
+        self.skip(count, kind)
+        data, width = self.data[begin : self.at], _BYTES[kind.lower()]
+        sign = "u" if "u" in kind.lower() else "i"
+        if self.binary:
+            return np.frombuffer(data, f">{sign}{width}", count)
+        return np.array(data.split()[:count], dtype=np.int64)
+
     def skip_texts(self, count: int) -> None:
         """Go past texts: a line each, or in binary the length before each, whose first two bits are its own width."""
         for _ in range(count):
@@ -118,6 +128,8 @@ def require_whole_legacy(path: Path) -> str:
     try:
         while words := walk.line():
             _section(walk, words)
+    except InputError:  # which is a ValueError as well
+        raise
     except (IndexError, ValueError) as refusal:
         raise InputError(
             f"{path}: expected sections of VTK, received {' '.join(words)[:40]!r}: cut short"
@@ -154,23 +166,29 @@ def _section(walk: _Walk, words: list[str]) -> None:
 def _cells(walk: _Walk, words: list[str]) -> None:
     count, size = int(words[1]), int(words[2])
     if not walk.five:
-        begin = walk.at
-        walk.skip(size, "int")
-        _require_lengths(walk, begin, count, size)
+        _require_lengths(walk, walk.whole_numbers(size, "int"), count)
         return
     for name, values in (("OFFSETS", count), ("CONNECTIVITY", size)):
         part = walk.line()
         if part[0] != name:
             raise ValueError(part[0])
-        walk.skip(values, part[1])
+        if name == "OFFSETS":
+            _require_ends(walk, walk.whole_numbers(values, part[1]), size)
+        else:
+            walk.skip(values, part[1])
 
 
-def _require_lengths(walk: _Walk, begin: int, count: int, size: int) -> None:
+def _require_ends(walk: _Walk, ends: np.ndarray, size: int) -> None:
+    """From version 5 on the cells are one list, and where each ends is another, which VTK follows unseen."""
+    if len(ends) and (ends[0] < 0 or np.any(ends[1:] < ends[:-1]) or ends[-1] > size):
+        raise InputError(
+            f"{walk.path}: expected cells that end within {size} numbers, received others: cut short or damaged"
+        )
+
+
+def _require_lengths(walk: _Walk, values: np.ndarray, count: int) -> None:
     """Each cell is its number of points and these: VTK goes from one to the next by numbers that it does not check."""
-    data = walk.data[begin : walk.at]
-    values = (
-        np.frombuffer(data, ">i4", size) if walk.binary else np.array(data.split()[:size], dtype=np.int64)
-    )
+    size = len(values)
     at = cells = 0
     while at < size and values[at] >= 0:
         at += int(values[at]) + 1

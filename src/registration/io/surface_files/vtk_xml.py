@@ -7,11 +7,14 @@ each as text, in base 64 or in a block at the end of the file, packed or not (VT
 from __future__ import annotations
 
 import base64
+import itertools
 import lzma
 import re
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -30,7 +33,6 @@ _CELLS = {
     "Polys": "NumberOfPolys",
 }
 _APPENDED = re.compile(rb"<AppendedData[^>]*encoding\s*=\s*[\"'](raw|base64)[\"'][^>]*>")
-_ADDED_IN_BASE_64 = 4 / 3
 
 
 @dataclass(frozen=True)
@@ -51,45 +53,58 @@ class _Layout:
 
     def size(self, node: ElementTree.Element) -> int:
         """Bytes of an array when unpacked, for text as if it were binary; packed blocks are unpacked and checked."""
-        form = node.get("format", "ascii")
-        if form == "ascii":
+        if node.get("format", "ascii") == "ascii":
             return len((node.text or "").split()) * _BYTES.get(node.get("type", ""), 1)
-        if form == "appended":
-            begin = int(node.get("offset", ""))
-            if not 0 <= begin < len(self.appended):
-                raise self.refusal(node, f"an offset of {begin} in {len(self.appended)} bytes")
-            return self._binary(node, self.appended[begin:], self.in_text)
-        return self._binary(node, (node.text or "").strip().encode("ascii"), True)
+        return sum(map(len, self._content(node)))
 
-    def _binary(self, node: ElementTree.Element, data: bytes, in_text: bool) -> int:
+    def whole_numbers(self, node: ElementTree.Element) -> np.ndarray:
+        """The values of an array of whole numbers."""
+        kind = node.get("type", "")
+        if kind not in _BYTES or kind.startswith("Float"):
+            raise self.refusal(node, f"values of type {kind or 'none'}")
+        dtype = np.dtype(kind.lower())
+        if node.get("format", "ascii") == "ascii":
+            return np.array((node.text or "").split(), dtype=dtype)
+        return np.frombuffer(b"".join(self._content(node)), dtype.newbyteorder(self.order))
+
+    def _content(self, node: ElementTree.Element) -> Iterator[bytes]:
+        """The bytes of a binary array, block by block."""
+        if node.get("format") != "appended":
+            yield from self._binary(node, (node.text or "").strip().encode("ascii"), True)
+            return
+        begin = int(node.get("offset", ""))
+        if not 0 <= begin < len(self.appended):
+            raise self.refusal(node, f"an offset of {begin} in {len(self.appended)} bytes")
+        yield from self._binary(node, self.appended[begin:], self.in_text)
+
+    def _binary(self, node: ElementTree.Element, data: bytes, in_text: bool) -> Iterator[bytes]:
         width = np.dtype(self.header).itemsize
         counts = self._head(data, 0, 3 if self.packing else 1, in_text, node)
         if not self.packing:
-            size = int(counts[0])
-            there = len(data) - width if not in_text else int(len(data) / _ADDED_IN_BASE_64) - width
-            if size > there:
-                raise self.refusal(node, f"{max(there, 0)} of {size} bytes")
-            return size
+            end = width + int(counts[0])
+            body = base64.b64decode(data[: 4 * -(-end // 3)] + b"==") if in_text else data[:end]
+            if len(body) < end:
+                raise self.refusal(node, f"{max(len(body) - width, 0)} of {int(counts[0])} bytes")
+            yield body[width:end]
+            return
         blocks, full, last = (int(count) for count in counts)
-        if blocks * width > len(data):
-            raise self.refusal(node, f"{blocks} blocks in {len(data)} bytes")
-        packed = self._head(data, 3, blocks, in_text, node)
-        total = blocks * full if not last else (blocks - 1) * full + last
-        total = total if blocks else 0
-        require_unpacked_size(total, len(data), self.path)
-        begin = (3 + blocks) * width
+        # VTK divides by the size of a whole block.
+        if blocks * width > len(data) or (blocks and not full):
+            raise self.refusal(node, f"{blocks} blocks of {full} bytes in {len(data)} bytes")
+        packed = self._head(data, 3, blocks, in_text, node).tolist()
+        sizes = [full] * (blocks - 1) + [last or full] if blocks else []
+        require_unpacked_size(sum(sizes), len(data), self.path)
+        begin, held = (3 + blocks) * width, sum(packed)
         if in_text:
             # Counts and blocks are each encoded on their own.
-            body = base64.b64decode(data[4 * -(-begin // 3) :][: 4 * -(-int(packed.sum()) // 3)])
+            body = base64.b64decode(data[4 * -(-begin // 3) :][: 4 * -(-held // 3)])
         else:
-            body = data[begin : begin + int(packed.sum())]
-        if len(body) < int(packed.sum()):
-            raise self.refusal(node, f"{len(body)} of {int(packed.sum())} packed bytes")
-        ends = np.cumsum(packed.astype(np.int64))
-        for number, end in enumerate(ends.tolist()):
-            size = last if last and number == blocks - 1 else full
-            self._require_block(node, body[end - int(packed[number]) : end], size)
-        return total
+            body = data[begin : begin + held]
+        if len(body) < held:
+            raise self.refusal(node, f"{len(body)} of {held} packed bytes")
+        ends = itertools.accumulate(packed)
+        for taken, end, size in zip(packed, ends, sizes, strict=True):
+            yield self._unpacked(node, body[end - taken : end], size)
 
     def _head(
         self, data: bytes, first: int, count: int, in_text: bool, node: ElementTree.Element
@@ -102,20 +117,33 @@ class _Layout:
             raise self.refusal(node, f"{len(data)} bytes")
         return np.frombuffer(raw, self.order + self.header, count, first * width)
 
-    def _require_block(self, node: ElementTree.Element, block: bytes, size: int) -> None:
+    def _unpacked(self, node: ElementTree.Element, block: bytes, size: int) -> bytes:
         try:
             if "ZLib" in self.packing:
                 stream = zlib.decompressobj()
-                found = len(stream.decompress(block, size + 1))
-                found = found if stream.eof else -1
+                found = stream.decompress(block, size + 1)
+                found = found if stream.eof else b""
             elif "LZMA" in self.packing:
-                found = len(lzma.LZMADecompressor().decompress(block, size + 1))
-            else:  # VTK itself compares the sizes of blocks packed by LZ4, which have no sum
-                return
+                found = lzma.LZMADecompressor().decompress(block, size + 1)
+            elif "LZ4" in self.packing:
+                found = _unpacked_lz4(block, size)
+            else:
+                raise self.refusal(node, f"blocks packed by {self.packing}")
         except (zlib.error, lzma.LZMAError) as failure:
             raise self.refusal(node, f"a damaged block ({failure})") from failure
-        if found != size:
+        if len(found) != size:
             raise self.refusal(node, f"a block that is not {size} bytes when unpacked")
+        return found
+
+
+def _unpacked_lz4(block: bytes, size: int) -> bytes:
+    """What VTK makes of a block; nothing if it is damaged. Python itself has no LZ4."""
+    from vtkmodules.vtkIOCore import vtkLZ4DataCompressor
+
+    compressor: Any = vtkLZ4DataCompressor()
+    compressor.AddObserver("ErrorEvent", lambda *_: None)  # instead of VTK's own report on the terminal
+    into = bytearray(size)
+    return bytes(into) if compressor.Uncompress(block, len(block), into, size) == size else b""
 
 
 def require_whole_xml(path: Path) -> None:
@@ -189,3 +217,9 @@ def _require_cells(layout: _Layout, group: ElementTree.Element | None, count: in
         size, width = layout.size(array), _BYTES.get(array.get("type", ""), 1)
         if (name == "offsets" and size != count * width) or size % width:
             raise layout.refusal(array, f"{size} bytes for {count} cells")
+    if count:
+        # VTK follows them without a look at how many there are.
+        ends, corners = layout.whole_numbers(found["offsets"]), found["connectivity"]
+        there = layout.size(corners) // _BYTES.get(corners.get("type", ""), 1)
+        if int(ends[0]) < 0 or np.any(ends[1:] < ends[:-1]) or int(ends[-1]) > there:
+            raise layout.refusal(found["offsets"], f"cells that end outside {there} corners")

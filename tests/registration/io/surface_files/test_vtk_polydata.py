@@ -76,6 +76,16 @@ def test_what_vtk_itself_writes(tmp_path: Path, binary: bool) -> None:
             legacy("UNSTRUCTURED_GRID", "CELLS 1 4\n3 0 1 9\nCELL_TYPES 1\n5\n"),
             "triangles: expected indices from 0 to 3, received 0 to 9",
         ),
+        *(
+            (
+                legacy("POLYDATA", f"POLYGONS 3 6\nOFFSETS vtktypeint64\n{ends}\n").replace(
+                    "Version 3.0", "Version 5.1"
+                )
+                + "CONNECTIVITY vtktypeint64\n0 1 2 2 3 0\n",
+                "expected cells that end within 6 numbers, received others: cut short or damaged",
+            )
+            for ends in ("0 3 9", "0 6 3", "-1 3 6", "7 7 7")
+        ),
         (
             "# vtk DataFile Version 3.0\nt\nASCII\nDATASET STRUCTURED_POINTS\nDIMENSIONS 2 2 2\n",
             r"expected a surface \(POLYDATA or UNSTRUCTURED_GRID\), received STRUCTURED_POINTS",
