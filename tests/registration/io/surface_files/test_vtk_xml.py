@@ -128,5 +128,5 @@ def test_corners_left_out_of_a_packed_file_are_refused(tmp_path: Path, packing: 
     ends = next(root.iterfind("PolyData/Piece/Polys/DataArray[@Name='offsets']"))
     assert layout.size(corners) == 3 * layout.size(ends) > 0
     path.write_bytes(data[:begin] + b"AAAAA" + data[begin + 5 :])
-    with pytest.raises(InputError, match="a.vtp: "):
+    with pytest.raises(InputError, match=r"a\.vtp: "):
         read_vtk_surface(path)
