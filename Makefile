@@ -4,7 +4,7 @@ PY := .venv/bin/python
 WORKERS ?= $(shell nproc)
 
 .PHONY: setup docs docs-needs docs-pictures demo thesis test test-pages test-services lint bench bench-quick bench-cpd \
-	rigid-benchmark fuzz faults server server-down server-needs audit clean
+	rigid-benchmark fuzz faults server server-down server-needs coverage mutation quality-needs audit clean
 
 setup:
 	@./scripts/setup.sh
@@ -120,6 +120,21 @@ server-needs: setup
 		apt-get install -y --no-install-recommends postgresql
 	$(PY) -c 'import psycopg2, flask_wtf' 2>/dev/null || \
 		$(PY) -m pip install --quiet --constraint constraints.txt --editable '.[dev,server]'
+
+# Lines of models and registration that their tests run; under 90 % of either is a failure.
+coverage: quality-needs
+	for package in models registration; do \
+		$(PY) -m pytest -n $(WORKERS) --dist worksteal --cov=src/$$package --cov-report=term:skip-covered \
+			--cov-fail-under=90 tests/$$package || exit 1; \
+	done
+
+# Small changes of metrics, transforms and statistics, and whether a test notices: results/mutation.md.
+mutation: quality-needs
+	$(PY) scripts/mutation.py --out results
+
+quality-needs: setup
+	$(PY) -c 'import mutmut, pytest_cov' 2>/dev/null || \
+		$(PY) -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[quality]'
 
 # Known vulnerabilities of the pinned versions, by PyPI's service, which has to be reachable.
 audit: setup

@@ -21,8 +21,9 @@ from pathlib import Path
 import pandas as pd
 from quick_budget import data_folder, parsed
 
-from experiments.analysis.pages.known_deformations import running_commit, write_page
+from experiments.analysis.pages.known_deformations import write_page
 from experiments.analysis.registration.benchmark.known import describe_known, known_rows, known_tables
+from experiments.provenance import running_commit
 from experiments.running.terminal import TerminalProgress
 from registration.benchmark.known_cases import COVERAGES, known_specs
 from registration.benchmark.known_deformations import DEFORMATIONS

@@ -209,8 +209,8 @@ def measured_page(names: list[str], given: argparse.Namespace) -> int:
     from benchmark_page import machine, page_text, ratio_figure, rows_of, shown_table
     from side_by_side import Measured
 
-    from experiments.analysis.pages.known_deformations import running_commit
     from experiments.analysis.pages.page_parts import save_page_figure
+    from experiments.provenance import running_commit
 
     commit, work = running_commit(), (REPOSITORY / "outputs" / "benchmarks").resolve()
     work.mkdir(parents=True, exist_ok=True)

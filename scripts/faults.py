@@ -15,7 +15,6 @@ import datetime
 import os
 import platform
 import shlex
-import subprocess
 import sys
 import tempfile
 import time
@@ -25,7 +24,9 @@ from fault_kills import HARMS, PHASES, SHARES, Campaign, Outcome, kill_phase
 from fault_processes import load_all, plugin
 from fault_server import server_gone
 from fault_surroundings import FAULTS, NotTried
-from quick_budget import REPOSITORY, parsed
+from quick_budget import parsed
+
+from experiments.provenance import running_commit
 
 # Of these there is one row; the row of a server counts attempts of three kinds.
 SERVER = ("server away", 3, "away from the start; killed in the middle and back; back only after the end")
@@ -120,7 +121,7 @@ def page(rows: dict[str, tuple[str, Outcome | str]], given: argparse.Namespace, 
     lines = ["# Reliability", "",
              "Faults brought about on purpose, the same command after each, and what was then not as in a call that "
              "nothing disturbed. A page that a command writes; see docs/security.md.", "",
-             f"- command: `{command}`", f"- commit: {commit()}",
+             f"- command: `{command}`", f"- commit: {running_commit()}",
              f"- date: {datetime.datetime.now(datetime.UTC):%Y-%m-%d}, "
              f"{took_s / 60:.0f} minutes on {os.cpu_count()} cores, {platform.system()}, "
              f"Python {platform.python_version()}",
@@ -158,19 +159,6 @@ def _sum(outcomes: list[Outcome]) -> Outcome:
         total.before_end += each.before_end
         total.counts += each.counts
     return total
-
-
-def commit() -> str:
-    """The commit of the code, and whether it has been changed since."""
-
-    def git(*words: str) -> str:
-        done = subprocess.run(
-            ["git", "-C", str(REPOSITORY), *words], capture_output=True, text=True, check=False
-        )
-        return done.stdout.strip()
-
-    changed = git("status", "--porcelain", "--untracked-files=no", "--", "src", "scripts", "conf")
-    return f"{git('rev-parse', '--short=12', 'HEAD') or 'unknown'}{' with changes' if changed else ''}"
 
 
 if __name__ == "__main__":

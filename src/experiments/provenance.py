@@ -169,6 +169,20 @@ def git_tags(code: Path) -> dict[str, str]:
     }
 
 
+def running_commit() -> str:
+    """Name the commit of the code that runs, to be asked for before a long run.
+
+    Returns
+    -------
+    str
+        Its first 12 digits, and whether files had changed since; empty for an installed package.
+    """
+    tags = git_tags(Path(__file__).resolve())
+    if COMMIT_TAG not in tags:
+        return ""
+    return tags[COMMIT_TAG][:12] + (" with changes" if tags["ctus.git_dirty"] == "true" else "")
+
+
 def is_gone(tags: Mapping[str, str]) -> bool:
     """Tell whether the process of a run that is marked as running has ended.
 

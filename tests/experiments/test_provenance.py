@@ -65,3 +65,11 @@ def test_the_machine_names_its_gpus(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     provenance.gpu_names.cache_clear()
     assert provenance.environment_tags()["ctus.machine"].endswith(" CPUs")
     provenance.gpu_names.cache_clear()
+
+
+def test_the_running_commit_is_short_and_says_whether_files_had_changed(monkeypatch) -> None:
+    monkeypatch.setattr(provenance, "git_tags", lambda code: {})
+    assert provenance.running_commit() == ""  # of an installed package
+    tags = {provenance.COMMIT_TAG: "0123456789abcdef", "ctus.git_dirty": "true"}
+    monkeypatch.setattr(provenance, "git_tags", lambda code: tags)
+    assert provenance.running_commit() == "0123456789ab with changes"

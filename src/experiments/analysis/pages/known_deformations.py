@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from experiments import files
 from experiments.analysis.pages.page_parts import listed
 from experiments.analysis.registration.benchmark.known import describe_known, known_tables
-from experiments.provenance import COMMIT_TAG, environment_tags
 from experiments.running.terminal import markdown
 
 if TYPE_CHECKING:
@@ -38,20 +37,6 @@ targets within their own; targets of a case go together, so that these have no i
 medians on a machine that was not idle.
 
 """
-
-
-def running_commit() -> str:
-    """Name the commit of the code that runs, to be asked for before a long run.
-
-    Returns
-    -------
-    str
-        Its first 12 digits, and whether files had changed since; empty for an installed package.
-    """
-    tags = environment_tags()
-    if COMMIT_TAG not in tags:
-        return ""
-    return tags[COMMIT_TAG][:12] + (" with changes" if tags["ctus.git_dirty"] == "true" else "")
 
 
 def write_page(cases: pd.DataFrame, command: str, commit: str, out: Path) -> None:

@@ -95,11 +95,9 @@ class _Layout:
         sizes = [full] * (blocks - 1) + [last or full] if blocks else []
         require_unpacked_size(sum(sizes), len(data), self.path)
         begin, held = (3 + blocks) * width, sum(packed)
-        if in_text:
-            # Counts and blocks are each encoded on their own.
-            body = base64.b64decode(data[4 * -(-begin // 3) :][: 4 * -(-held // 3)])
-        else:
-            body = data[begin : begin + held]
+        # In text, counts and blocks are each encoded on their own.
+        text = data[4 * -(-begin // 3) :][: 4 * -(-held // 3)]
+        body = base64.b64decode(text) if in_text else data[begin : begin + held]
         if len(body) < held:
             raise self.refusal(node, f"{len(body)} of {held} packed bytes")
         ends = itertools.accumulate(packed)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import pandas as pd
-import pytest
 
 from experiments.analysis.pages import known_deformations as page
 
@@ -43,11 +42,3 @@ def test_the_page_names_command_commit_and_vessels(tmp_path: Path) -> None:
     assert "| bending | 80 % | 2 | 0 | 1.000 | 0.500 |" in text
     assert text.count("### ") == 2
     pd.testing.assert_frame_equal(pd.read_csv(tmp_path / "known_deformations.csv"), cases, check_dtype=False)
-
-
-def test_an_installed_package_has_no_commit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(page, "environment_tags", dict)
-    assert page.running_commit() == ""
-    tags = {page.COMMIT_TAG: "0123456789abcdef", "ctus.git_dirty": "true"}
-    monkeypatch.setattr(page, "environment_tags", lambda: tags)
-    assert page.running_commit() == "0123456789ab with changes"
