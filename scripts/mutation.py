@@ -119,7 +119,7 @@ def main(arguments: list[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     mutants = [mutant for name in given.only for mutant in checked(name, given.processes)]
     text = page(mutants)
-    print(text.split("## ")[0])
+    print(text.split("## Survived")[0])
     if given.out is not None:
         files.write_text(given.out / "mutation.md", text)
         print(f"Written: {given.out / 'mutation.md'}")

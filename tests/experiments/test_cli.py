@@ -115,6 +115,18 @@ def test_a_mistake_is_one_sentence_and_exits_with_2(words: list[str], sentence: 
     assert "Traceback" not in said
 
 
+def test_a_mistake_is_found_before_any_file_is_read_whole(home: Path, capsys, monkeypatch) -> None:
+    """A folder where a file belongs may be one of gigabytes."""
+    from experiments.running import jobs
+
+    read: list[Path] = []
+    monkeypatch.setattr(jobs, "content_digest", lambda path, _: read.append(path))
+    (home / "large").mkdir()
+    assert main(["study=register", f"moving={home / 'large'}", "fixed=b.ply"]) == 2
+    assert "expected a file, received a folder" in capsys.readouterr().err
+    assert read == []
+
+
 def test_a_wrong_option_exits_with_2(capsys) -> None:
     assert main(["--nonsense"]) == 2
     assert "--nonsense" in capsys.readouterr().err

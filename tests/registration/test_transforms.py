@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -41,7 +43,7 @@ def test_compose_broadcasts_a_stack_against_one() -> None:
 
 
 def test_compose_of_nothing_is_refused() -> None:
-    with pytest.raises(InputError, match="compose: expected at least one transform"):
+    with pytest.raises(InputError, match=r"^compose: expected at least one transform, received none$"):
         transforms.compose()
 
 
@@ -103,7 +105,7 @@ def test_require_affine_names_the_defect_and_the_matrix(spoil, message) -> None:
 
 def test_require_affine_refuses_another_shape() -> None:
     with pytest.raises(InputError, match=r"m: expected shape \(..., 4, 4\), received \(3, 4\)"):
-        transforms.require_affine.__wrapped__(np.eye(4)[:3], "m")
+        inspect.unwrap(transforms.require_affine)(np.eye(4)[:3], "m")
 
 
 def test_require_affine_takes_micrometre_pixels() -> None:
@@ -163,9 +165,12 @@ def test_interpolate_never_extrapolates(times: list[float]) -> None:
         transforms.interpolate(np.array(times), np.array([0.0, 1.0]), oblique(count=2))
 
 
+NOT_INCREASING = "expected at least two strictly increasing times, received otherwise"
+
+
 @pytest.mark.parametrize("known", [[0.0], [0.0, 0.0], [1.0, 0.0], [0.0, np.nan]])
 def test_interpolate_refuses_times_that_do_not_increase(known: list[float]) -> None:
-    with pytest.raises(InputError, match="known_times_s: expected at least two strictly increasing"):
+    with pytest.raises(InputError, match=f"^known_times_s: {NOT_INCREASING}$"):
         transforms.interpolate(np.array([0.0]), np.array(known), oblique(count=len(known)))
 
 
@@ -185,7 +190,7 @@ def test_mean_rigid_lies_between_opposite_turns() -> None:
 
 
 def test_mean_of_no_poses_is_refused() -> None:
-    with pytest.raises(InputError, match="A_T_B: expected at least one pose"):
+    with pytest.raises(InputError, match=r"^A_T_B: expected at least one pose to average, received none$"):
         transforms.mean_rigid(np.empty((0, 4, 4)))
 
 
@@ -193,3 +198,94 @@ def test_what_is_affine() -> None:
     assert transforms.is_affine(np.diag([2.0, 3.0, -1.0, 1.0]))
     for broken in (np.zeros((4, 4)), np.full((4, 4), np.nan), np.diag([1.0, 1.0, 0.0, 1.0])):
         assert not transforms.is_affine(broken)
+
+
+SHIFT = np.float32([[1, 0, 0, 0.25], [0, 1, 0, -0.5], [0, 0, 1, 2], [0, 0, 0, 1]])
+POINT = np.float32([1, 2, 3])
+
+
+@pytest.mark.parametrize(
+    "made, expected",
+    [
+        (lambda: transforms.compose(SHIFT), SHIFT),
+        (lambda: transforms.compose(SHIFT, SHIFT), transforms.translation((0.5, -1, 4))),
+        (lambda: transforms.invert_rigid(SHIFT), transforms.translation((-0.25, 0.5, -2))),
+        (lambda: transforms.invert_affine(SHIFT), transforms.translation((-0.25, 0.5, -2))),
+        (lambda: transforms.apply(SHIFT, POINT), [1.25, 1.5, 5]),
+        (lambda: transforms.apply_each(SHIFT[None], POINT[None]), [[1.25, 1.5, 5]]),
+        (lambda: transforms.nearest_rigid(SHIFT), SHIFT),
+        (lambda: transforms.require_rigid(SHIFT, "m"), SHIFT),
+        (lambda: transforms.rotation_angle_deg(SHIFT[None]), [0]),
+        (lambda: transforms.from_rotation(Rotation.identity(), SHIFT[:3, 3]), SHIFT),
+        (lambda: transforms.rotate_about(Rotation.identity(), POINT), np.eye(4)),
+    ],
+)
+def test_single_precision_becomes_double(made, expected) -> None:
+    assert made().dtype == np.float64
+    np.testing.assert_array_equal(made(), expected)
+
+
+def test_rotation_about_a_centre_in_single_precision_is_computed_in_double() -> None:
+    turn = Rotation.from_rotvec([0.1, 0.2, 0.3])
+    centre = np.float32([0.1, 0.2, 0.3])
+    twice = [transforms.rotate_about(turn, each) for each in (centre, centre.astype(np.float64))]
+    np.testing.assert_array_equal(*twice)
+
+
+def test_times_in_single_precision_are_interpolated_in_double() -> None:
+    ends = np.stack([np.eye(4), transforms.translation((3.0, 0.0, 0.0))])
+    at = transforms.interpolate(np.float32([0.25]), np.float32([0.0, 1.0]), ends)
+    np.testing.assert_allclose(at, transforms.translation((0.75, 0.0, 0.0))[None], atol=1e-15)
+
+
+def test_interpolation_goes_from_the_first_to_the_last_of_many_poses() -> None:
+    poses = np.stack([transforms.translation((x, -x, 0.0)) for x in (0.0, 1.0, 5.0)])
+    between = transforms.interpolate(np.array([0.5, 1.5, 2.0]), np.arange(3.0), poses)
+    np.testing.assert_allclose(between[:, :3, 3], [[0.5, -0.5, 0], [3, -3, 0], [5, -5, 0]])
+    with pytest.raises(InputError, match=r"within 0 to 2 s, received 0 to 2\.5 s$"):
+        transforms.interpolate(np.array([0.0, 2.5]), np.arange(3.0), poses)
+
+
+def test_interpolation_wants_a_pose_for_each_time() -> None:
+    with pytest.raises(InputError, match=r"^A_T_B: expected one pose for each of 3 times, received 2$"):
+        inspect.unwrap(transforms.interpolate)(np.array([0.5]), np.arange(3.0), oblique(count=2))
+
+
+def test_matrices_of_a_stack_are_checked_each_at_its_own_scale() -> None:
+    """A pixel's size does not matter, nor where the image lies, nor what else is in the stack."""
+    stack = np.stack([np.diag([1e-5, 1e-5, 1e-5, 1.0]), np.diag([1e5, 1e5, 1e5, 1.0])])
+    stack[0, :3, 3] = 1e7
+    np.testing.assert_array_equal(transforms.require_affine(stack, "m"), stack)
+
+
+def test_a_matrix_of_a_stack_of_stacks_is_named_by_both_indices() -> None:
+    stack = np.broadcast_to(np.eye(4), (2, 3, 4, 4)).copy()
+    stack[1, 2, 0, 0] = np.nan
+    with pytest.raises(InputError, match=r"infinity \(matrix 1, 2\)$"):
+        transforms.require_affine(stack, "m")
+
+
+def test_the_defect_of_a_single_matrix_has_no_number() -> None:
+    with pytest.raises(InputError, match=r"^m: expected finite entries, received NaN or infinity$"):
+        transforms.require_affine(np.full((4, 4), np.nan), "m")
+
+
+def test_a_mirror_image_in_a_stack_is_named() -> None:
+    stack = oblique(8, 3)
+    stack[1, :3, 0] *= -1
+    with pytest.raises(InputError, match=r"received a mirrored one \(matrix 1\)$"):
+        transforms.require_rigid(stack, "m")
+
+
+@pytest.mark.parametrize("call", [transforms.invert_affine, transforms.mean_rigid])
+def test_the_argument_is_named(call) -> None:
+    name = "A_A_B" if call is transforms.invert_affine else "A_T_B"
+    with pytest.raises(InputError, match=f"^{name}: expected an invertible matrix"):
+        call(np.diag([0.0, 1, 1, 1])[None])
+    with pytest.raises(InputError, match=r"^ct_A_us: expected"):
+        transforms.invert_affine(np.diag([0.0, 1, 1, 1]), "ct_A_us")
+
+
+def test_what_is_not_rigid_is_refused_by_its_own_name() -> None:
+    with pytest.raises(InputError, match=r"^world_T_ee: expected an invertible matrix"):
+        transforms.require_rigid(np.diag([0.0, 1, 1, 1]), "world_T_ee")

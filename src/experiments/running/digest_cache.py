@@ -24,20 +24,21 @@ class DigestCache:
     """SHA-256 of files, kept in the project's cache; within ``with``. Where that can't be written, all are read."""
 
     def __init__(self) -> None:
+        self._place = project_root() / ".cache" / "digests.db"
         self._database: sqlite3.Connection | None = None
         self._fresh: list[tuple[str, str, str]] = []
 
     def __enter__(self) -> Self:
-        place = project_root() / ".cache" / "digests.db"
-        with suppress(OSError, sqlite3.Error):
-            place.parent.mkdir(parents=True, exist_ok=True)
-            self._database = sqlite3.connect(place, timeout=_BUSY_S)
-            self._database.execute(_TABLE)
+        if self._place.is_file():
+            self._open()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        # Made for a digest to keep alone: a call that is refused leaves nothing behind.
+        if self._database is None and self._fresh:
+            self._open()
         if self._database is None:
             return
         with suppress(sqlite3.Error, UnicodeEncodeError):
@@ -47,6 +48,12 @@ class DigestCache:
                 )
             self._database.commit()
         self._database.close()
+
+    def _open(self) -> None:
+        with suppress(OSError, sqlite3.Error):
+            self._place.parent.mkdir(parents=True, exist_ok=True)
+            self._database = sqlite3.connect(self._place, timeout=_BUSY_S)
+            self._database.execute(_TABLE)
 
     def digest(self, path: Path) -> str:
         """SHA-256 of the bytes of a file, in hexadecimal.

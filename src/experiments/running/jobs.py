@@ -249,6 +249,7 @@ def _arguments(function: Callable[..., object], config: Mapping[str, Any]) -> di
 def jobs_of(points: list[tuple[Mapping[str, Any], str]], contents: dict[str, str] | None = None) -> list[Job]:
     """Every job of every sweep point (its configuration and label), each once, with labels that are all different.
 
+    All are checked before any file is read for its digest: a mistake is found at once, however large the data is.
     ``contents`` are digests of paths that are known already; those of further paths are added to it.
 
     Parameters
@@ -262,13 +263,21 @@ def jobs_of(points: list[tuple[Mapping[str, Any], str]], contents: dict[str, str
     -------
     list[Job]
         The jobs, each once.
+
+    Raises
+    ------
+    InputError
+        If a job is known to be wrong before it starts.
     """
     known = {} if contents is None else contents
+    composed = [(job, label, change) for config, label in points for job, change in job_configs(config)]
+    for job in {config_hash(job, {}): job for job, _, _ in composed}.values():
+        read_paths(job)  # an empty path is refused by its setting's name
+        check(job)
     jobs: dict[str, Job] = {}
-    for config, label in points:
-        for job, change in job_configs(config):
-            key = config_hash(job, _contents_of(job, known))
-            jobs.setdefault(key, Job(job, key, ",".join(filter(None, (label, change))), choices_of(label)))
+    for job, label, change in composed:
+        key = config_hash(job, _contents_of(job, known))
+        jobs.setdefault(key, Job(job, key, ",".join(filter(None, (label, change))), choices_of(label)))
     labels = distinct_labels({key: job.label for key, job in jobs.items()})
     return [replace(job, label=labels[key]) for key, job in jobs.items()]
 

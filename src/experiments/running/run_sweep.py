@@ -51,8 +51,6 @@ def run(points: SweepPoints) -> int:
     study = str(points[0][0]["study"])
     contents: dict[str, str] = {}
     planned = jobs.jobs_of(points, contents)
-    for job in planned:
-        jobs.check(job.config)
     launcher = launcher_choice.launcher_of(points[0][0], planned)
     out = jobs.out_folder(points[0][0], hash_of(planned))
     store = store_of(points[0][0])

@@ -56,6 +56,15 @@ def test_a_file_that_has_just_changed_is_not_trusted(home: Path, read: list[str]
     assert read == ["a.png"] * 2
 
 
+def test_nothing_is_made_where_nothing_is_kept(home: Path) -> None:
+    with DigestCache(), pytest.raises(FileNotFoundError):
+        digest(home / "missing.png")
+    path = home / "a.png"
+    path.write_bytes(b"one")
+    digest(path)  # it has just changed
+    assert not (home / ".cache").exists()
+
+
 def test_without_a_place_for_the_cache_all_is_read(home: Path, read: list[str]) -> None:
     (home / ".cache").write_text("a file where a folder belongs")
     (home / "a.png").write_bytes(b"one")
