@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import copy
 import itertools
 import os
 import shlex
@@ -25,6 +26,7 @@ from experiments.plugins import plugin_config_folders
 from experiments.running.verbosity import read_verbosity, saying
 
 if TYPE_CHECKING:
+    from hydra._internal.config_loader_impl import ConfigLoaderImpl
     from hydra.core.override_parser.types import Override
     from omegaconf import DictConfig
 
@@ -199,7 +201,7 @@ def _composed(
     overrides: list[str], config_dir: str | None, *, multirun: bool
 ) -> list[tuple[DictConfig, str]]:
     """Every point of a sweep as Hydra composes it, its own node included, and a label."""
-    from hydra import compose, initialize_config_dir
+    from hydra import initialize_config_dir
 
     _register_resolvers()
     _keep_names_as_text()
@@ -221,16 +223,58 @@ def _composed(
                 "a setting has several values: expected -m (--multirun) before them, received none"
             )
         plain = [str(override.input_line) for override in parsed if not override.is_sweep_override()]
-        base = compose("config", plain + more, return_hydra_config=True)
+        composer = _Composer(more, again=multirun)
+        base = composer(plain)
         if not multirun:
             return [(base, "")]
         preset = dict(base.hydra.sweeper.get("params") or {})
-        return [
-            (compose("config", words + more, return_hydra_config=True), label)
-            for words, label in _sweep_points(
-                [f"{key!s}={value}" for key, value in preset.items()] + overrides
-            )
-        ]
+        words_of_points = _sweep_points([f"{key!s}={value}" for key, value in preset.items()] + overrides)
+        return [(composer(words), label) for words, label in words_of_points]
+
+
+class _Composer:
+    """Hydra's composition, once for all points of a sweep that choose the same options and differ in values alone.
+
+    To read the options' files and to merge them takes most of the time; values are set afterwards, by Hydra as well.
+
+    Parameters
+    ----------
+    more : list of str
+        Further overrides of every point.
+    again : bool
+        Whether there are several points.
+    """
+
+    def __init__(self, more: list[str], *, again: bool) -> None:
+        self._more, self._again = more, again
+        self._chosen: dict[tuple[str, ...], DictConfig] = {}
+
+    def __call__(self, words: list[str]) -> DictConfig:
+        """Compose the point of these overrides."""
+        from hydra import compose
+        from hydra._internal.config_loader_impl import ConfigLoaderImpl
+        from hydra.core.global_hydra import GlobalHydra
+        from hydra.core.override_parser.overrides_parser import OverridesParser
+
+        loader = GlobalHydra.instance().config_loader()
+        assert isinstance(loader, ConfigLoaderImpl)
+        parsed = OverridesParser.create(config_loader=loader).parse_overrides(words)
+        values = [each for each in parsed if self._is_value(each, loader)]
+        choices = tuple(str(each.input_line) for each in parsed if each not in values)
+        if choices not in self._chosen:
+            self._chosen[choices] = compose("config", [*choices, *self._more], return_hydra_config=True)
+        config = copy.deepcopy(self._chosen[choices]) if self._again else self._chosen.pop(choices)
+        ConfigLoaderImpl._apply_overrides_to_config(values, config)
+        config.hydra.overrides.task = words
+        return config
+
+    @staticmethod
+    def _is_value(override: Override, loader: ConfigLoaderImpl) -> bool:
+        """Whether Hydra takes it for a value, which no file of options is read for."""
+        name = override.key_or_group
+        if name.startswith("hydra"):
+            return False
+        return isinstance(override.value(), dict) or not loader.repository.group_exists(name)
 
 
 def _parsed_overrides(overrides: list[str]) -> list[Override]:

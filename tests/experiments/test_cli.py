@@ -171,6 +171,33 @@ def test_the_version_is_that_of_the_package(capsys) -> None:
     assert capsys.readouterr().out == f"ctus {metadata.version('ctus')}\n"
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["study=register", "moving=a", "fixed=b", "seed=0,1", "keep=0.5,0.7"],
+        ["study=register", "moving=a", "fixed=b", "rigid=multistart,single_icp", "seed=0,1"],
+        ["study=register", "moving=a", "fixed=b", "~slicer", "+tracking.more=1,2", "++seed=3"],
+        ["study=register", "moving=a", "fixed=b", "+spare={max_tre_mm:3.0}", "seed=0,1"],
+    ],
+)
+def test_points_of_a_sweep_are_those_of_calls_of_their_own(words: list[str]) -> None:
+    """What the points have in common is composed once; their own values are set afterwards."""
+    points = compose_sweep(words, multirun=True)
+    assert len(points) > 1
+    for config, label in points:
+        varying = [word.partition("=")[0] for word in label.split(",")]
+        kept = [word for word in words if word.partition("=")[0] not in varying]
+        ((alone, _),) = compose_sweep([*kept, *label.split(",")])
+        ours, theirs = ({**each, "call": {**each["call"], "command": ""}} for each in (config, alone))
+        assert sorted(ours["call"].pop("settings")) == sorted(theirs["call"].pop("settings"))
+        assert ours == theirs
+
+
+def test_a_wrong_setting_among_the_values_of_a_sweep_is_named() -> None:
+    with pytest.raises(InputError, match=r"did you mean keep"):
+        compose_sweep(["study=register", "moving=a", "fixed=b", "keeps=1,2"], multirun=True)
+
+
 def test_every_point_of_a_sweep_is_shown(capsys) -> None:
     import yaml
 

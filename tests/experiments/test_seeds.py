@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from configurations import OPTIONS, STUDIES, composed, mandatory, taker
+from configurations import OPTIONS, STUDIES, composed, composed_at, mandatory, taker
 
 from experiments import registry
 from experiments.cli import main
@@ -48,15 +48,11 @@ def seeds(value: Any, place: str = "") -> Iterator[tuple[str, Any]]:
             yield from seeds(item, f"{place}{index}.")
 
 
-def assert_all_follow(words: list[str]) -> None:
+def assert_all_follow(configs: Mapping[int, Mapping[str, Any]]) -> None:
     """Every seed, also of an object that the configuration does not spell out, is as far from 0 as the call's."""
     at = {
-        seed: dict(
-            seeds(
-                {key: registry.build(value, key) for key, value in composed(*words, f"seed={seed}").items()}
-            )
-        )
-        for seed in (0, 7)
+        seed: dict(seeds({key: registry.build(value, key) for key, value in config.items()}))
+        for seed, config in configs.items()
     }
     assert at[0].keys() == at[7].keys()
     for place, first in at[0].items():
@@ -72,10 +68,10 @@ def assert_all_follow(words: list[str]) -> None:
 @pytest.mark.parametrize("study", STUDIES)
 def test_every_seed_of_a_study_follows_the_global_one_and_changes_the_job(study: str) -> None:
     words = [f"study={study}", *mandatory(study)]
-    assert_all_follow(words)
+    configs = composed_at((0, 7), *words)
+    assert_all_follow(configs)
     first, second = (
-        [jobs.arguments(job) for job, _ in jobs.job_configs(composed(*words, f"seed={seed}"))]
-        for seed in (0, 7)
+        [jobs.arguments(job) for job, _ in jobs.job_configs(config)] for config in configs.values()
     )
     if draws_nothing(study):
         # Nothing that the study is given says "seed", so nothing in it can draw by one.
@@ -89,7 +85,7 @@ def test_every_seed_of_a_study_follows_the_global_one_and_changes_the_job(study:
 @pytest.mark.parametrize("group, option", OPTIONS)
 def test_every_seed_of_an_option_follows_the_global_one(group: str, option: str) -> None:
     study = taker(group)
-    assert_all_follow([f"study={study}", f"{group}={option}", *mandatory(study)])
+    assert_all_follow(composed_at((0, 7), f"study={study}", f"{group}={option}", *mandatory(study)))
 
 
 def test_a_study_without_random_choices_says_that_a_seed_changes_nothing(

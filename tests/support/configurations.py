@@ -32,6 +32,12 @@ def composed(*words: str) -> dict[str, Any]:
     return found
 
 
+def composed_at(seeds: tuple[int, ...], *words: str) -> dict[int, dict[str, Any]]:
+    """The configurations of a call with each of several seeds; all of them take little longer than one."""
+    points = compose_sweep([*words, f"seed={','.join(map(str, seeds))}"], multirun=True)
+    return dict(zip(seeds, (dict(config) for config, _ in points), strict=True))
+
+
 def mandatory(study: str) -> list[str]:
     """A value for every setting of a study that the user must give."""
     lines = (CONF / "study" / f"{study}.yaml").read_text().splitlines()

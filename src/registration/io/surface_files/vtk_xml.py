@@ -14,7 +14,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 from xml.etree import ElementTree
 
 import numpy as np
@@ -41,7 +41,7 @@ class _Layout:
     # What follows the underscore of the appended data, and whether it is in base 64.
     appended: bytes
     in_text: bool
-    order: str
+    order: Literal["<", ">"]
     header: str
     packing: str
 
@@ -190,7 +190,7 @@ def _parsed(path: Path) -> tuple[ElementTree.Element, _Layout]:
         raise InputError(
             f"{path}: expected a complete VTP file, received one that does not parse"
         ) from failure
-    order = ">" if root.get("byte_order") == "BigEndian" else "<"
+    order: Literal["<", ">"] = ">" if root.get("byte_order") == "BigEndian" else "<"
     header = "u8" if root.get("header_type") == "UInt64" else "u4"
     in_text = found is not None and found.group(1) == b"base64"
     return root, _Layout(path, appended, in_text, order, header, root.get("compressor", ""))
