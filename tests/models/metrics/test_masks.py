@@ -1,3 +1,4 @@
+import inspect
 import warnings
 
 import numpy as np
@@ -196,3 +197,23 @@ def test_refuses_what_is_no_mask(metric, prediction: np.ndarray, message: str) -
 def test_refuses_what_is_no_spacing(spacing_mm) -> None:
     with pytest.raises(InputError, match="spacing_mm: expected one or two positive numbers"):
         hd95_mm(SQUARE, SQUARE, spacing_mm)
+
+
+@pytest.mark.parametrize(
+    "prediction, reference, message",
+    [
+        (np.ones((2, 3, 4), bool), np.ones((2, 3, 4), bool), r"^prediction: expected a mask of shape"),
+        (np.ones((0, 3), bool), np.ones((0, 3), bool), r"^prediction: expected a mask of shape"),
+        (np.ones((3, 3), bool), np.full((3, 3), 2), r"^reference: expected bool or integers 0 and 1"),
+        (np.ones((3, 3), bool), np.full((3, 3), 0.5), r"^reference: expected bool or integers 0 and 1"),
+        (np.full((3, 3), -1), np.ones((3, 3), bool), r"^prediction: expected bool or integers 0 and 1"),
+    ],
+)
+def test_the_mask_that_is_none_is_named(prediction, reference, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        inspect.unwrap(dsc)(prediction, reference)  # without the check of shapes, as a user has it
+
+
+def test_masks_of_one_pixel() -> None:
+    one = np.ones((1, 1), bool)
+    assert (dsc(one, one), hd95_px(one, one)) == (1.0, 0.0)

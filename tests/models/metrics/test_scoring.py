@@ -74,3 +74,16 @@ def test_summary_of_one_case_has_no_spread_and_of_none_only_a_count() -> None:
     assert np.isnan(summarise({"dsc": [0.5]})["dsc_std"])
     assert summarise({"dsc": [np.nan]}) == {"dsc_n": 0.0}
     assert summarise({"false_alarm": [np.nan]}) == {}
+
+
+def test_a_missed_vessel_without_spacing_has_no_distance_in_mm() -> None:
+    score = score_case(np.zeros((3, 4), bool), np.ones((3, 4), bool), None)
+    assert np.isnan(score.hd95_mm) and score.hd95_px == 5.0 and score.missed == 1.0
+
+
+def test_summary_holds_every_metric_and_the_spread_of_two_cases() -> None:
+    found = summarise({"dsc": [0.5, 1.0], "hd95_mm": [2.0, 4.0]})
+    assert found["dsc_std"] == pytest.approx(np.sqrt(0.125)) and found["hd95_mm_std"] == pytest.approx(
+        np.sqrt(2)
+    )
+    assert found["dsc_n"] == found["hd95_mm_n"] == 2

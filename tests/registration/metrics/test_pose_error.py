@@ -12,7 +12,7 @@ from registration.metrics.pose_error import vessel_error
 
 AXIS = np.array([2.0, 3.0, 6.0]) / 7
 ACROSS = np.array([3.0, -2.0, 0.0]) / np.sqrt(13)
-TARGETS = np.array([[10.0, 4, 2], [30.0, -4, 2], [20.0, 3, 8]])
+TARGETS = np.array([[10.0, 4, 2], [30.0, -4, 2], [20.0, 3, 8], [22.0, 1, -3]])
 TRUTH = transforms.from_rotation(Rotation.from_rotvec([0.3, -1.2, 0.5]), np.array([5.0, 60, -20]))
 
 
@@ -46,5 +46,7 @@ def test_what_can_t_be_measured_is_refused() -> None:
         vessel_error(TRUTH, TRUTH, np.zeros(3), TARGETS)
     with pytest.raises(InputError, match="targets_mm: expected finite targets, received 0"):
         vessel_error(TRUTH, TRUTH, AXIS, np.empty((0, 3)))
-    with pytest.raises(InputError, match="fixed_T_moving"):
+    with pytest.raises(InputError, match=r"^fixed_T_moving: expected"):
         vessel_error(2 * TRUTH, TRUTH, AXIS, TARGETS)
+    with pytest.raises(InputError, match=r"^true_fixed_T_moving: expected"):
+        vessel_error(TRUTH, 2 * TRUTH, AXIS, TARGETS)

@@ -12,6 +12,7 @@ from registration.errors import InputError
 from registration.geometry.shapes import Mesh
 from registration.metrics.surface_distance import (
     SurfaceDistance,
+    SurfaceResiduals,
     pose_error,
     rms,
     surface_residuals,
@@ -44,11 +45,13 @@ def test_stray_vertices_do_not_cost_precision() -> None:
 
 
 def test_distances_refuse_what_has_none() -> None:
-    with pytest.raises(InputError, match="surface: expected a mesh with triangles"):
+    with pytest.raises(InputError, match=r"^surface: expected a mesh with triangles, received none$"):
         SurfaceDistance(Mesh(np.eye(3), np.empty((0, 3), dtype=np.int64)))
     with pytest.raises(InputError, match="surface: expected at least 3 points"):
         SurfaceDistance(np.empty((0, 3)))
-    with pytest.raises(InputError, match="points_mm: expected finite"):
+    with pytest.raises(
+        InputError, match=r"^points_mm: expected finite coordinates, received NaN or infinity$"
+    ):
         SurfaceDistance(TRIANGLE)(np.array([[0.0, np.nan, 0]]))
 
 
@@ -78,8 +81,26 @@ def test_residuals_are_from_moving_to_fixed() -> None:
         rectangle(20), rectangle(10), np.eye(4), inlier_mm=1.0, keep=1.0, samples=40_000
     )
     assert found.rmse_mm == pytest.approx(np.sqrt(0.5 * 100 / 3), rel=0.01)
+    assert found.hd95_mm == pytest.approx(9, abs=0.1)
     assert found.inlier_share == pytest.approx(0.55, abs=0.01)
     assert found.coverage == 1
+
+
+def test_residuals_of_a_shift_along_the_normal_are_the_shift_both_ways() -> None:
+    found = surface_residuals(
+        rectangle(10), rectangle(10), transforms.translation((0, 0, 2)), inlier_mm=2.0, keep=0.5, samples=1
+    )
+    assert found.rmse_mm == found.rmse_trimmed_mm == found.rmse_bidirectional_mm == 2
+    assert found.msd_mm == found.hd95_mm == 2
+    assert (found.inlier_share, found.coverage) == (1, 1)  # at the inlier distance itself
+
+
+def test_the_seed_decides_which_points_are_measured() -> None:
+    def at(**settings: int) -> SurfaceResiduals:
+        return surface_residuals(rectangle(20), rectangle(10), np.eye(4), inlier_mm=1.0, keep=0.9, **settings)
+
+    assert at() == at(seed=0, samples=10_000)
+    assert at(seed=3) == at(seed=3) != at(seed=4)
 
 
 def test_residuals_do_not_depend_on_the_density_of_the_mesh() -> None:
@@ -166,7 +187,9 @@ def test_root_mean_squares_by_hand() -> None:
     distances = np.array([3.0, 1.0, 5.0, 1.0])
     assert rms(distances) == 3
     assert trimmed_rms(distances, 0.75) == pytest.approx(np.sqrt(11 / 3))
-    assert trimmed_rms(distances, 0.01) == 1
+    assert trimmed_rms(np.array([3.0, 2.0, 5.0]), 0.01) == 2
     assert trimmed_rms(distances, 1.0) == 3
-    with pytest.raises(InputError, match="distances_mm: expected at least one"):
+    with pytest.raises(InputError, match=r"^distances_mm: expected at least one distance, received none$"):
         rms(np.empty(0))
+    with pytest.raises(InputError, match=r"^keep: expected a number above 0 and at most 1"):
+        trimmed_rms(distances, 1.5)
