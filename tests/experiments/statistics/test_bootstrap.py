@@ -155,3 +155,48 @@ def test_a_ratio_over_nothing_is_none() -> None:
     for above, below in (([1.0], [1.0, 2.0]), ([], []), ([np.inf], [1.0])):
         with pytest.raises(InputError, match="above, below"):
             Bootstrap().ratio(above, below)
+
+
+def test_a_ratio_of_two_units_by_enumeration() -> None:
+    """Of the four draws of two units one is the first twice, one the second twice: the ends of any interval."""
+    found = Bootstrap(level=0.9, resamples=500).ratio([1.0, 6.0], [2.0, 3.0])
+    assert (found.estimate, found.low, found.high) == pytest.approx((7 / 5, 0.5, 2.0))
+    assert (found.level, found.units) == (0.9, 2)
+
+
+def test_the_seed_decides_a_ratio_too() -> None:
+    above, below = SCORES, SCORES[::-1]
+    first = Bootstrap(resamples=100, seed=1).ratio(above, below)
+    assert first == Bootstrap(resamples=100, seed=1).ratio(above, below)
+    assert first != Bootstrap(resamples=100, seed=2).ratio(above, below)
+
+
+def test_draws_with_nothing_below_rank_last() -> None:
+    """One unit in three has anything below: 8 of 27 draws lack it, and their ratio is infinite or none."""
+    found = Bootstrap(resamples=500).ratio([0.0, 0.0, 3.0], [0.0, 0.0, 2.0])
+    assert (found.estimate, found.high) == (1.5, math.inf)
+
+
+def test_a_ratio_without_bounds_has_its_level_and_units() -> None:
+    nothing = Bootstrap(level=0.9).ratio([1.0, 2.0], [0.0, 0.0])
+    single = Bootstrap(level=0.9).ratio([1.0], [2.0])
+    assert np.isnan([nothing.estimate, nothing.low, nothing.high, single.low, single.high]).all()
+    assert (nothing.level, nothing.units, single.level, single.units) == (0.9, 2, 0.9, 1)
+
+
+@pytest.mark.parametrize(
+    ("above", "below", "message"),
+    [
+        (
+            [[1.0]],
+            [[1.0]],
+            r"^above, below: expected one number a case of each, received shapes \(1, 1\) and \(1, 1\)$",
+        ),
+        ([1.0], [1.0, 2.0], r"received shapes \(1,\) and \(2,\)$"),
+        ([1.0, np.nan], [1.0, 2.0], r"^above, below: expected finite numbers, received others$"),
+        ([1.0, 2.0], [1.0, np.inf], r"^above, below: expected finite numbers, received others$"),
+    ],
+)
+def test_a_ratio_refuses_what_are_no_pairs(above: object, below: object, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Bootstrap().ratio(above, below)  # type: ignore[arg-type]

@@ -99,3 +99,13 @@ def test_the_statistics_import_at_once(repository) -> None:
         [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
     )
     assert found.stdout.strip() == "[]"
+
+
+def test_equivalence_has_its_margin_and_the_interval_of_the_mean() -> None:
+    """Whatever the statistic of the bootstrap that is given: medians would be blind to the unit that differs."""
+    first = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+    found = PairedComparison(margin=0.3, bootstrap=Bootstrap(statistic="median_of_units"))(first, np.zeros(6))
+    assert found.equivalence is not None
+    assert found.equivalence.margin == 0.3
+    assert found.equivalence.interval.estimate == pytest.approx(1 / 6)
+    assert not found.equivalence.inside

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.stats import spearmanr
+from scipy.stats import rankdata, spearmanr
 
 from experiments.errors import InputError
 from experiments.statistics import Bootstrap, Spearman
@@ -80,3 +80,53 @@ def test_a_resample_that_does_not_vary_widens_the_interval() -> None:
 def test_refuses_what_is_no_pair(first: object, second: object, units: object, message: str) -> None:
     with pytest.raises(InputError, match=message):
         Spearman()(first, second, units)  # type: ignore[arg-type]
+
+
+def test_ranks_within_blocks_are_those_of_scipy_with_ties() -> None:
+    """The correlation of ranks less their block's mean, block by block, by SciPy's ranks and NumPy's correlation."""
+    random = np.random.default_rng(3)
+    blocks = np.repeat(np.arange(8), 5)
+    first, second = random.integers(0, 3, 40) + 9 * blocks, random.integers(0, 4, 40)
+    ranks = [
+        np.concatenate([rankdata(values[blocks == block]) for block in range(8)])
+        for values in (first, second)
+    ]
+    found = Spearman(QUICK)(first, second, blocks.tolist(), within=blocks.tolist())
+    assert found.estimate == pytest.approx(np.corrcoef(*(rank - 3.0 for rank in ranks))[0, 1])
+    # Resamples have whole blocks, whose ranks stay as they are.
+    draws = np.random.default_rng(0).integers(0, 8, (2000, 8))
+    parts = np.array(
+        [
+            [np.sum(a * b) for a, b in ((x, y), (x, x), (y, y))]
+            for x, y in ((ranks[0][blocks == block] - 3, ranks[1][blocks == block] - 3) for block in range(8))
+        ]
+    )
+    both, one, other = parts[draws].sum(axis=1).T
+    expected = np.quantile(both / np.sqrt(one * other), [0.025, 0.975])
+    percentile = Spearman(Bootstrap(method="percentile", resamples=2000, seed=1))
+    interval = percentile(first, second, blocks.tolist(), within=blocks.tolist())
+    assert (interval.low, interval.high) == pytest.approx(expected, abs=0.05)
+    assert interval.level == 0.95
+
+
+def test_every_unit_is_drawn() -> None:
+    """Without the first unit, the only one that disagrees, all draws would correlate perfectly."""
+    found = Spearman(QUICK)([0, 1, 2, 3, 4, 5], [9, 1, 2, 3, 4, 5])
+    assert found.low < 0.0
+
+
+def test_bounds_that_are_missing_have_a_level() -> None:
+    assert Spearman(Bootstrap(level=0.9))([1, 2, 3], [1, 3, 2]).level == 0.9
+
+
+def test_a_constant_measure_has_no_correlation_on_either_side() -> None:
+    for first, second in (([1] * 5, [1, 2, 3, 4, 5]), ([1, 2, 3, 4, 5], [1] * 5), ([1] * 5, [2] * 5)):
+        assert np.isnan(Spearman(QUICK)(first, second).estimate)
+
+
+def test_blocks_that_are_missing_are_refused_by_name() -> None:
+    with pytest.raises(InputError, match=r"^within: expected one for each of 2 cases, received 1$"):
+        Spearman()([1.0, 2.0], [1.0, 2.0], within=["a"])
+    undefined = r"^first, second: expected failures as infinity and undefined cases left out, received NaN$"
+    with pytest.raises(InputError, match=undefined):
+        Spearman()([1.0, 2.0], [1.0, np.nan])

@@ -96,3 +96,17 @@ def test_one_case_has_no_spread_and_none_no_summary() -> None:
     assert math.isnan(summary("x", [2.0])["x_std"])
     with pytest.raises(InputError, match="x: expected at least one case"):
         summary("x", [])
+
+
+def test_one_trial_and_no_success_are_proportions_too() -> None:
+    one = wilson_interval(1, 1)
+    assert (one.successes, one.trials, one.rate, one.high) == (1, 1, 1.0, 1.0)
+    assert one.low == pytest.approx(1 / (1 + 1.959964**2), abs=1e-6)
+    assert wilson_interval(0, 7).low == 0.0 and wilson_of_rate(0.0, 1, 0.9).low == 0.0
+    assert wilson_of_rate(0.25, 8, 0.9).level == 0.9
+
+
+def test_two_cases_have_a_spread_and_whole_numbers_a_mean() -> None:
+    found = summary("tre_mm", [1, 2])
+    assert found["tre_mm_std"] == pytest.approx(math.sqrt(0.5)) and found["tre_mm_mean"] == 1.5
+    assert math.isnan(summary("tre_mm", [1.0, math.inf])["tre_mm_std"])

@@ -169,3 +169,18 @@ def test_holm_leaves_out_a_test_that_was_not_made() -> None:
 def test_holm_refuses_what_is_no_p_value() -> None:
     with pytest.raises(InputError, match="p_values: expected numbers from 0 to 1"):
         holm([0.5, 1.5])
+    assert holm([0.0, 1.0]).tolist() == [0.0, 1.0]
+
+
+def test_mcnemar_says_which_of_the_two_is_no_success() -> None:
+    for first, second, name in (([2, 1], [0, 1], "first"), ([0, 1], [2, 1], "second")):
+        with pytest.raises(
+            InputError, match=rf"^{name}: expected true or false in every row, received \[1, 2\]$"
+        ):
+            mcnemar(first, second, ["a", "b"])
+
+
+def test_mcnemar_counts_who_won() -> None:
+    won = mcnemar([1, 1, 1, 0], [0, 0, 0, 1], ["a", "b", "c", "d"])
+    lost = mcnemar([0, 0, 0, 1], [1, 1, 1, 0], ["a", "b", "c", "d"])
+    assert won.p == lost.p == 0.625

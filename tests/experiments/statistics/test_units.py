@@ -61,3 +61,9 @@ def test_refuses_what_has_no_unit() -> None:
         by_unit(cases({"a": [INF, -INF]}), "score")
     with pytest.raises(InputError, match="statistic: expected mean or median, received 'mode'"):
         by_unit(table, "score", statistic="mode")  # type: ignore[arg-type]
+
+
+def test_units_are_sorted_and_a_missing_value_of_another_column_does_not_matter() -> None:
+    cases = pd.DataFrame({"unit": ["b", "a"], "dsc": [1.0, 2.0], "other": [None, 1.0]})
+    found = by_unit(cases, "dsc", "unit")
+    assert found.index.tolist() == ["a", "b"] and found.tolist() == [2.0, 1.0]
