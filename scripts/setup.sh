@@ -4,18 +4,18 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-fits() { "$1" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 13))' 2>/dev/null; }
+fits() { "$1" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' 2>/dev/null; }
 version() { "$1" -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null || true; }
 
 # PYTHON names the interpreter; without it the one that .venv was made with stays.
 python=${PYTHON:-}
 if [ -n "$python" ]; then
   if ! fits "$python"; then
-    echo "PYTHON: expected Python 3.11 or 3.12, received $python ($("$python" --version 2>&1 | head -n 1 || true))" >&2
+    echo "PYTHON: expected Python 3.11, 3.12 or 3.13, received $python ($("$python" --version 2>&1 | head -n 1 || true))" >&2
     exit 2
   fi
 else
-  for candidate in .venv/bin/python python3.11 python3.12 python3; do
+  for candidate in .venv/bin/python python3.11 python3.12 python3.13 python3; do
     if command -v "$candidate" >/dev/null && fits "$candidate"; then
       python=$candidate
       break

@@ -69,17 +69,30 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 
 
 @pytest.fixture(scope="session")
-def store_template(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that all test processes share."""
+    own = tmp_path_factory.getbasetemp()
+    return own.parent if os.environ.get("PYTEST_XDIST_WORKER") else own
+
+
+@pytest.fixture(scope="session", autouse=True)
+def shared_compositions(shared_folder: Path) -> None:
+    """Configurations that several tests look at are composed once for all test processes."""
+    import configurations
+
+    configurations.shared = shared_folder / "composed"
+    configurations.shared.mkdir(exist_ok=True)
+
+
+@pytest.fixture(scope="session")
+def store_template(shared_folder: Path) -> Path:
     """A freshly made tracking store, made once for all test processes because making one takes seconds."""
-    shared = tmp_path_factory.getbasetemp()
-    if os.environ.get("PYTEST_XDIST_WORKER"):
-        shared = shared.parent
-    template = shared / "store-template"
-    with FileLock(shared / "store-template.lock"):
+    template = shared_folder / "store-template"
+    with FileLock(shared_folder / "store-template.lock"):
         if not template.is_dir():
             from experiments.tracking import Store
 
-            beside = shared / "store-template.partial"
+            beside = shared_folder / "store-template.partial"
             Store(uri=f"sqlite:///{beside / 'ctus.db'}").client()
             beside.rename(template)
     return template

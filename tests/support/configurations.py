@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import copy
 import functools
+import hashlib
+import os
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -20,22 +23,34 @@ OPTIONS = sorted(
 LAUNCHERS = sorted(path.stem for path in (CONF / "launcher").glob("*.yaml"))
 
 
+# A folder that the test processes share, set at their start; without it each composes for itself.
+shared: Path | None = None
+
+
 @functools.lru_cache(maxsize=512)
-def _composed(words: tuple[str, ...]) -> Any:
-    ((config, _),) = compose_sweep(list(words))
-    return config
+def _composed(words: tuple[str, ...], multirun: bool, home: str | None) -> list[dict[str, Any]]:
+    key = hashlib.sha256(repr((words, multirun, home)).encode()).hexdigest()
+    if shared is not None and (shared / key).is_file():
+        found: list[dict[str, Any]] = pickle.loads((shared / key).read_bytes())
+        return found
+    found = [dict(config) for config, _ in compose_sweep(list(words), multirun=multirun)]
+    if shared is not None:
+        partial = shared / f"{key}.{os.getpid()}"
+        partial.write_bytes(pickle.dumps(found))
+        partial.replace(shared / key)
+    return found
 
 
 def composed(*words: str) -> dict[str, Any]:
-    """The configuration of a call, composed once in a process: that takes a third of a second."""
-    found: dict[str, Any] = copy.deepcopy(_composed(words))
-    return found
+    """The configuration of a call, composed once for all tests: that takes a third of a second."""
+    (config,) = _composed(words, False, os.environ.get("CTUS_HOME"))
+    return copy.deepcopy(config)
 
 
 def composed_at(seeds: tuple[int, ...], *words: str) -> dict[int, dict[str, Any]]:
     """The configurations of a call with each of several seeds; all of them take little longer than one."""
-    points = compose_sweep([*words, f"seed={','.join(map(str, seeds))}"], multirun=True)
-    return dict(zip(seeds, (dict(config) for config, _ in points), strict=True))
+    points = _composed((*words, f"seed={','.join(map(str, seeds))}"), True, os.environ.get("CTUS_HOME"))
+    return dict(zip(seeds, copy.deepcopy(points), strict=True))
 
 
 def mandatory(study: str) -> list[str]:

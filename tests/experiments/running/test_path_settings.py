@@ -10,14 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from configurations import CONF, STUDIES, composed, mandatory
 
 from experiments import registry
 from experiments.cli import compose_sweep
 from experiments.running import jobs
 from experiments.running.path_settings import is_path, named_paths, words_of
 
-CONF = Path(__file__).resolve().parents[3] / "conf"
-STUDIES = sorted(path.stem for path in (CONF / "study").glob("*.yaml"))
 TARGETS = sorted(
     {name for path in CONF.rglob("*.yaml") for name in re.findall(r"_target_: ([\w.]+)", path.read_text())}
 )
@@ -145,11 +144,6 @@ def given(config: Any) -> Iterator[str]:
 
 @pytest.mark.parametrize("study", STUDIES)
 def test_every_path_in_a_studys_configuration_is_found(study: str) -> None:
-    mandatory = [
-        f"{line.split(':')[0]}=given"
-        for line in (CONF / "study" / f"{study}.yaml").read_text().splitlines()
-        if line.split("#")[0].rstrip().endswith(": ???")
-    ]
     groups = ["dataset", "acquisition"] if study != "domain_transfer" else ["dataset@first"]
     text = (CONF / "study" / f"{study}.yaml").read_text()
     options = [
@@ -159,7 +153,7 @@ def test_every_path_in_a_studys_configuration_is_found(study: str) -> None:
         for path in sorted((CONF / group.split("@")[0]).glob("*.yaml"))
     ]
     for option in options or [[]]:
-        ((config, _),) = compose_sweep([f"study={study}", *mandatory, *option])
+        config = composed(f"study={study}", *option, *mandatory(study))
         config = filled(config, OF_STUDIES.get(study, set()))
         module = jobs.study_module(study)
         takers = [getattr(module, name) for name in ("run", "check") if hasattr(module, name)]
