@@ -53,7 +53,7 @@ def together(*meshes: Mesh) -> Mesh:
 
 def ring(middle_mm: float, radius_mm: float) -> Mesh:
     """A tube that closes to a ring around z, with that radius of its middle."""
-    around, across = 120, 40
+    around, across = 72, 24
     u, v = np.meshgrid(np.arange(around), np.arange(across), indexing="ij")
     turn, tilt = 2 * np.pi * u / around, 2 * np.pi * v / across
     away_mm = middle_mm + radius_mm * np.cos(tilt)

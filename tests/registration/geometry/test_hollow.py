@@ -99,7 +99,7 @@ def hollow_fork() -> Mesh:
         apart_mm, height_mm = middle(points_mm), points_mm[:, 2]
         return np.maximum.reduce([apart_mm - 6, 3.5 - apart_mm, -height_mm, height_mm - 60])
 
-    return zero_surface(wall, (-27, -8, -2), (27, 8, 62), 0.8)
+    return zero_surface(wall, (-27, -8, -2), (27, 8, 62), 1.0)
 
 
 def test_a_hollow_fork_of_genus_two_has_two_lines_in_its_lumen() -> None:
@@ -169,7 +169,7 @@ def test_a_vessel_that_parts_and_joins_again_is_refused_with_the_place() -> None
     for side in (10, -10):
         ways += [rod([0, 0, 30], [side, 0, 50]), rod([side, 0, 50], [0, 0, 70])]
     field = nearest(*ways)
-    vessel = zero_surface(lambda points_mm: field(points_mm) - 4, (-16, -6, -6), (16, 6, 106), 0.9)
+    vessel = zero_surface(lambda points_mm: field(points_mm) - 4, (-16, -6, -6), (16, 6, 106), 1.2)
     with pytest.raises(InputError, match=r"closes to a loop at .*genus 1"):
         CenterlineExtractor()(vessel)
 
