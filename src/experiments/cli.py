@@ -211,11 +211,10 @@ def _composed(
         _refuse_launcher(word)
     if config_dir:
         require_harmless_folder(Path(config_dir))
-    more = [f"hydra.searchpath=[file://{config_dir}]"] if config_dir else []
     _find_plugin_configs()
     with (
         initialize_config_dir(str(conf_dir()), version_base=HYDRA_VERSION_BASE),
-        _as_input_error(overrides, more),
+        _as_input_error(overrides, _search_path(config_dir)),
     ):
         parsed = _parsed_overrides(overrides)
         if not multirun and any(override.is_sweep_override() for override in parsed):
@@ -223,7 +222,7 @@ def _composed(
                 "a setting has several values: expected -m (--multirun) before them, received none"
             )
         plain = [str(override.input_line) for override in parsed if not override.is_sweep_override()]
-        composer = _Composer(more, again=multirun)
+        composer = _Composer(config_dir, again=multirun)
         base = composer(plain)
         if not multirun:
             return [(base, "")]
@@ -239,14 +238,14 @@ class _Composer:
 
     Parameters
     ----------
-    more : list of str
-        Further overrides of every point.
+    config_dir : str or None
+        The user's own folder of configurations.
     again : bool
         Whether there are several points.
     """
 
-    def __init__(self, more: list[str], *, again: bool) -> None:
-        self._more, self._again = more, again
+    def __init__(self, config_dir: str | None, *, again: bool) -> None:
+        self._folder, self._again = config_dir, again
         self._chosen: dict[tuple[str, ...], DictConfig] = {}
 
     def __call__(self, words: list[str]) -> DictConfig:
@@ -262,19 +261,24 @@ class _Composer:
         values = [each for each in parsed if self._is_value(each, loader)]
         choices = tuple(str(each.input_line) for each in parsed if each not in values)
         if choices not in self._chosen:
-            self._chosen[choices] = compose("config", [*choices, *self._more], return_hydra_config=True)
+            words_of_all = [*choices, *_search_path(self._folder)]
+            self._chosen[choices] = compose("config", words_of_all, return_hydra_config=True)
         config = copy.deepcopy(self._chosen[choices]) if self._again else self._chosen.pop(choices)
         ConfigLoaderImpl._apply_overrides_to_config(values, config)
         config.hydra.overrides.task = words
         return config
 
-    @staticmethod
-    def _is_value(override: Override, loader: ConfigLoaderImpl) -> bool:
+    def _is_value(self, override: Override, loader: ConfigLoaderImpl) -> bool:
         """Whether Hydra takes it for a value, which no file of options is read for."""
         name = override.key_or_group
         if name.startswith("hydra"):
             return False
-        return isinstance(override.value(), dict) or not loader.repository.group_exists(name)
+        of_user = self._folder is not None and (Path(self._folder) / name).is_dir()
+        return isinstance(override.value(), dict) or not (of_user or loader.repository.group_exists(name))
+
+
+def _search_path(config_dir: str | None) -> list[str]:
+    return [f"hydra.searchpath=[file://{config_dir}]"] if config_dir else []
 
 
 def _parsed_overrides(overrides: list[str]) -> list[Override]:

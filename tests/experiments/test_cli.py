@@ -193,6 +193,14 @@ def test_points_of_a_sweep_are_those_of_calls_of_their_own(words: list[str]) -> 
         assert ours == theirs
 
 
+def test_a_users_own_option_in_a_sweep_is_an_option(tmp_path: Path) -> None:
+    (tmp_path / "tracking").mkdir()
+    (tmp_path / "tracking" / "lab.yaml").write_text("# @package tracking\n# Ours.\nuri: http://lab:5000\n")
+    words = ["study=export_runs", "tracking=lab", "seed=0,1"]
+    points = compose_sweep([*words[:1], f"+{words[1]}", *words[2:]], config_dir=str(tmp_path), multirun=True)
+    assert [config["tracking"]["uri"] for config, _ in points] == ["http://lab:5000"] * 2
+
+
 def test_a_wrong_setting_among_the_values_of_a_sweep_is_named() -> None:
     with pytest.raises(InputError, match=r"did you mean keep"):
         compose_sweep(["study=register", "moving=a", "fixed=b", "keeps=1,2"], multirun=True)
