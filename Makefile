@@ -10,7 +10,7 @@ setup:
 	@./scripts/setup.sh
 
 demo: setup
-	@./scripts/demo.sh
+	@.venv/bin/ctus demo
 
 # Every study of conf/thesis.yaml that has no run yet, the runs exported, and the report (results/index.html).
 # trainer=smoke shows that all works, in results/smoke alone; data=FOLDER has carotid/ and usgra/.

@@ -35,7 +35,7 @@ def project(tmp_path: Path, repository: Path) -> Path:
     for name in ("pyproject.toml", "constraints.txt"):
         (tmp_path / name).write_text("")
     (tmp_path / "bin").mkdir()
-    for version, fits in (("3.11", "yes"), ("3.12", "yes"), ("3.13", "no")):
+    for version, fits in (("3.11", "yes"), ("3.12", "yes"), ("3.13", "yes"), ("3.14", "no")):
         interpreter = tmp_path / "bin" / f"python{version}"
         interpreter.write_text(FAKE.format(version=version, fits=fits))
         interpreter.chmod(0o755)
@@ -67,11 +67,11 @@ def test_another_interpreter_gets_a_fresh_environment_which_then_stays(project: 
     assert set_up(project)[2] == ["installed 3.12", "compiled 3.12"]
 
 
-@pytest.mark.parametrize("python", ["python3.13", "no-such-python"])
+@pytest.mark.parametrize("python", ["python3.14", "no-such-python"])
 def test_an_interpreter_that_does_not_fit_is_refused(project: Path, python: str) -> None:
     code, said, asked = set_up(project, PYTHON=python)
     assert code == 2
-    assert f"PYTHON: expected Python 3.11 or 3.12, received {python}" in said
+    assert f"PYTHON: expected Python 3.11, 3.12 or 3.13, received {python}" in said
     assert asked == []
 
 

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import venv
 import zipfile
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -50,9 +51,17 @@ def test_every_configuration_is_in_the_wheel(wheel: Path, repository: Path) -> N
     assert modules <= inside
 
 
-def test_the_installed_wheel_registers_a_users_files(
-    wheel: Path, tmp_path: Path, store_template: Path, repository: Path
-) -> None:
+@dataclass(frozen=True)
+class Installed:
+    """An environment with the wheel in it, and a folder to work in with a tracking store."""
+
+    binaries: Path
+    work: Path
+    environment: dict[str, str]
+
+
+@pytest.fixture
+def installed(wheel: Path, tmp_path: Path, store_template: Path) -> Installed:
     place = tmp_path / "environment"
     venv.create(place, with_pip=False)
     (packages,) = (place / "lib").glob("python*/site-packages")
@@ -60,29 +69,35 @@ def test_the_installed_wheel_registers_a_users_files(
     (packages / "borrowed.pth").write_text("\n".join(site.getsitepackages()) + "\n")
     python = place / "bin" / "python"
     environment = {"PATH": f"{place / 'bin'}:/usr/bin:/bin", "HOME": str(tmp_path)}
-    installed = run(
+    ended = run(
         sys.executable, "-m", "pip", "--python", python, "install", "--no-deps", "--no-index", wheel,
         folder=tmp_path, environment=dict(os.environ),
     )  # fmt: skip
-    assert installed.returncode == 0, installed.stderr
+    assert ended.returncode == 0, ended.stderr
     work = tmp_path / "work"
     (work / "mlruns").mkdir(parents=True)
+    (work / "mlruns" / "ctus.db").write_bytes((store_template / "ctus.db").read_bytes())
+    return Installed(place / "bin", work, environment)
+
+
+def test_the_installed_wheel_registers_a_users_files(installed: Installed) -> None:
+    work, environment = installed.work, installed.environment
+    python, ctus = installed.binaries / "python", installed.binaries / "ctus"
     # Many a user has a package of this name where the command is started.
     (work / "models").mkdir()
     (work / "models" / "__init__.py").write_text("MINE = True\n")
-    (work / "mlruns" / "ctus.db").write_bytes((store_template / "ctus.db").read_bytes())
 
     where = run(
         python, "-c", "import experiments; print(experiments.__file__)", folder=work, environment=environment
     )
-    assert str(place) in where.stdout, where.stderr
+    assert str(installed.binaries.parent) in where.stdout, where.stderr
     both = run(
         python, "-c", "import models, ctus.models.metrics as m; print(models.MINE, m.hd95_mm.__module__)",
         folder=work, environment=environment,
     )  # fmt: skip
     assert both.stdout.split()[0] == "True", both.stderr
     assert both.stdout.split()[1].startswith("ctus.models."), both.stdout
-    page = run(place / "bin" / "ctus", "--help", folder=work, environment=environment)
+    page = run(ctus, "--help", folder=work, environment=environment)
     assert "register" in page.stdout, page.stderr
 
     rng = np.random.default_rng(0)
@@ -91,10 +106,21 @@ def test_the_installed_wheel_registers_a_users_files(
     np.savetxt(work / "moving.xyz", moving)
     np.savetxt(work / "fixed.xyz", fixed)
     ended = run(
-        place / "bin" / "ctus", "study=register", "moving=moving.xyz", "fixed=fixed.xyz", "out=result",
+        ctus, "study=register", "moving=moving.xyz", "fixed=fixed.xyz", "out=result",
         folder=work, environment=environment,
     )  # fmt: skip
     assert ended.returncode == 0, ended.stdout + ended.stderr
     answer = json.loads((work / "result" / "registration.json").read_text())
     np.testing.assert_allclose(np.array(answer["fixed_T_moving"])[:3, 3], [5.0, -3.0, 2.0], atol=0.05)
     assert (work / "mlruns" / "artifacts").is_dir()
+
+
+@pytest.mark.services
+def test_the_installed_wheel_runs_the_demonstration(installed: Installed) -> None:
+    """Minutes, for which it is not among the tests that run every time."""
+    ended = run(
+        installed.binaries / "ctus", "demo", "shown", folder=installed.work, environment=installed.environment
+    )
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    assert (installed.work / "shown" / "pipeline" / "scene.html").is_file()
+    assert "Registration, simulated sweep" in ended.stdout

@@ -70,6 +70,10 @@ def _main(words: list[str]) -> int:
             from experiments.command_line.doctor.report import doctor
 
             return doctor(words[1:])
+        if words[:1] == ["demo"]:
+            from experiments.command_line.demonstration import demo
+
+            return demo(words[1:])
         if not words or any(word in ("--help", "-h") for word in words):
             return _print_help(words)
         asked = read_options(words)

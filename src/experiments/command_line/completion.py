@@ -1,4 +1,4 @@
-"""Completion of the words that Hydra does not know: ``+sweep=``, ``doctor``, ``quiet=`` and ``verbose=``.
+"""Completion of the words that Hydra does not know: ``+sweep=``, ``doctor``, ``demo``, ``quiet=`` and ``verbose=``.
 
 A shell runs ``ctus -sc query=<shell>`` with what was typed so far in ``COMP_LINE``, as Hydra's scripts for bash, zsh
 and fish do. These words are answered without Hydra, and so at once.
@@ -58,5 +58,5 @@ def candidates(line: str) -> list[str]:
         return [word for name in sorted(options_of("preset")) if (word := f"+sweep={name}").startswith(last)]
     known = ["+sweep=", *_WORDS]
     if len([word for word in typed if word]) == 2:
-        known.append("doctor")
+        known += ["doctor", "demo"]
     return [word for word in known if word.startswith(last)]

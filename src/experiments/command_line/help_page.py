@@ -23,6 +23,7 @@ ctus: CT-ultrasound registration of vessels, as tracked experiments
   ctus -m +sweep=<preset> [setting=value ...]      all that a published figure needs
   ctus study=<name> [model=<option> ...] --help    the settings of a study with these options
   ctus doctor                                      what this machine has, what is missing, how to install it
+  ctus demo                                        the whole path on simulated data, in about six minutes
 """
 
 _AFTER = """\

@@ -16,6 +16,7 @@ from experiments.command_line.completion import candidates, own_completion
         ("ctus +sweep=aorta", ["+sweep=aorta_200"]),
         ("ctus -m +s", ["+sweep="]),
         ("ctus doc", ["doctor"]),
+        ("ctus de", ["demo"]),
         ("ctus study=register doc", []),
         ("ctus study=register q", ["quiet=true"]),
         ("ctus +sweep=nonsense", []),

@@ -50,10 +50,10 @@ def interpreter(version: tuple[int, int] = sys.version_info[:2]) -> Finding:
     shown = f"Python {version[0]}.{version[1]} on {platform.system()} {platform.machine()}, {sys.executable}"
     if version < OLDEST:
         return Finding(
-            "Python", State.MISSING, f"{shown}; expected 3.11 or 3.12", "make setup PYTHON=python3.12"
+            "Python", State.MISSING, f"{shown}; expected 3.11 to 3.13", "make setup PYTHON=python3.12"
         )
     if version > NEWEST_TESTED:
-        return Finding("Python", State.NOTE, f"{shown}; tested with 3.11 and 3.12")
+        return Finding("Python", State.NOTE, f"{shown}; tested with 3.11 to 3.13")
     return Finding("Python", State.OK, shown)
 
 

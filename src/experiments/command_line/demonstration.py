@@ -1,0 +1,138 @@
+"""``ctus demo``: the whole path on simulated data, from training to a registration that is tried from many starts."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from experiments import files
+from experiments.analysis.pages.demo import closing
+from experiments.command_line.call_checks import require_writable
+from experiments.errors import InputError
+from experiments.paths import project_root
+from experiments.running.terminal import markdown, print_tables
+
+USAGE = """\
+ctus demo [folder]
+
+The whole path on simulated data, in about six minutes on two cores: train a U-Net, segment a sweep that it has not
+seen, register the cloud to the phantom's model, once and from many wrong starts. Results go to outputs/demo, or to the
+folder that is named.
+"""
+
+
+def steps(folder: Path) -> Iterator[tuple[str, str, list[str]]]:
+    """Name each step of the demonstration.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the results.
+
+    Yields
+    ------
+    name : str
+        The step's folder and log.
+    sentence : str
+        What it does.
+    words : list of str
+        The words of its call.
+    """
+    yield (
+        "segmentation",
+        "Training a U-Net on simulated frames, fold by fold",
+        ["study=segmentation", "dataset=phantom", "dataset.sweeps=3", "dataset.frames_per_sweep=20", "trainer=demo"],
+    )  # fmt: skip
+    yield (
+        "pipeline",
+        "Segmenting a sweep that no network has seen, and placing its contours in the world",
+        ["study=pipeline", "phantom=artery", f"model_path={folder / 'segmentation' / 'fold-0' / 'model.pt'}"],
+    )
+    swept = folder / "pipeline"
+    yield (
+        "robustness",
+        "Registering that cloud to the phantom's model, single start against multi-start",
+        [
+            *("-m", "study=robustness", f"target={swept / 'model.ply'}", f"moving={swept / 'cloud.ply'}"),
+            *(f"moving_truth={swept / 'truth.json'}", "overlaps=[1.0]", "trials=10"),
+            "perturbation.angle_max_deg=45,90,180",
+        ],
+    )
+
+
+def demo(words: Sequence[str]) -> int:
+    """Run the demonstration, print two small tables and three sentences, and name the page to open.
+
+    Parameters
+    ----------
+    words : sequence of str
+        Words after ``demo``: none, or the folder of the results.
+
+    Returns
+    -------
+    int
+        Exit code: 0 when all is well, else that of the step that failed.
+
+    Raises
+    ------
+    InputError
+        For more than a folder, and one that can't be written.
+    """
+    if any(word in ("--help", "-h") for word in words):
+        print(USAGE, end="")
+        return 0
+    if len(words) > 1 or any("=" in word or word.startswith("-") for word in words):
+        raise InputError(f"demo: expected no more than a folder, received {' '.join(words)}")
+    folder = Path(words[0]).expanduser() if words else _shown(project_root() / "outputs" / "demo")
+    require_writable(folder.absolute())
+    folder.mkdir(parents=True, exist_ok=True)
+    plan = list(steps(folder))
+    for number, (name, sentence, call) in enumerate(plan, start=1):
+        print(f"{number}/{len(plan)}  {sentence}", flush=True)
+        code = _run([*call, f"out={folder / name}"], folder / f"{name}.txt")
+        if code:
+            return code
+    _close(folder, [name for name, _, _ in plan])
+    return 0
+
+
+def _run(words: list[str], log: Path) -> int:
+    """A call in a process of its own: its progress goes to the terminal, its closing lines are kept."""
+    program = "import sys; from experiments.cli import main; sys.exit(main(sys.argv[1:]))"
+    with log.open("w", encoding="utf-8") as kept:
+        try:
+            code = subprocess.run(
+                [sys.executable, "-c", program, *words], stdout=kept, check=False
+            ).returncode
+        except KeyboardInterrupt:  # the call was told to stop as well, and has said what became of it
+            return 130
+    if code:
+        print(log.read_text(encoding="utf-8"), end="")
+    return code
+
+
+def _close(folder: Path, names: Sequence[str]) -> None:
+    tables, sentences = closing(folder)
+    print()
+    print_tables(tables)
+    for sentence in sentences:
+        print(sentence)
+    logs = [(folder / f"{name}.txt").read_text(encoding="utf-8") for name in names]
+    head = f"# Demonstration, simulated data\n\n{markdown(tables)}\n" + "\n".join(
+        f"- {each}" for each in sentences
+    )
+    everything = "\n\n".join(logs)
+    files.write_text(
+        folder / "summary.md", f"{head}\n\n## What the steps printed\n\n```\n{everything}\n```\n"
+    )
+    print(f"All numbers are of simulated data; {folder / 'summary.md'} has all of them.")
+    print(f"Open:      {folder / 'pipeline' / 'scene.html'}")
+    print(*[line for line in logs[-1].splitlines() if line.startswith("Dashboard: ")], sep="\n")
+
+
+def _shown(folder: Path) -> Path:
+    """A folder from the current one on, where it lies in that."""
+    here = Path.cwd()
+    return folder.relative_to(here) if folder.is_relative_to(here) else folder
