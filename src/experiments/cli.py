@@ -269,7 +269,7 @@ class _Composer:
             self._chosen[choices] = compose("config", words_of_all, return_hydra_config=True)
         config = copy.deepcopy(self._chosen[choices]) if self._again else self._chosen.pop(choices)
         ConfigLoaderImpl._apply_overrides_to_config(values, config)
-        config.hydra.overrides.task = words
+        config.hydra.overrides.task = [each.input_line for each in parsed if not each.is_hydra_override()]
         return config
 
     def _is_value(self, override: Override, loader: ConfigLoaderImpl) -> bool:
