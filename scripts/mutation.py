@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import collections
 import datetime
+import importlib.util
 import json
 import os
 import shutil
@@ -117,6 +118,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--processes", type=int, default=os.cpu_count())
     parser.add_argument("--out", type=Path, help="folder that gets mutation.md")
     given = parser.parse_args(arguments)
+    if importlib.util.find_spec("mutmut") is None:
+        print("mutation.py: expected mutmut, found none: pip install -e '.[quality]'", file=sys.stderr)
+        return 2
     mutants = [mutant for name in given.only for mutant in checked(name, given.processes)]
     text = page(mutants)
     print(text.split("## Survived")[0])
