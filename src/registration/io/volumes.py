@@ -40,6 +40,8 @@ READERS = {
 # Under this name the image carries the unit that the file states, empty where it states none.
 UNITS_KEY = "stated units"
 _MOST_AXES = 10
+# The library writes what it does not know into a message of fixed length, past its end.
+_LONGEST_FIELD = 400
 _NRRD_LENGTHS = ("space directions", "space origin", "spacings", "axis mins", "axis maxs", "thicknesses")
 _META_LENGTHS = (
     *("TransformMatrix", "Orientation", "Rotation", "Offset", "Position", "Origin", "CenterOfRotation"),
@@ -190,8 +192,16 @@ def _nrrd(path: Path, target: Path) -> _Copy:
     _require_axes(path, file.fields.get("dimension", ""), len(file.sizes))
     for field in _NRRD_LENGTHS:
         require_plain_lengths(file.fields.get(field, ""), field, path)
+    # How the image was made, in the words of the tools that made it: as long as they like.
+    fields = {name: value for name, value in file.fields.items() if name != "content"}
+    for field, value in fields.items():
+        if len(field) + len(value) > _LONGEST_FIELD:
+            raise InputError(
+                f"{path}: expected NRRD fields of at most {_LONGEST_FIELD} characters, found {field[:20]!r} of "
+                f"{len(field) + len(value)}"
+            )
     with target.open("wb") as stream:
-        stream.write(nrrd_header(file.fields, file.keys, "raw"))
+        stream.write(nrrd_header(fields, file.keys, "raw"))
         stream.write(np.ascontiguousarray(file.values.astype(file.values.dtype.newbyteorder("<"))).tobytes())
     if file.fields.get("space", "").lower().startswith("3d-left-handed"):
         raise InputError(

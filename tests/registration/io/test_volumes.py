@@ -175,3 +175,20 @@ def test_a_choice_between_transforms_is_one_of_nifti_files(tmp_path: Path) -> No
             InputError, match="nifti_form: expected qform or sform, and that for NIfTI files alone"
         ):
             read_volume(tmp_path / name, nifti_form=form)
+
+
+@pytest.mark.parametrize("length", [401, 1100, 30_000])
+def test_an_nrrd_field_that_overflows_the_librarys_message_is_refused(tmp_path: Path, length: int) -> None:
+    """The process ended where an unknown space had more than a thousand characters."""
+    head = "NRRD0004\ntype: uint8\ndimension: 3\nspace: {}\nsizes: 2 2 2\nencoding: raw\n\n"
+    (tmp_path / "a.nrrd").write_bytes(head.format("x" * length).encode() + bytes(8))
+    with pytest.raises(
+        InputError, match=r"a\.nrrd: expected NRRD fields of at most 400 characters, found 'space'"
+    ):
+        read_volume(tmp_path / "a.nrrd")
+
+
+def test_an_nrrd_file_may_tell_at_length_how_it_was_made(tmp_path: Path) -> None:
+    head = f"NRRD0004\ncontent: {'crop(' * 500}\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: raw\n\n"
+    (tmp_path / "a.nrrd").write_bytes(head.encode() + bytes(range(8)))
+    assert read_volume(tmp_path / "a.nrrd").GetSize() == (2, 2, 2)

@@ -11,6 +11,7 @@ from jaxtyping import Float64
 
 from registration import transforms
 from registration.errors import InputError
+from registration.input_files import refusing
 from registration.readers.chain.graph import TransformGraph
 from registration.readers.plus.calibration import (
     ImagePlacement,
@@ -127,16 +128,17 @@ class PlusReader:
             str(tracker_path),
         )
         keep = keep & (not video.tracker_only)
-        return TrackedSweep(
-            images=as_grey(video.pixels[keep], str(path)),
-            image_times_s=frame_times_s(video, self.clock, str(path))[keep],
-            world_T_ee=world_T_ee,
-            pose_times_s=pose_times_s,
-            calibration=ProbeCalibration(ee_T_probe=np.eye(4), probe_A_pixel=placed.ee_A_pixel),
-            dropped=dict(dropped),
-            notes=(*notes, *placed.notes),
-            image_A_pixel=None if placed.image_A_pixel is None else placed.image_A_pixel[keep],
-        )
+        with refusing(path, "a tracked sweep"):
+            return TrackedSweep(
+                images=as_grey(video.pixels[keep], str(path)),
+                image_times_s=frame_times_s(video, self.clock, str(path))[keep],
+                world_T_ee=world_T_ee,
+                pose_times_s=pose_times_s,
+                calibration=ProbeCalibration(ee_T_probe=np.eye(4), probe_A_pixel=placed.ee_A_pixel),
+                dropped=dict(dropped),
+                notes=(*notes, *placed.notes),
+                image_A_pixel=None if placed.image_A_pixel is None else placed.image_A_pixel[keep],
+            )
 
     def _poses(
         self, sequence: PlusSequence, defined: TransformGraph, path: Path

@@ -121,9 +121,10 @@ class RosbagReader:
                 f"{path}: expected images of {self.image_topic} in the order of their header times, "
                 f"found times that run backwards (out_of_order=sort accepts them)"
             )
-        return TrackedSweep(
-            images[order], image_times_s[order], world_T_ee, pose_times_s, calibration, dict(dropped)
-        )
+        with refusing(path, "a tracked sweep"):
+            return TrackedSweep(
+                images[order], image_times_s[order], world_T_ee, pose_times_s, calibration, dict(dropped)
+            )
 
     def _images(self, reader: Any, path: Path, dropped: Counter[str]) -> tuple[np.ndarray, np.ndarray]:
         sizes: list[tuple[int, ...]] = []

@@ -273,6 +273,13 @@ def test_poses_without_a_rotation_are_left_out_and_counted(bag: Callable[..., Pa
     assert synchronise(sweep, max_gap_s=0.15).kept.tolist() == []
 
 
+def test_a_position_beyond_all_numbers_in_mm_is_refused_with_the_bags_name(bag: Callable[..., Path]) -> None:
+    far = pose(0.0)
+    far[3].pose.position.x = 1e306  # metres
+    with pytest.raises(InputError, match=r"bag: world_T_ee: expected finite entries"):
+        READER(bag(image(0.0), far, pose(1.0)))
+
+
 def test_only_broken_poses_are_refused(bag: Callable[..., Path]) -> None:
     path = bag(image(0.0), broken_pose(0.0), broken_pose(1.0, 1.02))
     expected = (
