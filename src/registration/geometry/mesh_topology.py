@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
 from registration.geometry.shapes import Mesh
@@ -162,9 +162,8 @@ def borders(mesh: Mesh) -> tuple[Border, ...]:
         return ()
     rim = edges[single]
     of_vertex = connected(rim, len(mesh.vertices_mm))[1]
-    groups = _groups(of_vertex[rim[:, 0]])
-    at = TrianglesAt(mesh)
-    found = [_border(mesh, rim[own], at) for own in groups]
+    of_edge = np.unique(of_vertex[rim[:, 0]], return_inverse=True)[1]
+    found = _borders_of(mesh, rim, of_edge)
     return tuple(sorted(found, key=lambda border: -border.radius_mm))
 
 
@@ -240,22 +239,65 @@ class TrianglesAt:
         return np.unique(self._owner[places])
 
 
-def _border(mesh: Mesh, edges: np.ndarray, at: TrianglesAt) -> Border:
-    start_mm, end_mm = mesh.vertices_mm[edges[:, 0]], mesh.vertices_mm[edges[:, 1]]
+def _borders_of(mesh: Mesh, rim: np.ndarray, of_edge: np.ndarray) -> list[Border]:
+    """The borders that edges belong to, all at once: a rough mesh has thousands, of a few edges each."""
+    count = int(of_edge.max()) + 1
+    start_mm, end_mm = mesh.vertices_mm[rim[:, 0]], mesh.vertices_mm[rim[:, 1]]
     length_mm = np.linalg.norm(end_mm - start_mm, axis=1)
+    total_mm = np.maximum(np.bincount(of_edge, length_mm, count), np.finfo(np.float64).tiny)
     # Weighted by length, so that a stretch with many short edges pulls no harder than one with few long ones.
-    weights = length_mm / max(float(length_mm.sum()), np.finfo(np.float64).tiny)
-    centre_mm = weights @ (0.5 * (start_mm + end_mm))
+    weights = length_mm / total_mm[of_edge]
+    centre_mm = sums_of_owners(weights[:, None] * (0.5 * (start_mm + end_mm)), of_edge, count)
     # The cap runs against the wall's winding.
-    area_mm2 = 0.5 * np.cross(end_mm - centre_mm, start_mm - centre_mm).sum(axis=0)
-    size_mm2 = float(np.linalg.norm(area_mm2))
-    normal = area_mm2 / max(size_mm2, np.finfo(np.float64).tiny)
+    middle_mm = centre_mm[of_edge]
+    area_mm2 = 0.5 * sums_of_owners(np.cross(end_mm - middle_mm, start_mm - middle_mm), of_edge, count)
+    size_mm2 = np.linalg.norm(area_mm2, axis=1)
+    normal = area_mm2 / np.maximum(size_mm2, np.finfo(np.float64).tiny)[:, None]
+    facing = _facing(mesh, rim, of_edge, normal)
+    edges = np.split(rim[np.argsort(of_edge, kind="stable")], np.cumsum(np.bincount(of_edge))[:-1])
+    radius_mm = np.sqrt(size_mm2 / np.pi).tolist()
+    return [Border(*each) for each in zip(edges, centre_mm, normal, radius_mm, facing.tolist(), strict=True)]
+
+
+def _facing(mesh: Mesh, rim: np.ndarray, of_edge: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """How far the wall within two rings of each border faces along the border's normal, from -1 to 1."""
+    vertices, triangles = len(mesh.vertices_mm), len(mesh.triangles)
+    corners = np.repeat(np.arange(triangles), 3)
+    at = csr_array(
+        (np.ones(3 * triangles, dtype=bool), (mesh.triangles.reshape(-1), corners)), (vertices, triangles)
+    )
+    both = np.repeat(of_edge, 2)
+    on_rim = csr_array((np.ones(len(both), dtype=bool), (both, rim.reshape(-1))), (len(normal), vertices))
+    near = csr_array(csr_array(on_rim @ at) @ at.T) @ at
+    near.sum_duplicates()
+    border = np.repeat(np.arange(len(normal)), np.diff(near.indptr))
     # By area, so that slivers left by a cut do not speak for the wall.
-    near = mesh.triangles[at(np.unique(mesh.triangles[at(np.unique(edges))]))]
-    a, b, c = np.moveaxis(mesh.vertices_mm[near], 1, 0)
+    a, b, c = np.moveaxis(mesh.vertices_mm[mesh.triangles[near.indices]], 1, 0)
     walls = np.cross(b - a, c - a)
-    facing = float((walls @ normal).sum() / max(float(np.linalg.norm(walls, axis=1).sum()), 1e-300))
-    return Border(edges, centre_mm, normal, float(np.sqrt(size_mm2 / np.pi)), facing)
+    along = np.bincount(border, np.einsum("wi,wi->w", walls, normal[border]), len(normal))
+    return along / np.maximum(np.bincount(border, np.linalg.norm(walls, axis=1), len(normal)), 1e-300)
+
+
+def sums_of_owners(
+    values: Float64[np.ndarray, "n 3"], owner: Int64[np.ndarray, " n"], count: int
+) -> Float64[np.ndarray, "{count} 3"]:
+    """Add up the vectors of each owner.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n, 3)
+        Vectors.
+    owner : ndarray of int, shape (n,)
+        Whose each is, from 0.
+    count : int
+        Number of owners.
+
+    Returns
+    -------
+    ndarray, shape (count, 3)
+        Sum of each owner, zero where it has none.
+    """
+    return np.stack([np.bincount(owner, values[:, axis], count) for axis in range(3)], axis=1)
 
 
 def connected(edges: Int64[np.ndarray, "e 2"], vertices: int) -> tuple[int, Int64[np.ndarray, " {vertices}"]]:
@@ -280,8 +322,3 @@ def connected(edges: Int64[np.ndarray, "e 2"], vertices: int) -> tuple[int, Int6
         coo_array((ones, edges.T), shape=(vertices, vertices)), directed=False
     )
     return int(count), labels.astype(np.int64)
-
-
-def _groups(labels: np.ndarray) -> list[np.ndarray]:
-    order = np.argsort(labels, kind="stable")
-    return np.split(order, np.flatnonzero(np.diff(labels[order])) + 1)

@@ -6,9 +6,12 @@ and bulge alike. Here the surface is cut along the line where the measured point
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
+
 import numpy as np
-from jaxtyping import Float64, Int64
-from scipy.sparse import coo_array, csr_array
+from jaxtyping import Bool, Float64, Int64
+from scipy.sparse import coo_array, csr_array, eye_array
 from scipy.spatial import cKDTree
 
 from registration.checks import require_positive
@@ -18,6 +21,7 @@ from registration.geometry.mesh_topology import (
     connected,
     directed_edges,
     edge_numbers,
+    sums_of_owners,
 )
 from registration.geometry.point_cloud import OrientedCloud
 from registration.geometry.shapes import Mesh
@@ -64,42 +68,43 @@ def measured_part(mesh: Mesh, cloud: OrientedCloud, bridge_mm: float) -> Mesh:
     out = past_mm > 0
     edges = directed_edges(mesh)
     piece = connected(edges[out[edges].all(axis=1)], len(past_mm))[1]
-    around = _Surroundings(mesh)
     members = np.flatnonzero(out)
     members = members[np.argsort(piece[members], kind="stable")]
-    for own in np.split(members, np.flatnonzero(np.diff(piece[members])) + 1):
-        if len(own) and around.is_hole(own, past_mm, bridge_mm):
+    pieces = [own for own in np.split(members, np.flatnonzero(np.diff(piece[members])) + 1) if len(own)]
+    for own, hole in zip(pieces, _Surroundings(mesh, edges).holes(pieces, past_mm, bridge_mm), strict=True):
+        if hole:
             past_mm[own] = -SHALLOW_MM
     return clip(mesh, past_mm)
 
 
 class _Surroundings:
-    """Neighbourhoods of a mesh, so that a hole is judged in its own: rough masks leave hundreds of them.
+    """Neighbourhoods of a mesh, so that a hole is judged in its own: rough masks leave thousands of them.
 
     Parameters
     ----------
     mesh : Mesh
         Surface.
+    edges : ndarray of int, shape (e, 2)
+        Its directed edges.
     """
 
-    def __init__(self, mesh: Mesh) -> None:
+    def __init__(self, mesh: Mesh, edges: Int64[np.ndarray, "e 2"]) -> None:
         self.mesh = mesh
         count = len(mesh.vertices_mm)
-        edges = directed_edges(mesh)
-        ones = np.ones(len(edges), dtype=bool)
-        neighbours = coo_array((ones, edges.T), shape=(count, count)).tocsr()
-        self.neighbours = csr_array(neighbours + neighbours.T)
+        neighbours = coo_array((np.ones(len(edges), dtype=bool), edges.T), shape=(count, count)).tocsr()
+        # With the vertex itself, so that a step outwards keeps what was reached before.
+        self.reached = csr_array(neighbours + neighbours.T + eye_array(count, dtype=bool, format="csr"))
         self.triangles_at = TrianglesAt(mesh)
 
-    def is_hole(
-        self, own: Int64[np.ndarray, " o"], past_mm: Float64[np.ndarray, " v"], bridge_mm: float
-    ) -> bool:
-        """Tell whether vertices close a narrow hole in the middle of a wall.
+    def holes(
+        self, pieces: Sequence[Int64[np.ndarray, " _"]], past_mm: Float64[np.ndarray, " v"], bridge_mm: float
+    ) -> Bool[np.ndarray, " p"]:
+        """Tell which pieces close a narrow hole in the middle of a wall.
 
         Parameters
         ----------
-        own : ndarray of int, shape (o,)
-            Indices of the vertices.
+        pieces : sequence of ndarray of int
+            Indices of the vertices of each of p pieces, which share none.
         past_mm : ndarray, shape (v,)
             How far each vertex of the mesh lies past the points, in mm.
         bridge_mm : float
@@ -107,27 +112,61 @@ class _Surroundings:
 
         Returns
         -------
-        bool
-            False if they are an open end, or reach the border of the mesh.
+        ndarray of bool, shape (p,)
+            False for an open end, and for what reaches the border of the mesh.
         """
-        ring, rings = own, [own]
-        for _ in range(RINGS):
-            ring = np.setdiff1d(self.neighbours[ring].indices, np.concatenate(rings))
-            rings.append(ring)
-        inner = np.concatenate(rings[:-1])
-        used, corners = np.unique(self.mesh.triangles[self.triangles_at(inner)], return_inverse=True)
+        own = _memberships(pieces, len(past_mm))
+        inner = own
+        for _ in range(RINGS - 1):
+            inner = csr_array(inner @ self.reached)
+        within = csr_array(inner @ self.reached)
+        found = np.ones(len(pieces), dtype=bool)
+        # Pieces far apart are judged at once: each by what lies around itself, as if there were no other.
+        for together in _apart(csr_array(within @ within.T)):
+            parts = (each[together] for each in (own, inner, within))
+            found[together] = self._holes_apart(*parts, past_mm, bridge_mm)
+        return found
+
+    def _holes_apart(
+        self, own: csr_array, inner: csr_array, within: csr_array, past_mm: np.ndarray, bridge_mm: float
+    ) -> np.ndarray:
+        """The same of pieces whose neighbourhoods share no vertex."""
+        owner = np.full(len(past_mm), -1)
+        owner[within.indices] = np.repeat(np.arange(within.shape[0]), np.diff(within.indptr))
+        outer = np.setdiff1d(within.indices, inner.indices)
+        used, corners = np.unique(self.mesh.triangles[self.triangles_at(inner.indices)], return_inverse=True)
         part = Mesh(self.mesh.vertices_mm[used], corners.reshape(-1, 3).astype(np.int64))
-        values = np.where(np.isin(used, own), past_mm[used], np.minimum(past_mm[used], -SHALLOW_MM))
+        is_own = np.isin(used, own.indices)
+        values = np.where(is_own, past_mm[used], np.minimum(past_mm[used], -SHALLOW_MM))
         cut, ends = _cut(part, values, 0.0)
         # Where the part itself ends is no border of the surface.
-        outermost, touching = (np.isin(used, some)[ends].any(axis=1) for some in (ring, own))
+        outermost, touching = (some[ends].any(axis=1) for some in (np.isin(used, outer), is_own))
+        found = np.ones(within.shape[0], dtype=bool)
         for rim in borders(cut):
             if not outermost[rim.edges].any():
-                if rim.is_end or rim.radius_mm > bridge_mm:
-                    return False
-            elif touching[rim.edges].any():  # it goes on along the border of the mesh
-                return False
-        return True
+                stays = not rim.is_end and rim.radius_mm <= bridge_mm
+            else:  # where it touches the piece, that goes on along the border of the mesh
+                stays = not touching[rim.edges].any()
+            if not stays:
+                found[owner[used[ends[rim.edges[0, 0], 0]]]] = False
+        return found
+
+
+def _memberships(pieces: Sequence[np.ndarray], count: int) -> csr_array:
+    """Which of ``count`` vertices each piece has."""
+    lengths = [len(own) for own in pieces]
+    indices = np.concatenate([*pieces, np.empty(0, dtype=np.int64)])
+    starts = np.concatenate([[0], np.cumsum(lengths, dtype=np.int64)])
+    return csr_array((np.ones(len(indices), dtype=bool), indices, starts), shape=(len(pieces), count))
+
+
+def _apart(meets: csr_array) -> list[np.ndarray]:
+    """Groups of pieces of which no two meet: each piece joins the first group that has none of those it meets."""
+    group = np.full(meets.shape[0], -1)
+    for piece in range(len(group)):
+        taken = set(group[meets.indices[meets.indptr[piece] : meets.indptr[piece + 1]]].tolist())
+        group[piece] = next(number for number in itertools.count() if number not in taken)
+    return [np.flatnonzero(group == number) for number in range(group.max(initial=-1) + 1)]
 
 
 def beyond_mm(mesh: Mesh, cloud: OrientedCloud, bridge_mm: float) -> Float64[np.ndarray, " v"]:
@@ -185,16 +224,12 @@ def _past_mm(
     """For each of ``count`` vertices, how far it lies past the points whose offsets from it are given."""
     weights = np.maximum(1 - (offset_mm**2).sum(axis=1) / bridge_mm**2, 0.0) + 1e-9
     # The plane is the wall's and not the surface's: a bulge turns inwards and would face the far side of the rim.
-    outwards = _unit(_sums(weights[:, None] * facing, owner, count))[owner]
+    outwards = _unit(sums_of_owners(weights[:, None] * facing, owner, count))[owner]
     along_mm = offset_mm - np.einsum("pi,pi->p", offset_mm, outwards)[:, None] * outwards
-    outward = -_unit(_sums(weights[:, None] * along_mm, owner, count))
+    outward = -_unit(sums_of_owners(weights[:, None] * along_mm, owner, count))
     reach_mm = np.full(count, -float(bridge_mm))
     np.maximum.at(reach_mm, owner, np.einsum("pi,pi->p", along_mm, outward[owner]))
     return -reach_mm
-
-
-def _sums(values: np.ndarray, owner: np.ndarray, count: int) -> np.ndarray:
-    return np.stack([np.bincount(owner, values[:, axis], count) for axis in range(3)], axis=1)
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
@@ -216,7 +251,7 @@ def vertex_normals(mesh: Mesh) -> Float64[np.ndarray, "v 3"]:
     """
     a, b, c = np.moveaxis(mesh.corners_mm, 1, 0)
     facing = np.repeat(np.cross(b - a, c - a), 3, axis=0)
-    return _unit(_sums(facing, mesh.triangles.reshape(-1), len(mesh.vertices_mm)))
+    return _unit(sums_of_owners(facing, mesh.triangles.reshape(-1), len(mesh.vertices_mm)))
 
 
 def clip(mesh: Mesh, values: Float64[np.ndarray, " v"], max_value: float = 0.0) -> Mesh:
