@@ -149,8 +149,8 @@ def _columns() -> tuple[ProgressColumn, ...]:
 def print_tables(tables: dict[str, pd.DataFrame], console: Console | None = None) -> None:
     """Print small result tables. Names of columns break at their underscores, so that the tables stay narrow.
 
-    On a terminal long texts in cells are shortened, and a table has the columns that fit, from the left, and a line
-    that names the others; ``verbose=true`` and a pipe get all of them, ``quiet=true`` none.
+    Long texts in cells are shortened where a table would be too wide. On a terminal it has the columns that fit, from
+    the left, and a line that names the others; ``verbose=true`` and a pipe get all of them, ``quiet=true`` none.
 
     Parameters
     ----------
@@ -167,8 +167,10 @@ def print_tables(tables: dict[str, pd.DataFrame], console: Console | None = None
     # Elsewhere a table wider than the terminal had better wrap than lose digits.
     console.width = line_width(console) if fitting else max(console.width, WIDEST_TABLE)
     for title, frame in tables.items():
-        whole = (len(frame.columns), None)
-        count, longest = _columns_that_fit(title, frame, console) if fitting else whole
+        count, longest = _columns_that_fit(title, frame, console)
+        if not fitting and count < len(frame.columns):
+            count = len(frame.columns)
+            console.width = max(console.width, _width(_table(title, frame, longest), console))
         console.print(_table(title, frame.iloc[:, :count], longest))
         if left := [str(name) for name in frame.columns[count:]]:
             more = f"{len(left)} more in summary.md: {', '.join(left)}"
@@ -197,8 +199,7 @@ def _columns_that_fit(title: str, frame: pd.DataFrame, console: Console) -> tupl
     """How many columns, from the left, the terminal is wide enough for, one at least, and how long a text may be."""
 
     def fits(count: int, longest: int | None) -> bool:
-        table = _table(title, frame.iloc[:, :count], longest)
-        return Measurement.get(console, console.options.update_width(10_000), table).maximum <= console.width
+        return _width(_table(title, frame.iloc[:, :count], longest), console) <= console.width
 
     for longest in (None, *SHORTER_TEXTS):
         if fits(len(frame.columns), longest):
@@ -207,6 +208,10 @@ def _columns_that_fit(title: str, frame: pd.DataFrame, console: Console) -> tupl
     return next(
         (count for count in range(len(frame.columns) - 1, 1, -1) if fits(count, shortest)), 1
     ), shortest
+
+
+def _width(table: Table, console: Console) -> int:
+    return Measurement.get(console, console.options.update_width(10_000), table).maximum
 
 
 def _table(title: str, frame: pd.DataFrame, longest: int | None) -> Table:

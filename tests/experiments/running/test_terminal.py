@@ -129,6 +129,18 @@ def test_a_pipe_and_verbose_get_every_column(monkeypatch) -> None:
         assert "11.000" in stream.getvalue() and "more in summary.md" not in stream.getvalue()
 
 
+def test_a_pipe_gets_every_cell_of_a_table_of_long_texts() -> None:
+    many = pd.DataFrame(
+        {f"text_{n}": [f"cell {n} " + "of a long text " * 5] for n in range(14)} | {"last": ["end"]}
+    )
+    for frame in (TEXTS, many):
+        stream = io.StringIO()
+        print_tables({"Long": frame}, Console(file=stream, width=80))
+        printed = stream.getvalue()
+        assert all(str(value)[:7] in printed for value in frame.iloc[0])
+        assert len(printed.splitlines()) <= 8  # no line is wrapped
+
+
 def test_a_pipe_gets_no_colours_and_whole_sentences(capsys, tmp_path) -> None:
     sentence = "A finding " + "of many words " * 20
     print_tables({"Folds": TABLE})
