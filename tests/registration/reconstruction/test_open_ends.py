@@ -7,10 +7,16 @@ import pytest
 from tubes import straight, tube
 
 from registration.geometry.mesh_quality import mesh_quality
-from registration.geometry.mesh_topology import borders, with_caps
+from registration.geometry.mesh_topology import borders, connected, directed_edges, with_caps
 from registration.geometry.point_cloud import OrientedCloud
 from registration.geometry.shapes import Mesh
-from registration.reconstruction.open_ends import beyond_mm, clip, measured_part, vertex_normals
+from registration.reconstruction.open_ends import (
+    _Surroundings,
+    beyond_mm,
+    clip,
+    measured_part,
+    vertex_normals,
+)
 
 LINE_MM = straight(40.0, 0.5)
 WAY = (LINE_MM[-1] - LINE_MM[0]) / 40
@@ -87,6 +93,25 @@ def test_wall_that_was_not_measured_up_to_the_border_of_the_mesh_is_cut() -> Non
     cloud = OrientedCloud(WHOLE.vertices_mm[seen], vertex_normals(WHOLE)[seen])
     found = measured_part(WHOLE, cloud, 1.5)
     assert found.areas_mm2.sum() == pytest.approx(33 / 48 * WHOLE.areas_mm2.sum(), rel=0.02)
+
+
+def test_holes_near_each_other_are_judged_as_if_each_were_the_only_one() -> None:
+    """Some overlap in what lies around them, some are too wide, and both ends of the tube are ends."""
+    random = np.random.default_rng(0)
+    radius_mm = random.uniform(0.4, 1.6, 60)
+    centres_mm = WHOLE.vertices_mm[random.choice(np.arange(480, 3400), 60, replace=False)]
+    apart_mm = np.linalg.norm(WHOLE.vertices_mm[:, None] - centres_mm, axis=2) - radius_mm
+    place_mm = (WHOLE.vertices_mm - LINE_MM[0]) @ WAY
+    past_mm = np.maximum((-apart_mm).max(axis=1), np.maximum(4.2 - place_mm, place_mm - 36.1))
+    edges = directed_edges(WHOLE)
+    piece = connected(edges[(past_mm > 0)[edges].all(axis=1)], len(past_mm))[1]
+    pieces = [np.flatnonzero((piece == number) & (past_mm > 0)) for number in np.unique(piece[past_mm > 0])]
+    around = _Surroundings(WHOLE, edges)
+    together = around.holes(pieces, past_mm, 0.9)
+    assert together.tolist() == [bool(around.holes([own], past_mm, 0.9)[0]) for own in pieces]
+    assert 2 < together.sum() < len(together) - 2
+    ends = [number for number, own in enumerate(pieces) if {0, len(past_mm) - 1} & set(own.tolist())]
+    assert len(ends) == 2 and not together[ends].any()
 
 
 def test_a_vertex_of_no_triangle_changes_nothing() -> None:
