@@ -255,28 +255,36 @@ class _Composer:
     def __call__(self, words: list[str]) -> DictConfig:
         """Compose the point of these overrides."""
         from hydra import compose
-        from hydra._internal.config_loader_impl import ConfigLoaderImpl
+        from hydra._internal.config_loader_impl import ConfigLoaderImpl, get_overrides_dirname
         from hydra.core.global_hydra import GlobalHydra
         from hydra.core.override_parser.overrides_parser import OverridesParser
 
         loader = GlobalHydra.instance().config_loader()
         assert isinstance(loader, ConfigLoaderImpl)
         parsed = OverridesParser.create(config_loader=loader).parse_overrides(words)
-        values = [each for each in parsed if self._is_value(each, loader)]
+        # Hydra's own words may bring options from elsewhere: then all is left to it, as for a point that is alone.
+        alone = not self._again or any(each.is_hydra_override() for each in parsed)
+        values = [] if alone else [each for each in parsed if self._is_value(each, loader)]
         choices = tuple(str(each.input_line) for each in parsed if each not in values)
         if choices not in self._chosen:
             words_of_all = [*choices, *_search_path(self._folder)]
             self._chosen[choices] = compose("config", words_of_all, return_hydra_config=True)
         config = copy.deepcopy(self._chosen[choices]) if self._again else self._chosen.pop(choices)
         ConfigLoaderImpl._apply_overrides_to_config(values, config)
-        config.hydra.overrides.task = [each.input_line for each in parsed if not each.is_hydra_override()]
+        if values:
+            config.hydra.overrides.task = words
+            names = config.hydra.job.config.override_dirname
+            config.hydra.job.override_dirname = get_overrides_dirname(
+                overrides=parsed,
+                kv_sep=names.kv_sep,
+                item_sep=names.item_sep,
+                exclude_keys=names.exclude_keys,
+            )
         return config
 
     def _is_value(self, override: Override, loader: ConfigLoaderImpl) -> bool:
         """Whether Hydra takes it for a value, which no file of options is read for."""
         name = override.key_or_group
-        if name.startswith("hydra"):
-            return False
         of_user = self._folder is not None and (Path(self._folder) / name).is_dir()
         return isinstance(override.value(), dict) or not (of_user or loader.repository.group_exists(name))
 

@@ -201,6 +201,23 @@ def test_a_users_own_option_in_a_sweep_is_an_option(tmp_path: Path) -> None:
     assert [config["tracking"]["uri"] for config, _ in points] == ["http://lab:5000"] * 2
 
 
+def test_options_of_a_search_path_of_hydras_are_options(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "one.yaml").write_text("x: 1\n")
+    words = ["study=export_runs", f"hydra.searchpath=[file://{tmp_path}]", "+mine=one"]
+    for more, multirun in (([], False), (["seed=0,1"], True)):
+        for config, _ in compose_sweep([*words, *more], multirun=multirun):
+            assert config["mine"] == {"x": 1}
+
+
+def test_a_mistake_in_one_of_two_points_of_one_job_is_found_before_a_run_exists(home: Path, capsys) -> None:
+    """What a job only uses, like the number of its workers, is no part of what it is: the first point counts."""
+    words = ["-m", "study=robustness", "rigid=[single_icp]", "trials=2", "overlaps=[1.0]", "dry_run=true"]
+    (home / "a.ply").write_text("ply\n")
+    assert main([*words, f"target={home / 'a.ply'}", "workers=-3,1"]) == 2
+    assert "workers: expected a whole number of at least 1, received -3" in capsys.readouterr().err
+
+
 def test_a_wrong_setting_among_the_values_of_a_sweep_is_named() -> None:
     with pytest.raises(InputError, match=r"did you mean keep"):
         compose_sweep(["study=register", "moving=a", "fixed=b", "keeps=1,2"], multirun=True)

@@ -48,16 +48,26 @@ def steps(folder: Path) -> Iterator[tuple[str, str, list[str]]]:
     yield (
         "pipeline",
         "Segmenting a sweep that no network has seen, and placing its contours in the world",
-        ["study=pipeline", "phantom=artery", f"model_path={folder / 'segmentation' / 'fold-0' / 'model.pt'}"],
+        [
+            "study=pipeline",
+            "phantom=artery",
+            _setting("model_path", folder / "segmentation" / "fold-0" / "model.pt"),
+        ],
     )
     swept = folder / "pipeline"
     yield (
         "robustness",
         "Registering that cloud to the phantom's model, single start against multi-start",
         [
-            *("-m", "study=robustness", f"target={swept / 'model.ply'}", f"moving={swept / 'cloud.ply'}"),
-            *(f"moving_truth={swept / 'truth.json'}", "overlaps=[1.0]", "trials=10"),
-            "perturbation.angle_max_deg=45,90,180",
+            *(
+                "-m",
+                "study=robustness",
+                "overlaps=[1.0]",
+                "trials=10",
+                "perturbation.angle_max_deg=45,90,180",
+            ),
+            *(_setting("target", swept / "model.ply"), _setting("moving", swept / "cloud.ply")),
+            _setting("moving_truth", swept / "truth.json"),
         ],
     )
 
@@ -85,13 +95,17 @@ def demo(words: Sequence[str]) -> int:
         return 0
     if len(words) > 1 or any("=" in word or word.startswith("-") for word in words):
         raise InputError(f"demo: expected no more than a folder, received {' '.join(words)}")
-    folder = Path(words[0]).expanduser() if words else _shown(project_root() / "outputs" / "demo")
+    folder = _named(words[0]) if words else _shown(project_root() / "outputs" / "demo")
+    if "${" in str(folder) or "\n" in str(folder):
+        raise InputError(
+            f"demo: expected a folder without ${{ and line ends in its name, received {str(folder)!r}"
+        )
     require_writable(folder.absolute())
     folder.mkdir(parents=True, exist_ok=True)
     plan = list(steps(folder))
     for number, (name, sentence, call) in enumerate(plan, start=1):
         print(f"{number}/{len(plan)}  {sentence}", flush=True)
-        code = _run([*call, f"out={folder / name}"], folder / f"{name}.txt")
+        code = _run([*call, _setting("out", folder / name)], folder / f"{name}.txt")
         if code:
             return code
     _close(folder, [name for name, _, _ in plan])
@@ -102,12 +116,13 @@ def _run(words: list[str], log: Path) -> int:
     """A call in a process of its own: its progress goes to the terminal, its closing lines are kept."""
     program = "import sys; from experiments.cli import main; sys.exit(main(sys.argv[1:]))"
     with log.open("w", encoding="utf-8") as kept:
-        try:
-            code = subprocess.run(
-                [sys.executable, "-c", program, *words], stdout=kept, check=False
-            ).returncode
-        except KeyboardInterrupt:  # the call was told to stop as well, and has said what became of it
-            return 130
+        call = subprocess.Popen([sys.executable, "-c", program, *words], stdout=kept)
+        while True:
+            try:
+                code = call.wait()
+                break
+            except KeyboardInterrupt:  # the call was told to stop as well, and says what becomes of its runs
+                continue
     if code:
         print(log.read_text(encoding="utf-8"), end="")
     return code
@@ -130,6 +145,21 @@ def _close(folder: Path, names: Sequence[str]) -> None:
     print(f"All numbers are of simulated data; {folder / 'summary.md'} has all of them.")
     print(f"Open:      {folder / 'pipeline' / 'scene.html'}")
     print(*[line for line in logs[-1].splitlines() if line.startswith("Dashboard: ")], sep="\n")
+
+
+def _setting(name: str, path: Path) -> str:
+    """A word of the call, quoted: a folder may be called anything."""
+    escaped = str(path).replace("'", "\\'")
+    return f"{name}='{escaped}'"
+
+
+def _named(word: str) -> Path:
+    if not word:
+        raise InputError("demo: expected a folder, received an empty name")
+    try:
+        return Path(word).expanduser()
+    except RuntimeError as failure:
+        raise InputError(f"demo: expected a folder, received {word!r}: {failure}") from failure
 
 
 def _shown(folder: Path) -> Path:

@@ -271,7 +271,10 @@ def jobs_of(points: list[tuple[Mapping[str, Any], str]], contents: dict[str, str
     """
     known = {} if contents is None else contents
     composed = [(job, label, change) for config, label in points for job, change in job_configs(config)]
-    for job in {config_hash(job, {}): job for job, _, _ in composed}.values():
+    first: dict[str, dict[str, Any]] = {}
+    for job, _, _ in composed:
+        first.setdefault(config_hash(job, {}), job)
+    for job in first.values():
         read_paths(job)  # an empty path is refused by its setting's name
         check(job)
     jobs: dict[str, Job] = {}

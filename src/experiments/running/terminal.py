@@ -37,7 +37,7 @@ WIDEST_TABLE = 160
 # Of a terminal so many columns are used, however wide it is: lines stay easy to read, and to show to others.
 WIDEST_LINE = 100
 # What a text in a cell is shortened to, one after the other, before columns are left out of a table on a terminal.
-SHORTER_TEXTS = (32, 24, 20, 14)
+SHORTER_TEXTS = (80, 64, 48, 40, 32, 28, 24, 20, 17, 14)
 
 
 class TerminalProgress:

@@ -38,7 +38,7 @@ def test_every_step_is_a_call_that_composes(tmp_path: Path) -> None:
 def test_a_step_reads_what_an_earlier_one_writes(tmp_path: Path) -> None:
     seen: list[str] = []
     for name, _, words in demonstration.steps(tmp_path):
-        read = [word.partition("=")[2] for word in words if str(tmp_path) in word]
+        read = [word.partition("=")[2].strip("'") for word in words if str(tmp_path) in word]
         assert all(Path(path).relative_to(tmp_path).parts[0] in seen for path in read)
         seen.append(name)
 
@@ -46,7 +46,7 @@ def test_a_step_reads_what_an_earlier_one_writes(tmp_path: Path) -> None:
 def test_the_end_names_what_to_open(called, tmp_path: Path, capsys) -> None:
     assert main(["demo", str(tmp_path / "shown")]) == 0
     assert [call[-1] for call in called] == [
-        f"out={tmp_path / 'shown' / name}" for name in ("segmentation", "pipeline", "robustness")
+        f"out='{tmp_path / 'shown' / name}'" for name in ("segmentation", "pipeline", "robustness")
     ]
     printed = capsys.readouterr().out
     assert "1/3  Training a U-Net" in printed and "0.95" in printed and "A sentence." in printed
@@ -59,7 +59,7 @@ def test_the_end_names_what_to_open(called, tmp_path: Path, capsys) -> None:
 def test_without_a_folder_it_is_that_of_the_project(called, home: Path, monkeypatch) -> None:
     monkeypatch.chdir(home)
     assert main(["demo"]) == 0
-    assert called[0][-1] == "out=outputs/demo/segmentation"
+    assert called[0][-1] == "out='outputs/demo/segmentation'"
     assert (home / "outputs" / "demo" / "summary.md").is_file()
 
 
@@ -73,6 +73,42 @@ def test_a_step_that_fails_ends_it_with_its_code_and_its_log(
     assert "study: expected one of" in said
     assert printed == "1/2  Nothing\n"
     assert not (tmp_path / "summary.md").exists()
+
+
+@pytest.mark.parametrize("name", ["José", "a,b", "{a}", "[b] (c)", "it's", "#1", 'say "a"', "1.10", "null"])
+def test_a_folder_may_be_called_anything(tmp_path: Path, name: str) -> None:
+    folder = tmp_path / name
+    for step, _, words in demonstration.steps(folder):
+        call = [*words, demonstration._setting("out", folder / step)]
+        points = compose_sweep([word for word in call if word != "-m"], multirun="-m" in call)
+        config, _ = points[0]
+        assert config["out"] == str(folder / step)
+        if step == "robustness":
+            assert str(folder / "pipeline" / "cloud.ply") in str(config["moving"])
+
+
+@pytest.mark.parametrize("word", ["", "${seed}", "a\nb", "~nobody-of-this-name/x"])
+def test_a_folder_that_no_call_can_be_given_is_refused(called, word: str, capsys) -> None:
+    assert main(["demo", word]) == 2
+    assert "demo: expected a folder" in capsys.readouterr().err and not called
+
+
+def test_a_stop_by_the_keyboard_waits_for_the_call_to_end_its_runs(tmp_path: Path, monkeypatch) -> None:
+    class Call:
+        waits = 0
+
+        def __init__(self, *_: object, **__: object) -> None:
+            pass
+
+        def wait(self) -> int:
+            Call.waits += 1
+            if Call.waits == 1:
+                raise KeyboardInterrupt
+            return 130
+
+    monkeypatch.setattr(demonstration.subprocess, "Popen", Call)
+    assert demonstration._run(["study=export_runs"], tmp_path / "log.txt") == 130
+    assert Call.waits == 2
 
 
 @pytest.mark.parametrize("words", [["a", "b"], ["out=a"], ["--quick"]])

@@ -18,12 +18,18 @@ from registration.input_files import read_regular
 KINDS = ("POLYDATA", "UNSTRUCTURED_GRID")
 _MAGIC = b"# vtk datafile version"
 _BYTES = {
-    "char": 1, "unsigned_char": 1, "short": 2, "unsigned_short": 2, "int": 4, "unsigned_int": 4, "long": 8,
-    "unsigned_long": 8, "float": 4, "double": 8, "vtkidtype": 4, "vtktypeint64": 8, "vtktypeuint64": 8,
+    "char": 1, "signed_char": 1, "unsigned_char": 1, "short": 2, "unsigned_short": 2, "int": 4, "unsigned_int": 4,
+    "long": 8, "unsigned_long": 8, "float": 4, "double": 8, "vtkidtype": 4, "vtktypeint64": 8, "vtktypeuint64": 8,
     "vtktypeint32": 4, "vtktypeuint32": 4,
 }  # fmt: skip
 _CELLS = ("VERTICES", "LINES", "POLYGONS", "TRIANGLE_STRIPS", "CELLS")
-_PER_POINT = {"VECTORS": 3, "NORMALS": 3, "TENSORS": 9, "GLOBAL_IDS": 1, "PEDIGREE_IDS": 1}
+_PER_POINT = {"VECTORS": 3, "NORMALS": 3, "TENSORS": 9, "TENSORS6": 6, "GLOBAL_IDS": 1, "PEDIGREE_IDS": 1}
+# Corners of the kinds of cells whose number is fixed, and the kinds that have any number of at least one.
+_CORNERS = {
+    1: 1, 3: 2, 5: 3, 8: 4, 9: 4, 10: 4, 11: 8, 12: 8, 13: 6, 14: 5, 15: 10, 16: 12, 21: 3, 22: 6, 23: 8, 24: 10,
+    25: 20, 26: 15, 27: 13, 28: 9, 29: 27, 30: 6, 31: 12, 32: 18, 33: 24, 34: 7, 35: 4,
+}  # fmt: skip
+_ANY_CORNERS = (2, 4, 6, 7)
 _BLANK_LINE = re.compile(rb"\n[ \t\r]*\n")
 _WORD = re.compile(rb"\S+")
 
@@ -37,6 +43,8 @@ class _Walk:
     five: bool
     # How many values each attribute has: those of POINT_DATA or CELL_DATA; -1 before either.
     tuples: int = -1
+    # Corners of each cell of a grid, once they are known.
+    corners: np.ndarray | None = None
 
     def line(self) -> list[str]:
         """The words of the next line that has any; none at the end."""
@@ -144,7 +152,7 @@ def _section(walk: _Walk, words: list[str]) -> None:
     elif name in _CELLS:
         _cells(walk, words)
     elif name == "CELL_TYPES":
-        walk.skip(int(words[1]), "int")
+        _require_types(walk, walk.whole_numbers(int(words[1]), "int"))
     elif name == "METADATA":
         _past_blank_line(walk)
     elif name in ("POINT_DATA", "CELL_DATA"):
@@ -156,6 +164,11 @@ def _section(walk: _Walk, words: list[str]) -> None:
             if array[:1] == ["METADATA"]:
                 _past_blank_line(walk)
                 array = walk.line()
+            # VTK looks at the first value of an array that has none.
+            if int(array[1]) < 1 or (int(array[2]) < 1 and array[3].lower() != "string"):
+                raise InputError(
+                    f"{walk.path}: expected arrays that hold values, found {array[0]!r} without any"
+                )
             walk.skip(int(array[1]) * int(array[2]), array[3])
     elif walk.tuples >= 0:
         _attribute(walk, name, words)
@@ -166,37 +179,64 @@ def _section(walk: _Walk, words: list[str]) -> None:
 def _cells(walk: _Walk, words: list[str]) -> None:
     count, size = int(words[1]), int(words[2])
     if not walk.five:
-        _require_lengths(walk, walk.whole_numbers(size, "int"), count)
+        _require_lengths(walk, words[0].upper(), walk.whole_numbers(size, "int"), count)
         return
     for name, values in (("OFFSETS", count), ("CONNECTIVITY", size)):
         part = walk.line()
-        if part[0] != name:
+        if part[0].upper() != name:
             raise ValueError(part[0])
         if name == "OFFSETS":
-            _require_ends(walk, walk.whole_numbers(values, part[1]), size)
+            _require_ends(walk, words[0].upper(), walk.whole_numbers(values, part[1]), size)
         else:
             walk.skip(values, part[1])
 
 
-def _require_ends(walk: _Walk, ends: np.ndarray, size: int) -> None:
+def _require_ends(walk: _Walk, section: str, ends: np.ndarray, size: int) -> None:
     """From version 5 on the cells are one list, and where each ends is another, which VTK follows unseen."""
     if len(ends) and (ends[0] < 0 or np.any(ends[1:] < ends[:-1]) or ends[-1] > size):
         raise InputError(
             f"{walk.path}: expected cells that end within {size} numbers, received others: cut short or damaged"
         )
+    _keep_corners(walk, section, np.diff(ends))
 
 
-def _require_lengths(walk: _Walk, values: np.ndarray, count: int) -> None:
+def _keep_corners(walk: _Walk, section: str, corners: np.ndarray) -> None:
+    if section == "TRIANGLE_STRIPS" and np.any(corners == 0):
+        raise InputError(f"{walk.path}: expected strips of triangles, received one of no corner")
+    if section == "CELLS":
+        walk.corners = corners
+
+
+def _require_types(walk: _Walk, types: np.ndarray) -> None:
+    """Cells of a grid have as many corners as their kind needs: VTK takes them from memory."""
+    corners = np.empty(0) if walk.corners is None else walk.corners
+    if len(types) != len(corners):
+        raise InputError(
+            f"{walk.path}: expected a type for each of {len(corners)} cells, received {len(types)}"
+        )
+    for kind in np.unique(types).tolist():
+        own = corners[types == kind]
+        if kind in _CORNERS and np.all(own == _CORNERS[kind]):
+            continue
+        if kind not in _ANY_CORNERS or own.min() < 1:
+            raise InputError(
+                f"{walk.path}: expected cells with the corners of their type, received type {kind} with "
+                f"{int(own.min())} to {int(own.max())}"
+            )
+
+
+def _require_lengths(walk: _Walk, section: str, values: np.ndarray, count: int) -> None:
     """Each cell is its number of points and these: VTK goes from one to the next by numbers that it does not check."""
     size = len(values)
-    at = cells = 0
+    at, corners = 0, []
     while at < size and values[at] >= 0:
-        at += int(values[at]) + 1
-        cells += 1
-    if at != size or cells != count:
+        corners.append(int(values[at]))
+        at += corners[-1] + 1
+    if at != size or len(corners) != count:
         raise InputError(
             f"{walk.path}: expected {count} cells in {size} numbers, received others: cut short or damaged"
         )
+    _keep_corners(walk, section, np.array(corners, dtype=np.int64))
 
 
 def _attribute(walk: _Walk, name: str, words: list[str]) -> None:
@@ -219,6 +259,4 @@ def _attribute(walk: _Walk, name: str, words: list[str]) -> None:
 
 def _past_blank_line(walk: _Walk) -> None:
     end = _BLANK_LINE.search(walk.data, walk.at)
-    if end is None:
-        raise ValueError("METADATA without an end")
-    walk.at = end.end()
+    walk.at = len(walk.data) if end is None else end.end()

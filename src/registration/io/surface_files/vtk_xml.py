@@ -60,29 +60,33 @@ class _Layout:
     def whole_numbers(self, node: ElementTree.Element) -> np.ndarray:
         """The values of an array of whole numbers."""
         kind = node.get("type", "")
-        if kind not in _BYTES or kind.startswith("Float"):
+        if kind not in _BYTES:
             raise self.refusal(node, f"values of type {kind or 'none'}")
-        dtype = np.dtype(kind.lower())
         if node.get("format", "ascii") == "ascii":
-            return np.array((node.text or "").split(), dtype=dtype)
+            return np.array((node.text or "").split(), dtype=np.float64)  # as VTK, which takes 3.0 for 3
+        dtype = np.dtype(kind.lower())
         return np.frombuffer(b"".join(self._content(node)), dtype.newbyteorder(self.order))
 
     def _content(self, node: ElementTree.Element) -> Iterator[bytes]:
         """The bytes of a binary array, block by block."""
         if node.get("format") != "appended":
-            yield from self._binary(node, (node.text or "").strip().encode("ascii"), True)
+            yield from self._binary(node, "".join((node.text or "").split()).encode("ascii"), True)
             return
         begin = int(node.get("offset", ""))
         if not 0 <= begin < len(self.appended):
             raise self.refusal(node, f"an offset of {begin} in {len(self.appended)} bytes")
-        yield from self._binary(node, self.appended[begin:], self.in_text)
+        appended = self.appended[begin:]
+        yield from self._binary(node, b"".join(appended.split()) if self.in_text else appended, self.in_text)
 
     def _binary(self, node: ElementTree.Element, data: bytes, in_text: bool) -> Iterator[bytes]:
         width = np.dtype(self.header).itemsize
         counts = self._head(data, 0, 3 if self.packing else 1, in_text, node)
         if not self.packing:
-            end = width + int(counts[0])
-            body = base64.b64decode(data[: 4 * -(-end // 3)] + b"==") if in_text else data[:end]
+            end, head = width + int(counts[0]), 4 * -(-width // 3)
+            # The number of bytes and the bytes are one text, or a text each.
+            texts = [data[:head], data[head:]] if b"=" in data[:head] else [data]
+            left = [text[: 4 * -(-end // 3)] for text in texts]
+            body = b"".join(base64.b64decode(text + b"==") for text in left) if in_text else data[:end]
             if len(body) < end:
                 raise self.refusal(node, f"{max(len(body) - width, 0)} of {int(counts[0])} bytes")
             yield body[width:end]
@@ -221,3 +225,5 @@ def _require_cells(layout: _Layout, group: ElementTree.Element | None, count: in
         there = layout.size(corners) // _BYTES.get(corners.get("type", ""), 1)
         if int(ends[0]) < 0 or np.any(ends[1:] < ends[:-1]) or int(ends[-1]) > there:
             raise layout.refusal(found["offsets"], f"cells that end outside {there} corners")
+        if group is not None and group.tag == "Strips" and (ends[0] == 0 or np.any(ends[1:] == ends[:-1])):
+            raise layout.refusal(found["offsets"], "strips of no corner")

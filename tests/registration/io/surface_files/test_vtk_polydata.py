@@ -32,6 +32,13 @@ def area(path: Path) -> float:
         legacy("POLYDATA", "LINES 1 3\n2 0 1\nTRIANGLE_STRIPS 1 5\n4 0 1 3 2\n"),
         legacy("UNSTRUCTURED_GRID", "CELLS 2 8\n3 0 1 2\n3 2 3 0\nCELL_TYPES 2\n5\n5\n"),
         legacy("UNSTRUCTURED_GRID", "CELLS 1 5\n4 0 1 2 3\nCELL_TYPES 1\n9\n"),
+        legacy(
+            "POLYDATA",
+            "POLYGONS 1 5\n4 0 1 2 3\nPOINT_DATA 4\nSCALARS a signed_char 1\nLOOKUP_TABLE default\n1 2 3 4\n",
+        ),
+        legacy(
+            "POLYDATA", "POLYGONS 2 4\noffsets vtktypeint64\n0 4\nconnectivity vtktypeint64\n0 1 2 3\n"
+        ).replace("3.0", "5.1"),
     ],
 )
 def test_legacy_files(tmp_path: Path, text: str) -> None:
@@ -75,6 +82,28 @@ def test_what_vtk_itself_writes(tmp_path: Path, binary: bool) -> None:
         (
             legacy("UNSTRUCTURED_GRID", "CELLS 1 4\n3 0 1 9\nCELL_TYPES 1\n5\n"),
             "triangles: expected indices from 0 to 3, received 0 to 9",
+        ),
+        (
+            legacy("POLYDATA", "TRIANGLE_STRIPS 1 1\n0\n"),
+            "expected strips of triangles, received one of no corner",
+        ),
+        (
+            legacy("POLYDATA", "POLYGONS 1 4\n3 0 1 2\n").replace(
+                "POINTS", "FIELD F 1\nnone 1 0 double\n\nPOINTS"
+            ),
+            "expected arrays that hold values, found 'none' without any",
+        ),
+        *(
+            (
+                legacy("UNSTRUCTURED_GRID", f"CELLS 2 9\n3 0 1 2\n4 0 1 2 3\nCELL_TYPES {types}\n"),
+                f"expected {message}",
+            )
+            for types, message in (
+                ("2\n12\n12", "cells with the corners of their type, received type 12 with 3 to 4"),
+                ("2\n5\n200", "cells with the corners of their type, received type 200 with 4 to 4"),
+                ("2\n22\n9", "cells with the corners of their type, received type 22 with 3 to 3"),
+                ("1\n5", "a type for each of 2 cells, received 1"),
+            )
         ),
         *(
             (

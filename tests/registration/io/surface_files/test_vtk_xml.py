@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import textwrap
 from pathlib import Path
 
 import numpy as np
@@ -130,3 +132,29 @@ def test_corners_left_out_of_a_packed_file_are_refused(tmp_path: Path, packing: 
     path.write_bytes(data[:begin] + b"AAAAA" + data[begin + 5 :])
     with pytest.raises(InputError, match=r"a\.vtp: "):
         read_vtk_surface(path)
+
+
+def test_strips_of_no_corner_are_refused(tmp_path: Path) -> None:
+    array = '<DataArray type="{}" Name="{}" NumberOfComponents="{}" format="ascii">{}</DataArray>'
+    (tmp_path / "a.vtp").write_text(
+        '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian"><PolyData>'
+        '<Piece NumberOfPoints="3" NumberOfStrips="1"><Points>'
+        f"{array.format('Float64', 'Points', 3, '0 0 1 4 0 1 4 3 1')}</Points>"
+        f"<Strips>{array.format('Int64', 'connectivity', 1, '')}"
+        f"{array.format('Int64', 'offsets', 1, '0')}</Strips></Piece></PolyData></VTKFile>"
+    )
+    with pytest.raises(InputError, match="'offsets', received strips of no corner"):
+        read_vtk_surface(tmp_path / "a.vtp")
+
+
+@pytest.mark.parametrize("packing", ["None", "ZLib"])
+def test_lines_may_end_within_text_in_base_64(tmp_path: Path, packing: str) -> None:
+    path = stored(tmp_path / "a.vtp", "Binary", packing, wide=False)
+    wrapped = re.sub(
+        r">\s*([A-Za-z0-9+/=]{40,})\s*<",
+        lambda found: ">\n" + "\n".join(textwrap.wrap(found.group(1), 16)) + "\n<",
+        path.read_text(),
+    )
+    assert wrapped.count("\n") > path.read_text().count("\n") + 100
+    path.write_text(wrapped)
+    require_whole_xml(path)
