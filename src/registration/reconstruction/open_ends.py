@@ -123,8 +123,9 @@ class _Surroundings:
         found = np.ones(len(pieces), dtype=bool)
         # Pieces far apart are judged at once: each by what lies around itself, as if there were no other.
         for together in _apart(csr_array(within @ within.T)):
-            parts = (each[together] for each in (own, inner, within))
-            found[together] = self._holes_apart(*parts, past_mm, bridge_mm)
+            found[together] = self._holes_apart(
+                own[together], inner[together], within[together], past_mm, bridge_mm
+            )
         return found
 
     def _holes_apart(
