@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from experiments.running.run_sweep import SweepPoints
 
 HYDRA_VERSION_BASE = "1.3"
+# Exit codes as a shell gives them for SIGINT and SIGPIPE.
+STOPPED, BROKEN_PIPE = 130, 141
 # What a preset may set of Hydra's own: the values of a sweep. How its jobs are started is set by jobs=<number>.
 NOT_CHOSEN = ("hydra/launcher", "hydra/sweeper")
 # Threads of torch that wait by spinning steal the core that the others work on: with any other process running,
@@ -51,15 +53,26 @@ def main(argv: list[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit code: 0 all is well, 1 a job failed, 2 the input is at fault.
+        Exit code: 0 all is well, 1 a job failed, 2 the input is at fault, 130 stopped by the keyboard, 141 nobody reads
+        what is printed any more.
     """
     try:
         given, level = read_verbosity(sys.argv[1:] if argv is None else argv)
     except InputError as refusal:
         print(refusal, file=sys.stderr)
         return 2
-    with saying(level):
-        return _main([quoted_override(word) for word in cli_words.read_presets(given)])
+    try:
+        with saying(level):
+            code = _main([quoted_override(word) for word in cli_words.read_presets(given)])
+            sys.stdout.flush()
+            return code
+    except BrokenPipeError:
+        # The reader (head, less) has seen enough; the interpreter's last flush must not fail too.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_PIPE
+    except KeyboardInterrupt:
+        print("Stopped by the keyboard before anything was begun.", file=sys.stderr)
+        return STOPPED
 
 
 def _main(words: list[str]) -> int:
@@ -98,12 +111,7 @@ def _print_help(words: list[str]) -> int:
     from experiments.command_line.help_page import fitted, help_text
 
     text = fitted(help_text(words)) if sys.stdout.isatty() else help_text(words)
-    try:
-        print(text, flush=True)
-    except (
-        BrokenPipeError
-    ):  # the reader (head, less) has seen enough; the interpreter's last flush must not fail too
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    print(text)
     return 0 if words else 2
 
 
@@ -170,7 +178,7 @@ def _run(overrides: list[str], folder: str | None, *, multirun: bool) -> int:
             f"Stopped by the keyboard; what had finished is kept. Continue with the same command and {settings}.",
             file=sys.stderr,
         )
-        return 130
+        return STOPPED
 
 
 def compose_sweep(

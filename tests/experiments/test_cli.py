@@ -257,8 +257,9 @@ def test_a_users_own_config_folder_before_between_and_after_other_words(
     assert "uri: http://tracker.example" in capsys.readouterr().out
 
 
-def test_a_reader_that_stops_reading_the_help_is_no_error(repository: Path) -> None:
-    program = "import sys; from experiments.cli import main; sys.exit(main(['study=segmentation', '--help']))"
+@pytest.mark.parametrize("words", [["study=segmentation", "--help"], ["study=export_runs", "--cfg", "job"]])
+def test_a_reader_that_stops_reading_is_no_error(repository: Path, words: list[str]) -> None:
+    program = f"import sys; from experiments.cli import main; sys.exit(main({words}))"
     ended = subprocess.run(
         ["bash", "-c", f'set -o pipefail; "{sys.executable}" -c "{program}" | true'],
         capture_output=True,
@@ -266,3 +267,13 @@ def test_a_reader_that_stops_reading_the_help_is_no_error(repository: Path) -> N
         env={"PYTHONPATH": str(repository / "src")},
     )
     assert "Traceback" not in ended.stderr and "BrokenPipe" not in ended.stderr
+
+
+@pytest.mark.parametrize("place", ["_run", "_print_version"])
+def test_a_stop_by_the_keyboard_is_one_sentence_wherever_it_comes(place: str, monkeypatch, capsys) -> None:
+    def stopped(*_: object, **__: object) -> int:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(f"experiments.cli.{place}", stopped)
+    assert main(["--version"] if place == "_print_version" else ["study=export_runs"]) == 130
+    assert capsys.readouterr().err == "Stopped by the keyboard before anything was begun.\n"

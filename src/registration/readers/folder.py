@@ -12,6 +12,7 @@ or ``m``, of positions and of ``ee_T_probe``'s), ``orientation``, ``frame_rate_h
 from __future__ import annotations
 
 import csv
+import difflib
 import io
 import itertools
 from dataclasses import dataclass, replace
@@ -31,13 +32,16 @@ from registration.readers.plus.calibration_file import calibration_from, calibra
 from registration.readers.plus.sequence import to_mf
 from registration.readers.streams.checks import distinct_times
 from registration.readers.streams.image_files import decode_image, grey_stack, list_images
-from registration.readers.streams.pose_values import MM_PER_UNIT, require_unit, unit_quaternions
+from registration.readers.streams.pose_values import MM_PER_UNIT, require_unit, span_mm, unit_quaternions
 from registration.sweep import ProbeCalibration, TrackedSweep
 from registration.text_files import parse_number, read_text
 
 POSE_COLUMNS = ("timestamp_s", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
 FRAME_COLUMNS = ("file", "timestamp_s")
 UNLISTED = "image without a row in frames.csv"
+SETTINGS = ("probe_A_pixel", "ee_T_probe", "units", "orientation", "frame_rate_hz", "first_frame_s")
+# Poses this far apart are of no robot's sweep, whatever unit is stated.
+_WIDEST_SWEEP_MM = 20_000.0
 # A lever between end effector and probe is either nothing or longer than a millimetre.
 _MIN_LEVER_MM = 1.0
 
@@ -73,6 +77,13 @@ class FolderReader:
     def _read(self, path: Path) -> TrackedSweep:
         settings_path = path / "sweep.yaml"
         settings = read_yaml(settings_path)
+        for name in settings:
+            # Keys of other programs may stand there too; one that is nearly ours is a slip.
+            if name not in SETTINGS and (meant := difflib.get_close_matches(str(name), SETTINGS, 1, 0.8)):
+                raise InputError(
+                    f"{settings_path}: expected keys such as {', '.join(SETTINGS)}, found {name!r}; did you mean "
+                    f"{meant[0]}?"
+                )
         unit = settings.get("units")
         if unit is not None and not (isinstance(unit, str) and unit in MM_PER_UNIT):
             raise InputError(f"{settings_path}: expected units mm or m, found {unit!r}")
@@ -83,6 +94,11 @@ class FolderReader:
             setting = f"say units: m, or units: mm, in {settings_path.name}"
             require_unit(world_T_ee[:, :3, 3], "mm", str(path / "poses.csv"), setting)
             _require_lever(calibration, settings_path)
+        elif (span := span_mm(world_T_ee[:, :3, 3])) > _WIDEST_SWEEP_MM:
+            raise InputError(
+                f"{path / 'poses.csv'}: expected poses within {_WIDEST_SWEEP_MM / 1000:g} m, found a span of "
+                f"{span / 1000:.3g} m by units: {unit} in {settings_path.name}"
+            )
         files, image_times_s, unlisted = _frame_times(path, settings, pose_times_s)
         pose_times_s, world_T_ee = distinct_times(pose_times_s, world_T_ee, str(path / "poses.csv"))
         images = _read_images(files)

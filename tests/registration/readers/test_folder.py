@@ -314,3 +314,24 @@ def test_frames_have_names_in_a_plain_folder_only(tmp_path: Path, folder: Path) 
     (folder / "frames.csv").unlink()
     assert frame_names(folder) == tuple(f"{index:06d}" for index in range(6))
     assert frame_names(tmp_path / "a.igs.mha") is None
+
+
+@pytest.mark.parametrize(("key", "meant"), [("unit: m", "units"), ("frame_rate: 20", "frame_rate_hz")])
+def test_a_key_that_is_nearly_ours_is_a_slip(tmp_path: Path, key: str, meant: str) -> None:
+    with pytest.raises(InputError, match=rf"sweep\.yaml: expected keys such as .*did you mean {meant}\?"):
+        FolderReader()(minimal(tmp_path / "lab", f"{CALIBRATION_YAML}{key}\n", POSES))
+
+
+def test_keys_of_other_programs_may_stand_there_too(tmp_path: Path) -> None:
+    assert (
+        len(FolderReader()(minimal(tmp_path / "lab", CALIBRATION_YAML + "operator: A. B.\n", POSES)).images)
+        == 2
+    )
+
+
+def test_a_stated_unit_that_makes_a_sweep_of_a_kilometre_is_refused(tmp_path: Path) -> None:
+    poses = POSES.replace("110,20", "1100,20")
+    with pytest.raises(
+        InputError, match=r"poses\.csv: expected poses within 20 m, found .* by units: m in sweep\.yaml"
+    ):
+        FolderReader()(minimal(tmp_path / "lab", CALIBRATION_YAML + "units: m\n", poses))
