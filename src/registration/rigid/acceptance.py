@@ -128,7 +128,7 @@ class AcceptanceCriteria:
         if expected_mm > self.max_tre_mm:
             return AMBIGUOUS, (
                 f"the clouds leave the pose open{named}: the predicted TRE {_holds(deformation)} reaches "
-                f"{expected_mm:.1f} mm, {self.max_tre_mm:g} mm are allowed"
+                f"{expected_mm:.1f} mm (95 %, over the fixed points), {self.max_tre_mm:g} mm are allowed"
             )
         if not settled:
             return FAILED, "the best pose had not settled when the iterations ran out"
@@ -172,7 +172,7 @@ def _predicted(expected_mm: float, deformation: Deformation | None) -> str:
         return "no error was predicted"
     if expected_mm < MIN_SHOWN_MM:
         return "the clouds fit without noise, which predicts nothing"
-    return f"the predicted TRE {_holds(deformation)} is up to {length_mm(expected_mm)} (95 %)"
+    return f"the predicted TRE {_holds(deformation)} is up to {length_mm(expected_mm)} (95 %, over the fixed points)"
 
 
 def named_motion(
