@@ -76,7 +76,7 @@ def _registration(registered: dict[str, Any], swept: dict[str, Any], trials: pd.
         _row("rigid, from no initial pose", swept["rmse_mm"], swept["tre_mm"], registered["predicted_tre_mm"])
     ]
     if deformed := registered.get("deformable"):
-        known = deformed.get("predicted_tre_mm")
+        known = deformed.get("predicted_tre_at_targets_mm") or deformed.get("predicted_tre_mm")
         rows.append(_row("then deformable", swept["deformed_rmse_mm"], deformed["measured_tre_mm"], known))
     for (condition, method), own in trials.groupby(["condition", "method"], sort=False):
         name = f"{method}, turned up to {str(condition).rpartition('=')[2]} deg"
@@ -123,8 +123,14 @@ def _tried(trials: pd.DataFrame) -> str:
     parts = []
     for method, own in last.groupby("method", sort=False):
         rate = wilson_interval(int(own["success_tre"].sum()), len(own))
+        accepted = f", {(own['verdict'] == 'accepted').sum()} accepted" if _judged(own) else ""
         parts.append(
-            f"{method} {rate.successes} of {rate.trials} ({100 * rate.low:.0f} to {100 * rate.high:.0f} %)"
+            f"{method} {rate.successes} of {rate.trials} ({100 * rate.low:.0f} to {100 * rate.high:.0f} %{accepted})"
         )
     degrees = str(last["condition"].iloc[0]).rpartition("=")[2]
     return f"Turned by up to {degrees} degrees, within 2 mm of the truth: {', '.join(parts)}."
+
+
+def _judged(trials: pd.DataFrame) -> bool:
+    """Whether a method says which of its results it accepts."""
+    return "verdict" in trials and bool(trials["verdict"].isin(["accepted", "ambiguous"]).any())

@@ -113,12 +113,15 @@ def write(workspace: Path, truth: SimulatedSweep, found: Registered, slicer: str
         "fixed_T_moving": result.fixed_T_moving.tolist(),
         "verdict": result.verdict,
         "reason": result.reason,
-        "predicted_tre_mm": {
-            **dict(zip(("low", "high"), map(plain, registered.error.predicted_mm), strict=True)),
-            "level": LEVEL,
-        },
+        "predicted_tre_mm": _bounds(registered.error),
         "measured_tre_mm": plain(registered.error.tre_mm),
-        "deformable": deformed and deformed | {"measured_tre_mm": plain(_after(registered).tre_mm)},
+        "deformable": deformed
+        and deformed
+        | {
+            "measured_tre_mm": plain(_after(registered).tre_mm),
+            # Where it was measured; that of the method itself is over the whole model.
+            "predicted_tre_at_targets_mm": _bounds(_after(registered)),
+        },
         "deformable_refused": registered.refusal,
         "reconstruction": {"mask_check": found.left_out.masks, "surface": found.left_out.surface},
     }
@@ -214,6 +217,13 @@ def _rows(registered: RegisteredSweep, dsc: float) -> list[dict[str, Any]]:
         }
         for name, residuals, error, verdict in stages
     ]
+
+
+def _bounds(error: StageError) -> dict[str, float | None]:
+    return {
+        **dict(zip(("low", "high"), map(plain, error.predicted_mm), strict=True)),
+        "level": LEVEL,
+    }
 
 
 def _after(registered: RegisteredSweep) -> StageError:

@@ -77,3 +77,28 @@ def test_without_a_deformable_stage_or_a_step_it_is_said(tmp_path: Path) -> None
     assert "deformable" not in sentences[1]
     with pytest.raises(InputError, match=r"metrics.json: expected what the demonstration wrote, found none"):
         closing(tmp_path / "b")
+
+
+def test_the_error_at_the_targets_stands_beside_what_was_predicted_there(tmp_path: Path) -> None:
+    deformed = {
+        "measured_tre_mm": 0.8,
+        "predicted_tre_mm": {"low": 0.1, "high": 1.7},
+        "predicted_tre_at_targets_mm": {"low": 0.2, "high": 1.9},
+    }
+    tables, _ = closing(left(tmp_path, deformable=deformed))
+    assert tables["Registration, simulated sweep"]["predicted TRE"][1] == "0.20 to 1.90"
+
+
+def test_how_many_results_a_method_accepts_is_said(tmp_path: Path) -> None:
+    path = left(tmp_path) / "robustness" / "cases.parquet"
+    cases = pd.read_parquet(path)
+    verdicts = ["ambiguous", "accepted"] * (len(cases) // 2)
+    cases["verdict"] = [
+        verdict if method == "multistart" else "not judged"
+        for verdict, method in zip(verdicts, cases["method"], strict=True)
+    ]
+    cases.to_parquet(path)
+    _, sentences = closing(tmp_path)
+    assert sentences[2].endswith(
+        "single_icp 7 of 10 (40 to 89 %), multistart 10 of 10 (72 to 100 %, 5 accepted)."
+    )
