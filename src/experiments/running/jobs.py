@@ -230,6 +230,30 @@ def check(config: Mapping[str, Any]) -> None:
         module.check(**_arguments(module.check, config))
 
 
+def check_points(points: list[tuple[Mapping[str, Any], str]]) -> None:
+    """Check every job of every sweep point, before any file is read for its digest.
+
+    So a mistake is found at once, however large the data is.
+
+    Parameters
+    ----------
+    points : list[tuple[Mapping[str, Any], str]]
+        Resolved configuration and label of each sweep point.
+
+    Raises
+    ------
+    InputError
+        If a job is known to be wrong before it starts.
+    """
+    first: dict[str, dict[str, Any]] = {}
+    for config, _ in points:
+        for job, _ in job_configs(config):
+            first.setdefault(config_hash(job, {}), job)  # the job that runs, of several that are the same
+    for job in first.values():
+        read_paths(job)  # an empty path is refused by its setting's name
+        check(job)
+
+
 def _arguments(function: Callable[..., object], config: Mapping[str, Any]) -> dict[str, Any]:
     parameters = inspect.signature(function).parameters
     wanted = [name for name in parameters if name not in INJECTED]
@@ -249,7 +273,6 @@ def _arguments(function: Callable[..., object], config: Mapping[str, Any]) -> di
 def jobs_of(points: list[tuple[Mapping[str, Any], str]], contents: dict[str, str] | None = None) -> list[Job]:
     """Every job of every sweep point (its configuration and label), each once, with labels that are all different.
 
-    All are checked before any file is read for its digest: a mistake is found at once, however large the data is.
     ``contents`` are digests of paths that are known already; those of further paths are added to it.
 
     Parameters
@@ -263,24 +286,13 @@ def jobs_of(points: list[tuple[Mapping[str, Any], str]], contents: dict[str, str
     -------
     list[Job]
         The jobs, each once.
-
-    Raises
-    ------
-    InputError
-        If a job is known to be wrong before it starts.
     """
     known = {} if contents is None else contents
-    composed = [(job, label, change) for config, label in points for job, change in job_configs(config)]
-    first: dict[str, dict[str, Any]] = {}
-    for job, _, _ in composed:
-        first.setdefault(config_hash(job, {}), job)
-    for job in first.values():
-        read_paths(job)  # an empty path is refused by its setting's name
-        check(job)
     jobs: dict[str, Job] = {}
-    for job, label, change in composed:
-        key = config_hash(job, _contents_of(job, known))
-        jobs.setdefault(key, Job(job, key, ",".join(filter(None, (label, change))), choices_of(label)))
+    for config, label in points:
+        for job, change in job_configs(config):
+            key = config_hash(job, _contents_of(job, known))
+            jobs.setdefault(key, Job(job, key, ",".join(filter(None, (label, change))), choices_of(label)))
     labels = distinct_labels({key: job.label for key, job in jobs.items()})
     return [replace(job, label=labels[key]) for key, job in jobs.items()]
 

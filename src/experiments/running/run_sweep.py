@@ -49,6 +49,7 @@ def run(points: SweepPoints) -> int:
     _require_one_call(points)
     launcher_choice.require_known(points[0][0])
     study = str(points[0][0]["study"])
+    jobs.check_points(points)
     contents: dict[str, str] = {}
     planned = jobs.jobs_of(points, contents)
     launcher = launcher_choice.launcher_of(points[0][0], planned)
