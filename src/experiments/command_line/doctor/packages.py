@@ -22,7 +22,7 @@ LIBRARIES = {
     "libGL.so.1": ("libgl1", "mesa-libGL"),
     "libX11.so.6": ("libx11-6", "libX11"),
 }
-OLDEST, NEWEST_TESTED = (3, 11), (3, 12)
+OLDEST, NEWEST_TESTED = (3, 11), (3, 13)
 # Packages whose versions a report of a fault is read by.
 _NAMED = ("torch", "lightning", "monai", "mlflow", "hydra-core", "open3d", "vtk", "numpy", "scipy", "pandas")
 _OPTIONAL = {

@@ -14,7 +14,7 @@ from experiments.command_line.doctor.findings import State
 
 @pytest.mark.parametrize(
     ("version", "state"),
-    [((3, 10), State.MISSING), ((3, 11), State.OK), ((3, 12), State.OK), ((3, 14), State.NOTE)],
+    [((3, 10), State.MISSING), ((3, 11), State.OK), ((3, 13), State.OK), ((3, 14), State.NOTE)],
 )
 def test_an_interpreter_that_is_too_old_is_missing(version: tuple[int, int], state: State) -> None:
     assert packages.interpreter(version).state is state
