@@ -53,7 +53,7 @@ def interpreter(version: tuple[int, int] = sys.version_info[:2]) -> Finding:
             "Python", State.MISSING, f"{shown}; expected 3.11 to 3.13", "make setup PYTHON=python3.12"
         )
     if version > NEWEST_TESTED:
-        return Finding("Python", State.NOTE, f"{shown}; tested with 3.11 to 3.13")
+        return Finding("Python", State.NOTE, f"{shown}; made for 3.11 to 3.13")
     return Finding("Python", State.OK, shown)
 
 
