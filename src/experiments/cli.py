@@ -219,7 +219,7 @@ def _composed(
     _keep_names_as_text()
     overrides = [quoted_override(word) for word in cli_words.read_presets(overrides)]
     for word in overrides:
-        cli_words.refuse_bare_word(word)
+        cli_words.refuse_no_setting(word)
         _refuse_launcher(word)
     if config_dir:
         require_harmless_folder(Path(config_dir))

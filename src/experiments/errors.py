@@ -87,11 +87,20 @@ def did_you_mean(word: str, known: Iterable[str], prefix: str = "") -> str:
     str
         Text such as ``; did you mean trainer.batch_size?``; empty if no name is similar enough.
     """
-    names = list(dict.fromkeys(known))
-    close = difflib.get_close_matches(word, names, n=1, cutoff=0.6)
+    # Capitals and hyphens are no difference, and a name in full is nearer than one that merely resembles.
+    names = {_plain(name): name for name in reversed(list(known))}
+    word = _plain(word)
+    close = [names[word]] if word in names else []
+    close = close or [names[name] for name in difflib.get_close_matches(word, names, n=1, cutoff=0.6)]
     if not close:
-        ends = {name.rpartition(".")[2]: name for name in reversed(names)}
+        ends = {_plain(name.rpartition(".")[2]): name for name in names.values()}
         close = [
             ends[end] for end in difflib.get_close_matches(word.rpartition(".")[2], ends, n=1, cutoff=0.75)
         ]
+    if not close and len(word) > 2:
+        close = sorted(name for plain, name in names.items() if plain.startswith(f"{word}_"))
     return f"; did you mean {prefix}{close[0]}?" if close else ""
+
+
+def _plain(name: str) -> str:
+    return name.lower().replace("-", "_")

@@ -36,8 +36,8 @@ def read_presets(words: Sequence[str]) -> list[str]:
     ]
 
 
-def refuse_bare_word(word: str) -> None:
-    """Refuse a word without ``=``, for which Hydra's own message would be no help.
+def refuse_no_setting(word: str) -> None:
+    """Refuse a word without ``=`` or without a name before it, for which Hydra's own message would be no help.
 
     Parameters
     ----------
@@ -47,8 +47,12 @@ def refuse_bare_word(word: str) -> None:
     Raises
     ------
     InputError
-        If the word has no ``=`` and does not delete a setting (``~``).
+        If the word has no ``=`` and does not delete a setting (``~``), or names no setting.
     """
+    if not word.partition("=")[0].strip("+~ "):
+        raise InputError(
+            f"{word or repr(word)}: expected setting=value, received a word without a setting's name"
+        )
     if "=" in word or word.startswith("~"):
         return
     hint = did_you_mean(word, options_of("study"), "study=") or did_you_mean(word, _groups())
