@@ -40,7 +40,13 @@ def rough_borders(size: int) -> Callable[[], list[float]]:
     )
     kept = np.random.default_rng(0).random(len(triangles)) > 0.1
     mesh = keep_triangles(Mesh(np.concatenate(rings), triangles), kept)
-    return lambda: [value for rim in borders(mesh) for value in (rim.radius_mm, rim.facing)]
+
+    def values() -> list[float]:
+        # Sorted, as many holes are of one size but for rounding, which decides in what order they come.
+        found = borders(mesh)
+        return sorted(rim.radius_mm for rim in found) + sorted(rim.facing for rim in found)
+
+    return values
 
 
 def figure_files(size: int) -> Callable[[], list[float]]:
