@@ -16,6 +16,7 @@ from experiments.analysis.registration.reconstruction_faults import (
     surface_record,
 )
 from experiments.inputs.paths import describe_dropped
+from experiments.reporting.labels import counted
 from experiments.reporting.scene import CloudLayer, Layer, LineLayer, Scene, SurfaceLayer
 from registration.geometry.mesh_quality import mesh_quality
 from registration.metrics.surface_distance import SurfaceDistance
@@ -203,7 +204,8 @@ def table(report: Mapping[str, Any]) -> pd.DataFrame:
     frames, contours, quality, line = (report[key] for key in ("frames", "contours", "quality", "centerline"))
     removed = ", ".join(f"{count} by {name}" for name, count in report["removed_points"].items()) or "none"
     volume = f"{quality['volume_mm3']:.1f} mm3, changed by {report['smoothing']['volume_change']:+.2%} in smoothing"
-    ends = f"{quality['open_ends']} open ends, {quality['holes']} holes"
+    ends = f"{counted(quality['open_ends'], 'open end')}, {counted(quality['holes'], 'hole')}"
+    triangles, pieces = counted(quality["triangles"], "triangle"), counted(quality["pieces"], "piece")
     lines = [
         ("frames", f"{frames['with_vessel']} with the vessel of {frames['with_pose']} with a pose"),
         ("frames dropped", describe_dropped(frames["dropped"])),
@@ -213,12 +215,12 @@ def table(report: Mapping[str, Any]) -> pd.DataFrame:
             f"{contours['contours']}, {contours['open_contours']} of them cut by the picture's edge",
         ),
         ("points", f"{report['points']} of {contours['points']}; left out: {removed}"),
-        ("surface", f"{quality['triangles']} triangles in {quality['pieces']} pieces, {ends}"),
+        ("surface", f"{triangles} in {pieces}, {ends}"),
         (
             "left out",
             f"{report['surface']['area_share_left_out']:.1%} of the area in "
-            f"{report['surface']['pieces_left_out']} pieces; "
-            f"{len(report['surface']['gaps'])} gaps, {report['surface']['gap_share']:.1%} of the way",
+            f"{counted(report['surface']['pieces_left_out'], 'piece')}; "
+            f"{counted(len(report['surface']['gaps']), 'gap')}, {report['surface']['gap_share']:.1%} of the way",
         ),
         ("volume", volume),
     ]
