@@ -71,7 +71,7 @@ def main(argv: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BROKEN_PIPE
     except KeyboardInterrupt:
-        print("Stopped by the keyboard before anything was begun.", file=sys.stderr)
+        print("Stopped by the keyboard.", file=sys.stderr)
         return STOPPED
 
 

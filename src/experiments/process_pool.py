@@ -6,19 +6,82 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
+from dataclasses import dataclass
 from multiprocessing import get_context
+from typing import Any
 
 # Kernels of OpenBLAS for x86-64 with AVX2, which newer processors run too; other kernels round differently.
 KERNELS = "Haswell"
 _KERNEL_SETTING = "OPENBLAS_CORETYPE"
 LOOK_EVERY_S = 0.5
 TIME_TO_END_S = 20.0
+# Exit code as a shell gives it for SIGTERM.
+TERMINATED = 143
+_told_to_end = False
 
 
-def process_pool(workers: int) -> ProcessPoolExecutor:
+class StoppablePool(ProcessPoolExecutor):
+    """A pool whose processes stop at once where its block is left by an exception, a Ctrl-C among them.
+
+    A plain pool lets every process finish its task first, which may take minutes. Here the tasks are unwound, so that
+    what they have half written is removed.
+    """
+
+    def submit(self, function: Callable[..., Any], /, *given: Any, **named: Any) -> Future[Any]:
+        """Hand a task over, as ``ProcessPoolExecutor.submit`` does.
+
+        Parameters
+        ----------
+        function : callable
+            The task, which can be pickled.
+        *given
+            Its arguments by place.
+        **named
+            Its arguments by name.
+
+        Returns
+        -------
+        Future
+            Its result to come.
+        """
+        return super().submit(_Task(function), *given, **named)
+
+    def __exit__(self, kind: type[BaseException] | None, *rest: Any) -> bool | None:
+        """Wait for the processes; those of a block left by an exception are told to end first."""
+        if kind is not None:
+            self._stop()
+        return super().__exit__(kind, *rest)
+
+    def _stop(self) -> None:
+        processes = list((self._processes or {}).values())
+        self.shutdown(wait=False, cancel_futures=True)
+        for process in processes:
+            process.terminate()
+        deadline = time.monotonic() + TIME_TO_END_S
+        for process in processes:
+            process.join(max(deadline - time.monotonic(), 0.0))
+            if process.is_alive():
+                process.kill()
+
+
+@dataclass(frozen=True)
+class _Task:
+    """A task that is not begun any more by a process that was told to end."""
+
+    function: Callable[..., Any]
+
+    def __call__(self, *given: Any, **named: Any) -> Any:
+        try:
+            return self.function(*given, **named)
+        finally:
+            if _told_to_end:
+                os._exit(TERMINATED)
+
+
+def process_pool(workers: int) -> StoppablePool:
     """Make a pool of processes, each a fresh interpreter with one thread for its linear algebra.
 
     Parameters
@@ -28,15 +91,15 @@ def process_pool(workers: int) -> ProcessPoolExecutor:
 
     Returns
     -------
-    ProcessPoolExecutor
-        The pool, to be closed by the caller.
+    StoppablePool
+        The pool, to be closed by the caller (``with``).
 
     Notes
     -----
     Forking after Open3D or torch has started its threads can hang. Threads of several processes that compete
     for the same cores make each of them take several times as long.
     """
-    return ProcessPoolExecutor(workers, get_context("spawn"), initializer=_begin, initargs=(os.getpid(),))
+    return StoppablePool(workers, get_context("spawn"), initializer=_begin, initargs=(os.getpid(),))
 
 
 def end_with_parent(parent: int, *, gently: bool) -> None:
@@ -67,8 +130,19 @@ def end_with_parent(parent: int, *, gently: bool) -> None:
 
 
 def _begin(parent: int) -> None:
+    # The keyboard's signal goes to all processes of a terminal: the one that started these sees to them.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _end)
     end_with_parent(parent, gently=False)
     _take_one_thread()
+
+
+def _end(*_: object) -> None:
+    """Unwind the task; the second signal, which a broken pool sends, must not cut the first one short."""
+    global _told_to_end
+    if not _told_to_end:
+        _told_to_end = True
+        raise SystemExit(TERMINATED)
 
 
 def _take_one_thread() -> None:

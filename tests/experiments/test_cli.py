@@ -283,4 +283,4 @@ def test_a_stop_by_the_keyboard_is_one_sentence_wherever_it_comes(place: str, mo
 
     monkeypatch.setattr(f"experiments.cli.{place}", stopped)
     assert main(["--version"] if place == "_print_version" else ["study=export_runs"]) == 130
-    assert capsys.readouterr().err == "Stopped by the keyboard before anything was begun.\n"
+    assert capsys.readouterr().err == "Stopped by the keyboard.\n"

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info
 
+from experiments import files
 from experiments.process_pool import one_open3d_thread, process_pool
 
 CHILD = """
@@ -68,6 +69,36 @@ def test_each_process_has_one_thread() -> None:
     assert {process for process, *_ in found}.isdisjoint({os.getpid()})
     assert all(counts and set(counts) == {1} for _, counts, _ in found)
     assert {limit for *_, limit in found} == {"1"}
+
+
+def half_written(folder: Path, number: int) -> None:
+    """Begin a folder, and take a minute over it."""
+    with files.staged(folder / str(number)) as stage:
+        (stage / "begun").write_text("")
+        for _ in range(600):
+            time.sleep(0.1)
+
+
+@pytest.mark.parametrize("reason", [KeyboardInterrupt, ValueError])
+def test_a_block_that_is_left_stops_its_tasks_and_what_they_have_half_written_is_removed(
+    tmp_path: Path, reason: type[BaseException]
+) -> None:
+    begun = time.monotonic()
+    with pytest.raises(reason), process_pool(2) as pool:
+        tasks = [pool.submit(half_written, tmp_path, number) for number in range(7)]
+        while len(list(tmp_path.rglob("begun"))) < 2:
+            assert time.monotonic() < begun + 20
+            time.sleep(0.02)
+        raise reason
+    # A task takes a minute; none was finished, and none was begun after those two.
+    assert time.monotonic() < begun + 40
+    assert all(task.cancelled() or task.exception() is not None for task in tasks)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_keyboards_signal_is_left_to_the_process_that_started_the_pool() -> None:
+    with process_pool(1) as pool:
+        assert pool.submit(signal.getsignal, signal.SIGINT).result() is signal.SIG_IGN
 
 
 def test_open3d_has_one_thread_inside_and_all_again_outside() -> None:
