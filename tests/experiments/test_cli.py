@@ -6,8 +6,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import hydra
 import pytest
+from omegaconf import DictConfig
 
+from experiments import cli
 from experiments.cli import compose_sweep, main
 from experiments.errors import InputError
 
@@ -187,17 +190,57 @@ def test_the_version_is_that_of_the_package(capsys) -> None:
         ["study=register", "moving=a", "fixed=b", "+spare={max_tre_mm:3.0}", "seed=0,1"],
     ],
 )
-def test_points_of_a_sweep_are_those_of_calls_of_their_own(words: list[str]) -> None:
-    """What the points have in common is composed once; their own values are set afterwards."""
+def test_points_are_what_hydra_composes_for_each(words: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """What points have in common is composed once; their own values are set afterwards."""
     points = compose_sweep(words, multirun=True)
     assert len(points) > 1
     for config, label in points:
         varying = [word.partition("=")[0] for word in label.split(",")]
         kept = [word for word in words if word.partition("=")[0] not in varying]
         ((alone, _),) = compose_sweep([*kept, *label.split(",")])
-        ours, theirs = ({**each, "call": {**each["call"], "command": ""}} for each in (config, alone))
+        with monkeypatch.context() as patch:
+            patch.setattr(cli._Composer, "__call__", lambda _, given: by_hydra(given))
+            ((known, _),) = compose_sweep([*kept, *label.split(",")])
+        ours, own, theirs = (
+            {**each, "call": {**each["call"], "command": ""}} for each in (config, alone, known)
+        )
+        assert own == theirs
         assert sorted(ours["call"].pop("settings")) == sorted(theirs["call"].pop("settings"))
         assert ours == theirs
+
+
+def by_hydra(words: list[str]) -> DictConfig:
+    """One call, composed by Hydra alone."""
+    return hydra.compose("config", words, return_hydra_config=True)
+
+
+def test_what_was_composed_before_is_composed_again_once_a_file_has_changed(tmp_path: Path) -> None:
+    (tmp_path / "tracking").mkdir()
+    words = ["study=export_runs", "+tracking=lab"]
+    for address in ("http://lab:5000", "http://other:50000"):
+        (tmp_path / "tracking" / "lab.yaml").write_text(f"# @package tracking\nuri: {address}\n")
+        for _ in range(2):
+            ((config, _),) = compose_sweep(words, config_dir=str(tmp_path))
+            assert config["tracking"]["uri"] == address
+    (tmp_path / "tracking" / "lab.yaml").unlink()
+    with pytest.raises(InputError, match="lab"):
+        compose_sweep(words, config_dir=str(tmp_path))
+
+
+def test_what_one_call_sets_is_not_there_in_the_next() -> None:
+    words = ["study=register", "moving=a", "fixed=b"]
+    ((first, _),) = compose_sweep(words)
+    ((changed, _),) = compose_sweep([*words, "seed=7", "~slicer", "+more=1", "tracking.uri=http://lab:5000"])
+    ((again, _),) = compose_sweep(words)
+    assert first == again != changed
+
+
+def test_no_more_compositions_are_kept_than_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cli._Composer, "_composed", {})
+    monkeypatch.setattr(cli, "KEPT_COMPOSITIONS", 2)
+    for study in ("export_runs", "import_runs", "compare", "export_runs"):
+        assert compose_sweep([f"study={study}", "runs=a" if study == "compare" else "seed=0"])
+    assert len(cli._Composer._composed) == 2
 
 
 def test_a_users_own_option_in_a_sweep_is_an_option(tmp_path: Path) -> None:
