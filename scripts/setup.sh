@@ -30,6 +30,7 @@ need() { grep -q "$1" <<<"$libraries" || missing+=("$2"); }
 need libusb-1.0.so.0 libusb-1.0-0
 need libgomp.so.1 libgomp1
 need libGL.so.1 libgl1
+need libEGL.so.1 libegl1
 need libX11.so.6 libx11-6
 if [ -z "$python" ]; then
   missing+=(python3 python3-venv)
@@ -55,13 +56,18 @@ if [ -x .venv/bin/ctus ] && [ "$(cat .venv/.setup-stamp 2>/dev/null)" = "$stamp"
   exit 0
 fi
 
-echo "Installing the project into .venv (a few minutes the first time)"
+echo "Installing the project into .venv: some hundred packages, 4 GB with CUDA's, nothing more is said for 3 to 10 minutes the first time"
 # Packages built for another version of Python are of no use: such a .venv is made afresh.
 if [ "$(version .venv/bin/python)" != "$(version "$python")" ]; then
   "$python" -m venv --clear .venv
 fi
 # The pins name torch without a build: an index of CPU builds given in PIP_EXTRA_INDEX_URL wins over the default one.
 .venv/bin/python -m pip install --quiet --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+# What is built against libraries that the system lacks is better found now than by the first study.
+if ! fault=$(.venv/bin/python -c 'import open3d, vtkmodules.vtkCommonCore' 2>&1); then
+  echo "Open3D or VTK does not load: $(tail -n 1 <<<"$fault")" >&2
+  exit 1
+fi
 # Containers often forbid Python to keep byte code; every call would compile the project anew.
 .venv/bin/python -m compileall -q src
 echo "$stamp" >.venv/.setup-stamp

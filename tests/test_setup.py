@@ -21,6 +21,7 @@ case "$*" in
   *'-m pip install'*) printf '#!/bin/sh\\n' >.venv/bin/ctus; chmod +x .venv/bin/ctus
     echo "installed {version}" >>"$NOTES";;
   '-m compileall -q src') echo "compiled {version}" >>"$NOTES";;
+  *'import open3d'*) [ {loads} = yes ] || {{ echo 'ImportError: libnone.so.1' >&2; exit 1; }};;
   --version) echo "Python {version}.9";;
   *) exit 9;;
 esac
@@ -35,9 +36,14 @@ def project(tmp_path: Path, repository: Path) -> Path:
     for name in ("pyproject.toml", "constraints.txt"):
         (tmp_path / name).write_text("")
     (tmp_path / "bin").mkdir()
-    for version, fits in (("3.11", "yes"), ("3.12", "yes"), ("3.13", "yes"), ("3.14", "no")):
+    for version, fits, loads in (
+        ("3.11", "yes", "yes"),
+        ("3.12", "yes", "yes"),
+        ("3.13", "yes", "no"),
+        ("3.14", "no", "yes"),
+    ):
         interpreter = tmp_path / "bin" / f"python{version}"
-        interpreter.write_text(FAKE.format(version=version, fits=fits))
+        interpreter.write_text(FAKE.format(version=version, fits=fits, loads=loads))
         interpreter.chmod(0o755)
     return tmp_path
 
@@ -84,3 +90,11 @@ def test_make_hands_the_interpreter_on(project: Path, repository: Path) -> None:
         ["make", "-C", str(project), "setup", "PYTHON=python3.12"], capture_output=True, text=True
     ).stdout
     assert "PYTHON is python3.12" in said
+
+
+def test_packages_that_do_not_load_end_the_set_up_with_the_reason(project: Path) -> None:
+    code, said, done = set_up(project, PYTHON=str(project / "bin" / "python3.13"))
+    assert (code, done) == (1, ["made 3.13", "installed 3.13"])
+    assert "Open3D or VTK does not load: ImportError: libnone.so.1" in said
+    # The next call does not take it for complete.
+    assert set_up(project, PYTHON=str(project / "bin" / "python3.13"))[0] == 1

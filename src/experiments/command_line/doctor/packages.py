@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ctypes
+import importlib.util
 import platform
 import shlex
 import shutil
+import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import metadata
@@ -20,6 +22,7 @@ LIBRARIES = {
     "libusb-1.0.so.0": ("libusb-1.0-0", "libusb1"),
     "libgomp.so.1": ("libgomp1", "libgomp"),
     "libGL.so.1": ("libgl1", "mesa-libGL"),
+    "libEGL.so.1": ("libegl1", "mesa-libEGL"),
     "libX11.so.6": ("libx11-6", "libX11"),
 }
 OLDEST, NEWEST_TESTED = (3, 11), (3, 13)
@@ -148,6 +151,31 @@ def system_libraries(libraries: Mapping[str, tuple[str, str]] = LIBRARIES) -> li
     which, before = (1, "sudo dnf install -y") if shutil.which("dnf") else (0, "sudo apt-get install -y")
     packages = " ".join(libraries[name][which] for name in missing)
     return [Finding("system libraries", State.MISSING, ", ".join(missing), f"{before} {packages}")]
+
+
+def compiled_packages(names: Sequence[str] = ("open3d", "vtkmodules.vtkCommonCore")) -> list[Finding]:
+    """Import packages that need libraries of the system, in a process of its own.
+
+    Parameters
+    ----------
+    names : sequence of str, optional
+        Names of modules.
+
+    Returns
+    -------
+    list of Finding
+        One for each that is installed and does not load, with what the system says of it.
+    """
+    findings = []
+    for name in names:
+        if importlib.util.find_spec(name.partition(".")[0]) is None:
+            continue
+        tried = subprocess.run([sys.executable, "-c", f"import {name}"], capture_output=True, text=True)
+        if tried.returncode:
+            said = (tried.stderr.strip().splitlines() or [f"exit code {tried.returncode}"])[-1]
+            text = f"{name.partition('.')[0]} does not load: {said}"
+            findings.append(Finding("packages", State.MISSING, text))
+    return findings
 
 
 def _loads(name: str) -> bool:

@@ -71,6 +71,7 @@ def findings(data: str | None = None, uri: str | None = None) -> list[Finding]:
         packages.interpreter(),
         *packages.required_packages(),
         *packages.system_libraries(),
+        *packages.compiled_packages(),
         *packages.optional_packages(),
         machine.processor(),
         machine.gpu(),

@@ -54,6 +54,21 @@ def test_a_library_that_does_not_load_is_named_with_its_package(monkeypatch: pyt
     assert found.remedy == "sudo apt-get install -y none9"
 
 
+def test_a_package_that_does_not_load_is_named_with_what_the_system_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "broken_package.py").write_text("import ctypes\nctypes.CDLL('libnone.so.9')\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    (found,) = packages.compiled_packages(("json", "broken_package", "no_such_package"))
+    assert found.state is State.MISSING
+    assert found.text.startswith("broken_package does not load: OSError: libnone.so.9")
+
+
+def test_the_packages_that_are_installed_load() -> None:
+    assert packages.compiled_packages() == []
+
+
 def test_where_wheels_bring_their_libraries_none_are_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(packages.platform, "system", lambda: "Darwin")
     assert packages.system_libraries() == []
