@@ -57,7 +57,10 @@ def main() -> int:
             left_out.append(f"{step.name} (no folder {step.needs} in {data or '--data'})")
         elif not ran(step, asked.trainer, data or Path(), out, home):
             failed.append(step.name)
-    for words in (["study=export_runs", f"archive={results / 'runs'}"], ["study=report", f"out={results}"]):
+    for words in (
+        ["study=export_runs", f"archive={results / 'runs'}"],
+        ["study=report", f"out={results}", "replace=true"],
+    ):
         if call(words, home):
             failed.append(words[0])
     if left_out:

@@ -112,6 +112,25 @@ class Source:
             else f"the store {masked(self.store.address)}"
         )
 
+    def has(self, run_id: str) -> bool:
+        """Tell whether a run is there.
+
+        Parameters
+        ----------
+        run_id : str
+            Its whole id.
+
+        Returns
+        -------
+        bool
+            True if it is.
+        """
+        try:
+            find_families([run_id], self.store, self.archive)
+        except InputError:
+            return False
+        return True
+
 
 def chosen(source: Source, studies: Sequence[str], runs: Sequence[str]) -> list[Family]:
     """Find the runs to show.

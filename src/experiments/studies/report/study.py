@@ -42,6 +42,7 @@ def run(
     runs: Sequence[str],
     archive: str | None,
     out: str | None,
+    replace: bool = False,
     store: Store,
     workspace: Path,
     progress: Progress,
@@ -57,6 +58,8 @@ def run(
         Folder of exported runs; None for the tracker.
     out : str or None
         Folder of the report; files of an earlier report there that this one does not write are removed.
+    replace : bool, optional
+        Whether a report there may be replaced although it shows runs that are not to be had here.
     store : Store
         The tracker.
     workspace : pathlib.Path
@@ -72,17 +75,20 @@ def run(
     Raises
     ------
     InputError
-        If a run that is named is not there.
+        If a run that is named is not there, or if the folder has a report of runs that are not.
     """
     if isinstance(runs, str):
         raise InputError(f"runs: expected a list of ids, runs=[...], received {runs!r}")
     source = Source(store, None if archive is None else Path(archive).expanduser())
+    folder = None if out is None else Path(out).expanduser().absolute()
+    if folder is not None and not replace:
+        _refuse_to_replace(folder, source)
     families = chosen(source, _studies(), [str(each) for each in runs])
     sections = [section_of(family) for family in progress.track(families, "Reading runs")]
     values = published_table(sections)
     written = _write(sections, values, source, workspace)
-    if out is not None:
-        _remove_stale(Path(out).expanduser().absolute(), written)
+    if folder is not None:
+        _remove_stale(folder, written)
     return Outcome(
         metrics=_counts(sections, values),
         tables=_shown(values),
@@ -111,7 +117,8 @@ def _write(sections: Sequence[Section], values: pd.DataFrame, source: Source, wo
     made = f"Made by ctus study=report from {counted(len(sections), 'run')} with {counted(len(jobs), 'job')}."
     files.write_text(workspace / PAGE, page(published, shown, places, every, made))
     written = [name for name in files.names_in(workspace) if name != WRITTEN]
-    files.write_text(workspace / WRITTEN, json.dumps({"files": written}, indent=1))
+    record = {"files": written, "runs": [section.run_id for section in sections]}
+    files.write_text(workspace / WRITTEN, json.dumps(record, indent=1))
     return written
 
 
@@ -205,13 +212,29 @@ def _stem(section: Section, taken: set[str]) -> str:
     return name
 
 
+def _refuse_to_replace(out: Path, source: Source) -> None:
+    """Refuse a folder whose report shows runs that the source lacks: they could not be shown again."""
+    lacking = [run_id for run_id in _listed(out, "runs") if not source.has(run_id)]
+    if lacking:
+        raise InputError(
+            f"out: expected a folder without a report of other runs, received {out}, whose report shows "
+            f"{counted(len(lacking), 'run')} that {source.name} does not have; out=<another folder> keeps that report, "
+            "study=import_runs brings exported runs into the tracker, replace=true replaces it"
+        )
+
+
+def _listed(out: Path, what: str) -> list[str]:
+    """What an earlier report in the folder lists; nothing where there is none that can be read."""
+    try:
+        found = json.loads((out / WRITTEN).read_text(encoding="utf-8"))[what]
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
+    return [str(each) for each in found] if isinstance(found, list) else []
+
+
 def _remove_stale(out: Path, written: Sequence[str]) -> None:
     """Remove what an earlier report left in the folder and this one does not write again."""
-    try:
-        before = json.loads((out / WRITTEN).read_text(encoding="utf-8"))["files"]
-    except (OSError, ValueError, KeyError, TypeError):
-        return
-    for name in set(map(str, before)) - set(written):
+    for name in set(_listed(out, "files")) - set(written):
         path = (out / name).resolve()
         # The list is a file like others: nothing outside the two folders is touched for it.
         if path.parent in ((out / TABLES).resolve(), (out / FIGURES).resolve()):

@@ -75,7 +75,7 @@ def test_the_page_stands_alone_and_shows_hostile_names_as_text(report: Path) -> 
 
 
 def test_the_same_runs_imported_elsewhere_give_the_same_tables(
-    report: Path, home: Path, tmp_path: Path
+    report: Path, home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["study=import_runs", f"archive={report / 'runs'}"]) == 0
     out = tmp_path / "again"
@@ -95,7 +95,12 @@ def test_the_same_runs_imported_elsewhere_give_the_same_tables(
     write_archive(
         [job("alone", None, {"study": "pipeline"}, {"tre_mm": 1.0}, experiment="pipeline")], tmp_path / "few"
     )
-    assert main(["study=report", f"archive={tmp_path / 'few'}", f"out={out}"]) == 0
+    words = ["study=report", f"archive={tmp_path / 'few'}", f"out={out}"]
+    assert main(words) == 2
+    assert "received " + str(out) + ", whose report shows 1 run that the archive" in capsys.readouterr().err
+    assert (out / "tables" / "segmentation_carotid_segmentation.csv").is_file()
+    assert main([*words, "replace=true"]) == 0
+    assert main(words) == 0
     assert not (out / "tables" / "segmentation_carotid_segmentation.csv").exists()
     assert (out / "tables" / "mine.csv").is_file() and outside.is_file()
 
