@@ -7,7 +7,7 @@ import inspect
 import json
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -35,6 +35,7 @@ from experiments.tracking.headline import (
 )
 
 # In place of a run's hash where its inputs changed under it: it is never taken for the result of any of them.
+JOB_FILE = "job.json"
 CHANGED = "inputs changed while it ran"
 
 
@@ -341,7 +342,7 @@ def read_inputs(folder: Path) -> list[InputData]:
     list of InputData
         The data sets; none where the folder does not say.
     """
-    record = folder / "job.json"
+    record = folder / JOB_FILE
     if not record.is_file():
         return []
     return [InputData(**data) for data in json.loads(record.read_text(encoding="utf-8")).get("inputs", [])]
@@ -510,14 +511,16 @@ def _compute(
     if run is not None:
         log_beginning(run, job.config, run_names.parameters(job))
     folder = plan.folder_of(job.hash)
+    earlier = _earlier_files(folder, plan.study)
     with files.staged(folder) as workspace:
         arguments = {**arguments, **_injected(module.run, workspace, progress, store)}
         outcome: Outcome = module.run(**arguments)
         write_outcome(outcome, workspace)
         inputs = [asdict(data) for data in outcome.inputs]
-        record = {"study": plan.study, "config_hash": job.hash, "inputs": inputs}
-        files.write_text(workspace / "job.json", json.dumps(record))
-        written = files.names_in(workspace)
+        written = sorted([*files.names_in(workspace), JOB_FILE])
+        record = {"study": plan.study, "config_hash": job.hash, "inputs": inputs, "files": written}
+        files.write_text(workspace / JOB_FILE, json.dumps(record))
+    _remove_earlier(folder, set(earlier) - set(written), job)
     # Only now: whatever the tracker does with them, the files are where the user looks for them.
     if run is not None:
         changed = jobs.hash_now(job.config) != job.hash
@@ -531,6 +534,36 @@ def _compute(
                 file=sys.stderr,
             )
     return outcome
+
+
+def _earlier_files(folder: Path, study: str) -> list[str]:
+    """The files that an earlier run of the same study has left in a folder; none where it doesn't say."""
+    try:
+        record = json.loads((folder / JOB_FILE).read_text(encoding="utf-8"))
+        return [str(name) for name in record["files"]] if record["study"] == study else []
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
+
+
+def _remove_earlier(folder: Path, names: Collection[str], job: Job) -> None:
+    """Remove what an earlier run left and this one did not write again: beside new files they would be taken for its.
+
+    What this job has read stays, and the list is a file like others: nothing outside the folder is touched for it.
+    """
+    read = yaml.safe_dump(dict(job.config))
+    removed = []
+    for name in sorted(names):
+        path = folder / name
+        inside = path.resolve().is_relative_to(folder.resolve())
+        if inside and path.is_file() and name not in read:
+            path.unlink()
+            removed.append(name)
+    if removed:
+        more = f" and {len(removed) - 5} more" if len(removed) > 5 else ""
+        print(
+            f"{folder}: removed what the run before had left: {', '.join(removed[:5])}{more}.",
+            file=sys.stderr,
+        )
 
 
 def _injected(
@@ -566,7 +599,7 @@ def _resumable(job: Job, plan: Plan, store: Store) -> str | None:
 
 def _holds(folder: Path, job: Job) -> bool:
     """Whether the files in ``folder`` are those of this very job, not of one that used the same folder before."""
-    record = folder / "job.json"
+    record = folder / JOB_FILE
     return record.is_file() and json.loads(record.read_text(encoding="utf-8"))["config_hash"] == job.hash
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import inspect
 import json
 import os
 import signal
@@ -16,6 +18,7 @@ import pytest
 import yaml
 
 from experiments.cli import main
+from experiments.outcome import Outcome
 from experiments.tracking import HASH_TAG, Store
 
 
@@ -191,6 +194,46 @@ def test_resume_brings_back_the_files_of_a_finished_job(counting_study: ModuleTy
 
     assert (out / "part-1" / "half.txt").read_text() == "part 1\n"
     assert pd.read_parquet(out / "cases.parquet")["value"].tolist() == pytest.approx([4 / 3, 5 / 3])
+
+
+def test_a_second_run_into_the_folder_of_the_first_leaves_none_of_its_files(
+    counting_study: ModuleType, home: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    out, plain = home / "result", counting_study.run
+
+    def with_more(names: tuple[str, ...]) -> None:
+        def run(**given: object) -> Outcome:
+            outcome: Outcome = plain(**given)
+            return dataclasses.replace(
+                outcome, files={name: lambda path: path.write_text("x") for name in names}
+            )
+
+        run.__signature__ = inspect.signature(plain)  # type: ignore[attr-defined]
+        monkeypatch.setattr(counting_study, "run", run)
+
+    words = ["study=counting", "parts=[1]", f"out={out}"]
+    with_more(("both.txt", "first.txt", "read.txt", *(f"more_{k}.txt" for k in range(5))))
+    assert main(words) == 0
+    (out / "mine.txt").write_text("kept")
+    # Another study's folder is not touched, nor what the list names outside, nor what this run reads itself.
+    (home / "outside.txt").write_text("kept")
+    record = json.loads((out / "job.json").read_text())
+    assert {"both.txt", "first.txt", "half.txt", "job.json"} < set(record["files"])
+    record["files"].append("../outside.txt")
+    (out / "job.json").write_text(json.dumps({**record, "study": "another"}))
+    with_more(("both.txt",))
+    assert main([*words, "seed=1"]) == 0
+    assert (out / "first.txt").is_file()
+    (out / "job.json").write_text(json.dumps(record))
+    capsys.readouterr()
+    assert main([*words, "seed=2", f"data={out / 'read.txt'}"]) == 0
+    assert "removed what the run before had left: first.txt, more_0.txt" in capsys.readouterr().err
+    names = {path.name for path in out.iterdir()}
+    assert {"both.txt", "mine.txt", "read.txt"} <= names and not names & {"first.txt", "more_4.txt"}
+    assert (home / "outside.txt").is_file()
+    capsys.readouterr()
+    assert main([*words, "seed=3"]) == 0
+    assert "removed" not in capsys.readouterr().err
 
 
 def test_without_resume_everything_runs_again(counting_study: ModuleType, home: Path) -> None:
