@@ -19,6 +19,11 @@ from registration.readers.folder import frame_names
 if TYPE_CHECKING:
     from registration.sweep import TrackedSweep
 
+# Of a picture more than this share of the pixels is neither dark nor white (a quarter and more of real B-mode frames),
+PICTURE_SHARE = 0.15
+# and it has more grey values than this.
+PICTURE_LEVELS = 32
+
 
 def read_masks(path: Path, sweep_path: Path, sweep: TrackedSweep) -> np.ndarray:
     """Read the masks of all frames of a sweep.
@@ -26,7 +31,7 @@ def read_masks(path: Path, sweep_path: Path, sweep: TrackedSweep) -> np.ndarray:
     The frames of a plain folder have names: their masks have the same ones, or the same numbers in them.
     Frames of other files are in order: masks follow in the order of their names, numbers compared as numbers.
     What an image's colours, bits and transparency mean is defined in ``label_values``; grey values of 0 and
-    1, or of 0 and white, are masks; others are probabilities as fractions of white.
+    1, or of 0 and one in the brighter half, are masks; others are probabilities as fractions of white.
 
     Parameters
     ----------
@@ -45,7 +50,8 @@ def read_masks(path: Path, sweep_path: Path, sweep: TrackedSweep) -> np.ndarray:
     Raises
     ------
     InputError
-        If a count, name, size or value does not fit, or no mask shows a vessel.
+        If a count, name, size or value does not fit, no mask shows a vessel, vessel and background are exchanged, or
+        the masks are pictures.
     """
     if path.is_file():
         stack = _array(path)
@@ -59,8 +65,7 @@ def read_masks(path: Path, sweep_path: Path, sweep: TrackedSweep) -> np.ndarray:
     else:
         raise InputError(f"masks: expected a folder of masks or a .npy file, received {str(path)!r}")
     values = _values(stack, path)
-    if not (values >= 0.5).any():
-        raise InputError(f"masks: expected masks with a vessel, received {len(values)} empty ones in {path}")
+    _require_vessel(values, path)
     return values
 
 
@@ -130,14 +135,40 @@ def _array(path: Path) -> np.ndarray:
 def _from_grey(stack: np.ndarray, path: Path) -> np.ndarray:
     full = int(np.iinfo(stack.dtype).max)
     found = np.flatnonzero(np.bincount(stack.ravel(), minlength=full + 1))
-    if set(found) <= {0, 1} or set(found) <= {0, full}:
+    # Two values are a mask whatever the brighter one is: an image editor writes 254 or 200 as well.
+    if (
+        set(found) <= {0, 1}
+        or set(found) == {full}
+        or (len(found) == 2 and not found[0] and found[1] > full // 2)
+    ):
         return stack > 0
     if found[-1] <= full // 2 or set(found) <= {0, 1, full}:
         raise InputError(
             f"masks: expected values 0 and 1, 0 and {full}, or probabilities up to {full} in {path}, "
             f"received {'1 and ' if found[-1] > full // 2 else 'labels up to '}{found[-1]}"
         )
-    return stack.astype(np.float32) / full
+    shares = stack.astype(np.float32) / full
+    undecided = float(np.median([((each > 0.05) & (each < 0.95)).mean() for each in shares]))
+    if undecided > PICTURE_SHARE and len(found) > PICTURE_LEVELS:
+        raise InputError(
+            f"masks: expected masks or probabilities, received pictures in {path}: {undecided:.0%} of the pixels are "
+            "neither dark nor white"
+        )
+    return shares
+
+
+def _require_vessel(values: np.ndarray, path: Path) -> None:
+    """Refuse masks that show no vessel, and those of the background."""
+    vessel = values >= 0.5
+    if not vessel.any():
+        raise InputError(f"masks: expected masks with a vessel, received {len(values)} empty ones in {path}")
+    share = float(np.median(vessel.mean(axis=(1, 2))))
+    border = np.concatenate([vessel[:, 0], vessel[:, -1], vessel[:, :, 0], vessel[:, :, -1]], axis=1)
+    if share > 0.5 and float(np.median(border.mean(axis=1))) > 0.5:
+        raise InputError(
+            f"masks: expected the vessel bright and all else 0, received masks in {path} that cover {share:.0%} of "
+            "the picture and its border: are vessel and background exchanged?"
+        )
 
 
 def _values(stack: np.ndarray, path: Path) -> np.ndarray:

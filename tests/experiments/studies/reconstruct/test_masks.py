@@ -173,3 +173,46 @@ def test_what_does_not_fit_is_refused(tmp_path: Path, folder: Path) -> None:
     Image.fromarray(frame(0)[:, 1:]).save(folder / "7.png")
     with pytest.raises(InputError, match=r"7\.png: expected a mask of its frame's 11x8, received 10x8"):
         read_masks(folder, unnamed, SWEEP)
+
+
+@pytest.mark.parametrize("bright", [1, 128, 150, 254, 255])
+def test_two_values_are_a_mask_whatever_the_brighter_one_is(folder: Path, bright: int) -> None:
+    for index in range(12):
+        Image.fromarray((frame(index) > 0).astype(np.uint8) * np.uint8(bright)).save(folder / f"{index}.png")
+    assert counted(folder, Path("a.igs.mha")) == list(range(1, 13))
+
+
+def test_masks_of_the_background_are_refused(folder: Path) -> None:
+    for index in range(12):
+        Image.fromarray(255 - frame(index)).save(folder / f"{index}.png")
+    with pytest.raises(InputError, match=r"cover \d\d% of the picture and its border: are vessel and"):
+        read_masks(folder, Path("a.igs.mha"), SWEEP)
+
+
+def test_a_vessel_that_fills_the_picture_up_to_its_border_alone_is_one(folder: Path) -> None:
+    height, width = SWEEP.images.shape[1:]
+    large = np.zeros((height, width), dtype=np.uint8)
+    large[1:-1, 1:-1] = 255
+    for index in range(12):
+        Image.fromarray(large).save(folder / f"{index}.png")
+    assert read_masks(folder, Path("a.igs.mha"), SWEEP).sum() == 12 * (height - 2) * (width - 2)
+
+
+def test_pictures_in_place_of_masks_are_refused(folder: Path) -> None:
+    rng = np.random.default_rng(0)
+    for index in range(12):
+        noisy = rng.rayleigh(40, SWEEP.images.shape[1:]).clip(0, 255).astype(np.uint8)
+        Image.fromarray(noisy).save(folder / f"{index}.png")
+    with pytest.raises(
+        InputError, match=r"received pictures in .*: \d\d% of the pixels are neither dark nor"
+    ):
+        read_masks(folder, Path("a.igs.mha"), SWEEP)
+
+
+def test_probabilities_with_a_soft_edge_stay_probabilities(folder: Path) -> None:
+    for index in range(12):
+        soft = frame(index)
+        soft.flat[index + 1] = 128
+        Image.fromarray(soft).save(folder / f"{index}.png")
+    masks = read_masks(folder, Path("a.igs.mha"), SWEEP)
+    assert masks.dtype == np.float32 and np.unique(masks).tolist() == pytest.approx([0, 128 / 255, 1])
