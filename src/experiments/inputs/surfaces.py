@@ -21,7 +21,7 @@ from registration.io.transforms import read_transform
 # times smaller than the other, for no two views of one vessel differ so.
 METRES_BELOW = 1.0
 HUNDREDFOLD = 100.0
-MM_PER_UNIT = {"mm": 1.0, "m": 1000.0}
+MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 SPACES = ("lps", "ras")
 
 
@@ -61,7 +61,7 @@ def read_mm(path: Path, name: str, unit: str | None, space: str | None = "lps") 
         A mesh or point cloud.
     name : str
         Name of the setting, for messages.
-    unit : {'mm', 'm'} or None
+    unit : {'mm', 'cm', 'm'} or None
         Unit of the file; None: mm.
     space : {'lps', 'ras'} or None
         Axes of the file; None: what its header says, else lps.
@@ -77,7 +77,7 @@ def read_mm(path: Path, name: str, unit: str | None, space: str | None = "lps") 
         If the file can't be read, or unit or space are not among these.
     """
     if unit is not None and unit not in MM_PER_UNIT:
-        raise InputError(f"{name}_unit: expected mm, m or null, received {unit!r}")
+        raise InputError(f"{name}_unit: expected mm, cm, m or null, received {unit!r}")
     with naming(name):
         surface = read_surface(path)
     points_mm = MM_PER_UNIT[unit or "mm"] * lps_from(points_of(surface), read_space(path, name, space))

@@ -60,7 +60,7 @@ def test_a_header_counts_where_the_user_says_nothing(tmp_path: Path) -> None:
 
 def test_a_unit_or_axes_of_another_name_are_refused(tmp_path: Path) -> None:
     write_surface(tmp_path / "tube.ply", TUBE)
-    with pytest.raises(InputError, match="moving_unit: expected mm, m or null, received 'inch'"):
+    with pytest.raises(InputError, match="moving_unit: expected mm, cm, m or null, received 'inch'"):
         read_mm(tmp_path / "tube.ply", "moving", "inch")
     with pytest.raises(InputError, match="fixed_space: expected lps, ras or null, received 'LPS'"):
         read_mm(tmp_path / "tube.ply", "fixed", None, "LPS")

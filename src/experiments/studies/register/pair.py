@@ -43,7 +43,7 @@ class SideFiles:
     path : str or None
         File of the surface; None where the setting is missing.
     unit : str or None, optional
-        Length unit, mm or m; None for mm, refused if it looks like metres.
+        Length unit, mm, cm or m; None for mm, refused if it looks like metres.
     space : str or None, optional
         Axes, lps or ras; None as the header says, else lps.
     centerline : str or None, optional
@@ -78,6 +78,8 @@ class Side:
         File of the centerline; None where there is none.
     frame : ndarray of int, shape (n,), or None, optional
         Image frame in which each point of a sweep's cloud was seen; None where the file does not say.
+    assumed : bool, optional
+        Whether neither the file nor the user says which axes it has.
     """
 
     path: Path
@@ -86,6 +88,7 @@ class Side:
     centerline: Centerline | None
     centerline_path: Path | None
     frame: np.ndarray | None = None
+    assumed: bool = False
 
     def centerline_mm(self, most: int) -> np.ndarray | None:
         """Sample the centerline at even arc length.
@@ -183,7 +186,12 @@ def _read_side(given: SideFiles) -> Side:
     space = read_space(path, given.name, given.space)
     source = CenterlineSource(given.name, path, surface, given.unit, space)
     return Side(
-        path, surface, space, *centerline_of(source, given.centerline), frame=read_frames(path, surface)
+        path,
+        surface,
+        space,
+        *centerline_of(source, given.centerline),
+        frame=read_frames(path, surface),
+        assumed=given.space is None and stated_space(path) is None,
     )
 
 

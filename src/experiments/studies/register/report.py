@@ -14,6 +14,7 @@ from experiments.analysis.registration.deformed_model import Deformed, deformed_
 from experiments.analysis.registration.slicer_result import BUNDLE, FILES, NONE, write_slicer_result
 from experiments.outcome import Outcome
 from experiments.studies.register.carried import landmark_errors_mm, write_carried
+from experiments.studies.register.doubts import doubts
 from experiments.studies.register.record import LENGTHS, SHARES, Registered, record
 from experiments.studies.register.scene import register_scene
 from experiments.studies.register.slicer import slicer_result
@@ -154,7 +155,9 @@ def _findings(found: Registered) -> tuple[str, ...]:
         verdict_sentence(result),
     ]
     low_mm, high_mm = found.predicted_tre_mm
-    if predicted := predicted_sentence(low_mm, high_mm, result.deformation):
+    # What a model of residuals says of a pose that is wrong would only mislead.
+    holds = result.verdict != FAILED
+    if holds and (predicted := predicted_sentence(low_mm, high_mm, result.deformation)):
         sentences.append(predicted)
     if found.truth is not None:
         sentences.append(
@@ -165,13 +168,10 @@ def _findings(found: Registered) -> tuple[str, ...]:
             "The probability that both surfaces show one vessel at this pose is "
             f"{100 * result.probability_right_vessel:.0f} %."
         )
-    if abs(result.wall_offset_mm) >= NOTED_OFFSET_MM:
-        side = "outside" if result.wall_offset_mm > 0 else "inside"
-        sentences.append(
-            f"The moving wall lies {abs(result.wall_offset_mm):.2f} mm {side} the fixed one everywhere: the borders "
-            "were drawn differently, or the scale differs; the pose allows for it."
-        )
+    if holds:
+        sentences += _of_offset(result.wall_offset_mm)
     sentences += _of_overlap(result)
+    sentences += doubts(found)
     if result.weak_directions:
         sentences.append(f"The clouds leave open: {', '.join(result.weak_directions)}.")
     if not result.converged and result.verdict != FAILED:
@@ -198,6 +198,16 @@ def _of_landmarks_after(found: Registered, deformed: Deformed) -> list[str]:
         return [f"{sentence}."]
     return [
         f"{sentence}; they pulled there (landmark_deviation_mm), so that this is a residual and no error."
+    ]
+
+
+def _of_offset(offset_mm: float) -> list[str]:
+    """What is to be said of walls that lie apart everywhere."""
+    if not abs(offset_mm) >= NOTED_OFFSET_MM:
+        return []
+    return [
+        f"The moving wall lies {abs(offset_mm):.2f} mm {'outside' if offset_mm > 0 else 'inside'} the fixed one "
+        "everywhere: the borders were drawn differently, or the scale differs; the pose allows for it."
     ]
 
 

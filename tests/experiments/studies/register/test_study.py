@@ -239,7 +239,7 @@ def test_it_is_deterministic(folder: Path) -> None:
             "moving_landmarks: expected a file next to fixed_landmarks, received none",
         ),
         ({"moving_centerline": "a.vtp"}, "moving_centerline: a.vtp: expected a file, received nothing there"),
-        ({"moving_unit": "inch"}, "moving_unit: expected mm, m or null, received 'inch'"),
+        ({"moving_unit": "inch"}, "moving_unit: expected mm, cm, m or null, received 'inch'"),
         ({"rigid": {"a": None, "b": None}}, "rigid: expected exactly one method, received a, b"),
         ({"rigid": None}, "rigid: expected exactly one method, received None"),
     ],
