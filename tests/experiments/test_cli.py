@@ -69,6 +69,7 @@ def test_no_words_show_the_help_and_exit_with_2(capsys) -> None:
             "received a word without =; did you mean study=register?",
         ),
         (["study=regster"], "did you mean register?"),
+        (["doctr"], "received a word without =; did you mean ctus doctor?"),
         (["=1"], "=1: expected setting=value, received a word without a setting's name"),
         (["study=register", "+=1"], "+=1: expected setting=value, received a word without a setting's name"),
         (["study=register", "~"], "~: expected setting=value, received a word without a setting's name"),

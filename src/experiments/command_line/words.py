@@ -55,7 +55,11 @@ def refuse_no_setting(word: str) -> None:
         )
     if "=" in word or word.startswith("~"):
         return
-    hint = did_you_mean(word, options_of("study"), "study=") or did_you_mean(word, _groups())
+    hint = (
+        did_you_mean(word, ["doctor", "demo"], "ctus ")
+        or did_you_mean(word, options_of("study"), "study=")
+        or did_you_mean(word, _groups())
+    )
     raise InputError(f"{word}: expected setting=value, received a word without ={hint}")
 
 

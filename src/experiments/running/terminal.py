@@ -149,8 +149,8 @@ def _columns() -> tuple[ProgressColumn, ...]:
 def print_tables(tables: dict[str, pd.DataFrame], console: Console | None = None) -> None:
     """Print small result tables. Names of columns break at their underscores, so that the tables stay narrow.
 
-    Long texts in cells are shortened where a table would be too wide. On a terminal it has the columns that fit, from
-    the left, and a line that names the others; ``verbose=true`` and a pipe get all of them, ``quiet=true`` none.
+    On a terminal long texts in cells are shortened where a table would be too wide, and it has the columns that fit,
+    from the left, and a line that names the others; ``verbose=true`` and a pipe get all of it, ``quiet=true`` nothing.
 
     Parameters
     ----------
@@ -167,9 +167,10 @@ def print_tables(tables: dict[str, pd.DataFrame], console: Console | None = None
     # Elsewhere a table wider than the terminal had better wrap than lose digits.
     console.width = line_width(console) if fitting else max(console.width, WIDEST_TABLE)
     for title, frame in tables.items():
-        count, longest = _columns_that_fit(title, frame, console)
-        if not fitting and count < len(frame.columns):
-            count = len(frame.columns)
+        count, longest = len(frame.columns), None
+        if fitting:
+            count, longest = _columns_that_fit(title, frame, console)
+        else:
             console.width = max(console.width, _width(_table(title, frame, longest), console))
         console.print(_table(title, frame.iloc[:, :count], longest))
         if left := [str(name) for name in frame.columns[count:]]:

@@ -137,7 +137,7 @@ def test_a_pipe_gets_every_cell_of_a_table_of_long_texts() -> None:
         stream = io.StringIO()
         print_tables({"Long": frame}, Console(file=stream, width=80))
         printed = stream.getvalue()
-        assert all(str(value)[:7] in printed for value in frame.iloc[0])
+        assert all(str(value).strip() in printed for value in frame.iloc[0])
         assert len(printed.splitlines()) <= 8  # no line is wrapped
 
 

@@ -6,6 +6,8 @@ from experiments.studies.ct_model.report import CtModel
 
 # Smoothing takes steps of a voxel off; what lies farther from the surface than so many voxels was a branch.
 LOST_VOXELS = 2.0
+# Pieces beside the largest that together are less than this share are specks of a segmentation.
+SPECK_SHARE = 0.05
 
 
 def remarks(model: CtModel) -> tuple[str, ...]:
@@ -39,9 +41,11 @@ def _of_label(model: CtModel) -> list[str]:
     if stated and stated != used:
         found.append(f"The header says that lengths are in {stated}: units={used} was taken instead.")
     if mask.pieces_dropped:
+        taken = int(mask.inside.sum()) - mask.voxels_filled
+        share = mask.voxels_dropped / (mask.voxels_dropped + taken)
         found.append(
             f"Label {mask.label} lies in {mask.pieces_dropped + 1} pieces: only the largest was taken, "
-            f"{mask.voxels_dropped} voxels of the others were left out."
+            f"{mask.voxels_dropped} voxels of the others were left out{_of_all(share)}"
         )
     if mask.voxels_filled:
         found.append(f"{mask.voxels_filled} voxels in cavities of the label were filled.")
@@ -69,9 +73,10 @@ def _of_mesh(model: CtModel) -> list[str]:
         return []
     found = []
     if done.pieces_dropped and done.lumen is None:
+        share = done.area_dropped_mm2 / (done.area_dropped_mm2 + float(done.mesh.areas_mm2.sum()))
         found.append(
             f"The mesh lies in {done.pieces_dropped + 1} pieces: only the largest was taken, "
-            f"{done.area_dropped_mm2:.1f} mm2 of the others were left out."
+            f"{done.area_dropped_mm2:.1f} mm2 of the others were left out{_of_all(share)}"
         )
     if done.triangles_dropped:
         found.append(f"{done.triangles_dropped} triangles without area or there twice were left out.")
@@ -87,3 +92,13 @@ def _of_surface(model: CtModel) -> list[str]:
     if model.quality.holes:
         found.append(f"The surface has {model.quality.holes} holes in its wall.")
     return found
+
+
+def _of_all(share: float) -> str:
+    """How much of the whole was left out; where that is no speck, what to do."""
+    if share < SPECK_SHARE:
+        return "."
+    return (
+        f", {100 * share:.0f} % of all: where they are the vessel's, close the gap between them in the segmentation "
+        "first."
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from registration.sweep import PosedFrames, TrackedSweep
+
+# A sweep along a vessel moves by centimetres; one of so many poses that stays within this is in metres, or only turns.
+STILL_MM = 1.0
+FEW_POSES = 10
 
 
 def check(*, sweep: PathSetting) -> None:
@@ -95,8 +100,19 @@ def run(
             f"{len(posed.kept)} of {len(recorded.images) + recorded.frames_dropped} frames have a pose; "
             f"dropped: {describe_dropped(posed.dropped)}. Open sweep.html in a browser.",
             *recorded.notes,
+            *_of_span(recorded),
         ),
     )
+
+
+def _of_span(sweep: TrackedSweep) -> Iterator[str]:
+    """What to look at where the end effector hardly moved."""
+    span_mm = float(np.linalg.norm(np.ptp(sweep.world_T_ee[:, :3, 3], axis=0)))
+    if len(sweep.world_T_ee) >= FEW_POSES and span_mm < STILL_MM:
+        yield (
+            f"The end effector moved {span_mm:.2g} mm in all: a sweep whose poses are in metres needs units: m, and "
+            "one that only turned shows no length of a vessel."
+        )
 
 
 def _metrics(sweep: TrackedSweep, posed: PosedFrames) -> dict[str, float]:

@@ -53,6 +53,25 @@ def test_what_was_done_to_a_label(change: dict[str, int], sentence: str) -> None
     assert found.startswith(sentence)
 
 
+def test_the_share_of_what_was_left_out_is_told_where_it_is_no_speck() -> None:
+    inside = int(MASK.inside.sum())
+    for dropped, told in (
+        (inside // 50, "of the others were left out."),
+        (inside, "left out, 50 % of all: where"),
+    ):
+        mask = replace(MASK, pieces_dropped=1, voxels_dropped=dropped)
+        (found,) = remarks(model(replace(LABELLED, mask=mask)))
+        assert told in found
+    half = Mesh(
+        np.concatenate([TUBE.vertices_mm, TUBE.vertices_mm[:, ::-1] + 500.0]),
+        np.concatenate([TUBE.triangles, TUBE.triangles[:-4, ::-1] + len(TUBE.vertices_mm)]),
+    )
+    (found,) = remarks(model(of_mesh(half)))
+    assert found.endswith(
+        "50 % of all: where they are the vessel's, close the gap between them in the segmentation first."
+    )
+
+
 def test_sides_where_the_scan_ended_are_named() -> None:
     cut = np.array([[True, False], [False, True], [False, False]])
     (found,) = remarks(model(replace(LABELLED, mask=replace(MASK, cut=cut))))

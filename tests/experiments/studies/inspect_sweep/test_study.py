@@ -64,6 +64,18 @@ def test_remarks_of_the_reader_are_findings(tmp_path: Path) -> None:
     assert outcome.findings[1:] == ("Two calibrations differ by 12.0 mm.",)
 
 
+def test_a_sweep_that_hardly_moves_is_asked_for_its_unit(tmp_path: Path) -> None:
+    sweep = known_sweep()
+    outcome, _ = looked_at(tmp_path, sweep)
+    assert len(outcome.findings) == 1
+    poses = sweep.world_T_ee.copy()
+    poses[:, :3, 3] /= 1000.0
+    outcome, _ = looked_at(tmp_path, replace(sweep, world_T_ee=poses))
+    assert (
+        outcome.findings[-1].startswith("The end effector moved 0.0") and "units: m" in outcome.findings[-1]
+    )
+
+
 def test_page_holds_frames_and_planes(tmp_path: Path) -> None:
     sweep = with_late_frames()
     outcome, html = looked_at(tmp_path, sweep)
