@@ -66,11 +66,13 @@ def test_remarks_of_the_reader_are_findings(tmp_path: Path) -> None:
 
 def test_a_sweep_that_hardly_moves_is_asked_for_its_unit(tmp_path: Path) -> None:
     sweep = known_sweep()
-    outcome, _ = looked_at(tmp_path, sweep)
+    (tmp_path / "mm").mkdir()
+    (tmp_path / "m").mkdir()
+    outcome, _ = looked_at(tmp_path / "mm", sweep)
     assert len(outcome.findings) == 1
     poses = sweep.world_T_ee.copy()
     poses[:, :3, 3] /= 1000.0
-    outcome, _ = looked_at(tmp_path, replace(sweep, world_T_ee=poses))
+    outcome, _ = looked_at(tmp_path / "m", replace(sweep, world_T_ee=poses))
     assert (
         outcome.findings[-1].startswith("The end effector moved 0.0") and "units: m" in outcome.findings[-1]
     )
@@ -135,7 +137,7 @@ def test_a_pose_far_away_is_outside_the_view_and_said(tmp_path: Path) -> None:
     sweep = known_sweep(frame_count=12)
     poses = sweep.world_T_ee.copy()
     poses[0, 0, 3] = 9000.0
-    _, html = looked_at(tmp_path, replace(sweep, world_T_ee=poses))
+    _, html = looked_at(tmp_path / "m", replace(sweep, world_T_ee=poses))
     assert "1 pose lies outside the view." in html.replace("\n", " ")
     assert max(figure_of(html, "space")["layout"]["scene"]["xaxis"]["range"]) < 500
 
