@@ -137,7 +137,7 @@ def test_a_pose_far_away_is_outside_the_view_and_said(tmp_path: Path) -> None:
     sweep = known_sweep(frame_count=12)
     poses = sweep.world_T_ee.copy()
     poses[0, 0, 3] = 9000.0
-    _, html = looked_at(tmp_path / "m", replace(sweep, world_T_ee=poses))
+    _, html = looked_at(tmp_path, replace(sweep, world_T_ee=poses))
     assert "1 pose lies outside the view." in html.replace("\n", " ")
     assert max(figure_of(html, "space")["layout"]["scene"]["xaxis"]["range"]) < 500
 
