@@ -429,7 +429,11 @@ def write_outcome(outcome: Outcome, folder: Path) -> None:
     if outcome.cases is not None:
         outcome.cases.to_parquet(folder / CASES_FILE, index=False)
     if outcome.tables:
-        files.write_text(folder / "summary.md", terminal.markdown(dict(outcome.tables)))
+        sentences = "".join(f"- {' '.join(each.splitlines())}\n" for each in outcome.findings)
+        text = terminal.markdown(dict(outcome.tables)) + (
+            f"\n### Findings\n\n{sentences}" if sentences else ""
+        )
+        files.write_text(folder / "summary.md", text)
     for name, figure in outcome.figures.items():
         save_figure(figure, folder / name)
     for name, write in outcome.files.items():

@@ -160,8 +160,9 @@ def _findings(found: Registered) -> tuple[str, ...]:
     if holds and (predicted := predicted_sentence(low_mm, high_mm, result.deformation)):
         sentences.append(predicted)
     if found.truth is not None:
+        at = "" if found.truth.targets_mm is None else ", at its own target points, as the prediction"
         sentences.append(
-            f"Measured TRE {length_mm(found.measured_tre_mm)} against the known pose of {found.truth.path.name}."
+            f"Measured TRE {length_mm(found.measured_tre_mm)} against the known pose of {found.truth.path.name}{at}."
         )
     if math.isfinite(result.probability_right_vessel):
         sentences.append(
