@@ -142,7 +142,7 @@ quality-needs: setup
 audit: setup
 	test -x .cache/audit/bin/pip-audit || ($(PY) -m venv .cache/audit && \
 		.cache/audit/bin/python -m pip install --quiet --constraint constraints.txt pip-audit)
-	.cache/audit/bin/pip-audit --requirement constraints.txt --no-deps --disable-pip
+	.cache/audit/bin/pip-audit --requirement constraints.txt --no-deps --disable-pip --strict
 
 clean:
 	rm -rf .venv .cache outputs build dist
