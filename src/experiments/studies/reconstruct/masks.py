@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -77,6 +77,7 @@ def _read_folder(path: Path, sweep_path: Path, sweep: TrackedSweep) -> np.ndarra
         hint = f" ({lost} more were dropped on reading)" if lost else ""
         raise InputError(
             f"masks: expected one for each of {len(sweep.images)} frames{hint}, received {len(files)} in {path}"
+            f"{_one_apart(files, frame_names(sweep_path))}; a frame without a vessel has an empty mask"
         )
     height, width = sweep.images.shape[1:]
     stack = []
@@ -89,6 +90,21 @@ def _read_folder(path: Path, sweep_path: Path, sweep: TrackedSweep) -> np.ndarra
             )
         stack.append(values)
     return _stacked(stack)
+
+
+def _one_apart(files: Collection[str], frames: tuple[str, ...] | None) -> str:
+    """The first frame without a mask or mask without a frame, where both have names or numbers."""
+    if frames is None:
+        return ""
+    masks, numbers = {_number(name) for name in files}, {_number(same_name(name)) for name in frames}
+    for here, there, known, what in (
+        (frames, masks, files, "no mask for frame"),
+        (files, numbers, frames, "no frame for mask"),
+    ):
+        for name in sorted(here, key=natural_key):
+            if same_name(name) not in map(same_name, known) and _number(same_name(name)) not in there:
+                return f" ({what} {name})"
+    return ""
 
 
 def _stacked(masks: Sequence[np.ndarray]) -> np.ndarray:
@@ -113,7 +129,8 @@ def _in_order_of(files: dict[str, Path], frames: tuple[str, ...] | None, path: P
     missing = next((name for name in frames if _number(name) not in numbered), None)
     if missing is not None or None in numbered or len(numbered) < len(files):
         raise InputError(
-            f"masks: expected one of the same name or number as frame {missing or frames[0]} in {path}, received none"
+            f"masks: expected one of the same name or number as frame {missing or frames[0]} in {path}, received none "
+            f"(the first mask is {min(files, key=natural_key)}, the first frame {min(frames, key=natural_key)})"
         )
     return [numbered[_number(name)] for name in frames]
 

@@ -226,7 +226,7 @@ def table(report: Mapping[str, Any]) -> pd.DataFrame:
     ]
     if "refused" not in line:
         lengths = ", ".join(f"{length:.1f}" for length in line["lengths_mm"])
-        lines.append(("centerline", f"{line['lines']} lines of {lengths} mm"))
+        lines.append(("centerline", f"{counted(line['lines'], 'line')} of {lengths} mm"))
     seconds = ", ".join(f"{stage} {value:.2f} s" for stage, value in report["seconds"].items())
     return pd.DataFrame([*lines, ("time", seconds)], columns=["what", "value"])
 
@@ -266,7 +266,7 @@ def remarks(found: Reconstructed, report: Mapping[str, Any]) -> tuple[str, ...]:
         )
     findings += sentences(report["mask_check"], report["surface"])
     if quality["holes"]:
-        findings.append(f"The surface has {quality['holes']} holes in its wall.")
+        findings.append(f"The surface has {counted(quality['holes'], 'hole')} in its wall.")
     if not (quality["manifold"] and quality["oriented"]):
         findings.append("The surface crosses or doubles itself: what lies inside is not certain everywhere.")
     if found.centerline is None:

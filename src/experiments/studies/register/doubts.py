@@ -54,7 +54,10 @@ def _sides(pair: Pair) -> tuple[tuple[str, Side], ...]:
 
 
 def _of_axes(pair: Pair) -> Iterator[str]:
-    assumed = [(name, side) for name, side in _sides(pair) if side.assumed]
+    # PLY is what this project writes itself, in LPS.
+    assumed = [
+        (name, side) for name, side in _sides(pair) if side.assumed and side.path.suffix.lower() != ".ply"
+    ]
     if assumed:
         files = " and ".join(side.path.name for _, side in assumed)
         settings = " or ".join(f"{name}_space=ras" for name, _ in assumed)

@@ -153,6 +153,7 @@ def _findings(found: Registered) -> tuple[str, ...]:
         f"{found.name} left {residuals.rmse_mm:.3f} mm RMSE ({residuals.rmse_trimmed_mm:.3f} mm trimmed) after "
         f"{result.runtime_s:.2f} s; a low residual alone does not prove the pose of a straight or symmetric vessel.",
         verdict_sentence(result),
+        *doubts(found),
     ]
     low_mm, high_mm = found.predicted_tre_mm
     # What a model of residuals says of a pose that is wrong would only mislead.
@@ -164,7 +165,7 @@ def _findings(found: Registered) -> tuple[str, ...]:
         sentences.append(
             f"Measured TRE {length_mm(found.measured_tre_mm)} against the known pose of {found.truth.path.name}{at}."
         )
-    if math.isfinite(result.probability_right_vessel):
+    if holds and math.isfinite(result.probability_right_vessel):
         sentences.append(
             "The probability that both surfaces show one vessel at this pose is "
             f"{100 * result.probability_right_vessel:.0f} %."
@@ -172,7 +173,6 @@ def _findings(found: Registered) -> tuple[str, ...]:
     if holds:
         sentences += _of_offset(result.wall_offset_mm)
     sentences += _of_overlap(result)
-    sentences += doubts(found)
     if result.weak_directions:
         sentences.append(f"The clouds leave open: {', '.join(result.weak_directions)}.")
     if not result.converged and result.verdict != FAILED:

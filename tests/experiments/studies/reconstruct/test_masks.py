@@ -216,3 +216,24 @@ def test_probabilities_with_a_soft_edge_stay_probabilities(folder: Path) -> None
         Image.fromarray(soft).save(folder / f"{index}.png")
     masks = read_masks(folder, Path("a.igs.mha"), SWEEP)
     assert masks.dtype == np.float32 and np.unique(masks).tolist() == pytest.approx([0, 128 / 255, 1])
+
+
+def test_the_frame_without_a_mask_and_the_mask_without_a_frame_are_named(folder: Path, plain: Path) -> None:
+    for index in range(12):
+        Image.fromarray(frame(index)).save(folder / f"mask {index}.png")
+    (folder / "mask 7.png").unlink()
+    with pytest.raises(
+        InputError, match=r"12 frames, received 11 in .* \(no mask for frame 0*7\); a frame without"
+    ):
+        read_masks(folder, plain, SWEEP)
+    for index in (7, 40):
+        Image.fromarray(frame(1)).save(folder / f"mask {index}.png")
+    with pytest.raises(InputError, match=r"received 13 in .* \(no frame for mask mask 40\)"):
+        read_masks(folder, plain, SWEEP)
+    # Numbered from 1 in place of 0: both first names show it.
+    (folder / "mask 40.png").unlink()
+    (folder / "mask 0.png").rename(folder / "mask 12.png")
+    with pytest.raises(
+        InputError, match=r"frame 0*0 in .* \(the first mask is mask 1, the first frame 0*0\)"
+    ):
+        read_masks(folder, plain, SWEEP)

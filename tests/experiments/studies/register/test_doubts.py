@@ -97,6 +97,8 @@ def test_a_model_in_centimetres_is_asked_for_and_then_converted(home: Path, caps
     ]
     assert main([*words, f"out={home / 'one'}"]) == 0
     said = capsys.readouterr().out
-    assert "fixed_unit=cm" in said and "sweep.ply and model.stl state no axes" in said
+    assert (
+        "fixed_unit=cm" in said and "\nmodel.stl states no axes and was taken as LPS; fixed_space=ras" in said
+    )
     assert main([*words, "fixed_unit=cm", f"out={home / 'two'}"]) == 0
     assert "fixed_unit=cm" not in capsys.readouterr().out
