@@ -58,7 +58,8 @@ class Running:
 
     def stop(self) -> int:
         assert self.process is not None
-        self.process.send_signal(signal.SIGINT)
+        # As Ctrl-C does, but heard also where the tests run in the background of a shell, which ignores that there.
+        self.process.send_signal(signal.SIGTERM)
         return self.process.wait(120)
 
     def kill_mlflow(self) -> None:
