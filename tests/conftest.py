@@ -1,4 +1,4 @@
-"""What every test may use: the real data where it is, a tracker of its own, and the shapes of arrays checked."""
+"""What every test may use: the real data where it is, a tracker of its own, and shapes checked at every call."""
 
 from __future__ import annotations
 

@@ -51,19 +51,3 @@ def test_what_names_no_array_costs_nothing() -> None:
 
     assert check(plain) is plain
     assert check(Named) is Named
-
-
-def test_all_of_the_first_calls_are_checked_and_then_some(monkeypatch: pytest.MonkeyPatch) -> None:
-    def same(values: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n 3"]:
-        return values
-
-    monkeypatch.setattr(shape_checks, "ALL_OF_FIRST", 5)
-    for name, refused in (("", 5 + 10), ("1", 5 + 10 * shape_checks.THEN_ONE_IN)):
-        monkeypatch.setenv("CTUS_CHECK_EVERY_CALL", name)
-        checked, seen = check(same), 0
-        for _ in range(5 + 10 * shape_checks.THEN_ONE_IN):
-            try:
-                checked(np.ones((4, 2)))  # type: ignore[operator]
-            except jaxtyping.TypeCheckError:
-                seen += 1
-        assert seen == refused

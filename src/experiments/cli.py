@@ -427,7 +427,8 @@ def resolve(config: DictConfig, command: str = "ctus") -> Mapping[str, Any]:
     missing = sorted(OmegaConf.missing_keys(config))
     if missing:
         raise InputError(
-            f"study={study}: expected a value for {', '.join(missing)}; pass {missing[0]}=<value>"
+            f"study={study}: expected a value for {', '.join(missing)}; pass "
+            f"{' '.join(f'{name}=<value>' for name in missing)}"
         )
     plain = OmegaConf.to_container(config, resolve=True)
     assert isinstance(plain, dict)

@@ -1,15 +1,13 @@
-"""The run-time checker behind the tests: every array that an annotation gives a shape is checked as it is called.
+"""The run-time checker behind the tests: every array that an annotation gives a shape is checked at every call.
 
 jaxtyping's import hook decorates every function and class of the packages. What names no array is left as it is (mypy
 has checked it), and a checker is compiled when its function is first called: a test process imports some thousand
-functions and calls a part of them, and compiling a checker costs milliseconds. A few functions are called a hundred
-thousand times: after many calls only some are checked, unless CTUS_CHECK_EVERY_CALL is set.
+functions and calls a part of them, and compiling a checker costs milliseconds.
 """
 
 from __future__ import annotations
 
 import functools
-import os
 import re
 from collections.abc import Callable
 from typing import Any
@@ -19,8 +17,6 @@ from beartype import BeartypeConf, beartype
 
 # An int where a float is expected is fine, as it is to a type checker.
 enforce = beartype(conf=BeartypeConf(is_pep484_tower=True))
-# Of one function in one process: so many calls are all checked, then one in so many.
-ALL_OF_FIRST, THEN_ONE_IN = 300, 16
 ARRAY = re.compile(r"\b(Float|Int|UInt|Bool|Shaped|Integer|Num|Real|Inexact|Complex)\d*\[")
 
 
@@ -42,21 +38,15 @@ def names_an_array(named: Any) -> bool:
 
 
 def checked_from_first_call(named: Any, check: Callable[[Any], Any]) -> Any:
-    """The function or class itself, or with its arrays checked when it is called."""
+    """The function or class itself, or with its arrays checked at every call."""
     if not names_an_array(named):
         return named
     if isinstance(named, type):
         return check(named)
     checker: list[Callable[..., Any]] = []
-    every = 1 if os.environ.get("CTUS_CHECK_EVERY_CALL") else THEN_ONE_IN
-    calls = 0
 
     @functools.wraps(named)
     def checked(*args: Any, **kwargs: Any) -> Any:
-        nonlocal calls
-        calls += 1
-        if calls > ALL_OF_FIRST and calls % every:
-            return named(*args, **kwargs)
         if not checker:
             checker.append(check(named))
         return checker[0](*args, **kwargs)

@@ -79,7 +79,8 @@ class _Parser(argparse.ArgumentParser):
         if not message.startswith("unrecognized arguments: "):
             raise InputError(message)
         word = message.removeprefix("unrecognized arguments: ").split()[0]
-        names = [name for action in self._actions for name in action.option_strings]
+        # These two are answered before the words come here.
+        names = ["--help", "--version", *(name for action in self._actions for name in action.option_strings)]
         known = ", ".join(name for name in names if name.startswith("--"))
         raise InputError(
             f"{word}: expected one of {known}, received an unknown one{did_you_mean(word, names)}"

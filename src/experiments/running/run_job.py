@@ -515,7 +515,7 @@ def _compute(
     if run is not None:
         log_beginning(run, job.config, run_names.parameters(job))
     folder = plan.folder_of(job.hash)
-    earlier = _earlier_files(folder, plan.study)
+    earlier = _earlier_files(folder)
     with files.staged(folder) as workspace:
         arguments = {**arguments, **_injected(module.run, workspace, progress, store)}
         outcome: Outcome = module.run(**arguments)
@@ -524,7 +524,7 @@ def _compute(
         written = sorted([*files.names_in(workspace), JOB_FILE])
         record = {"study": plan.study, "config_hash": job.hash, "inputs": inputs, "files": written}
         files.write_text(workspace / JOB_FILE, json.dumps(record))
-    _remove_earlier(folder, set(earlier) - set(written), job)
+    _settle_earlier(folder, earlier, written, job, plan.study)
     # Only now: whatever the tracker does with them, the files are where the user looks for them.
     if run is not None:
         changed = jobs.hash_now(job.config) != job.hash
@@ -540,13 +540,29 @@ def _compute(
     return outcome
 
 
-def _earlier_files(folder: Path, study: str) -> list[str]:
-    """The files that an earlier run of the same study has left in a folder; none where it doesn't say."""
+def _earlier_files(folder: Path) -> tuple[str, list[str]]:
+    """The study of the run that a folder holds the files of, and their names; empty where it doesn't say."""
     try:
         record = json.loads((folder / JOB_FILE).read_text(encoding="utf-8"))
-        return [str(name) for name in record["files"]] if record["study"] == study else []
+        return str(record["study"]), [str(name) for name in record["files"]]
     except (OSError, ValueError, KeyError, TypeError):
-        return []
+        return "", []
+
+
+def _settle_earlier(
+    folder: Path, earlier: tuple[str, list[str]], written: Collection[str], job: Job, study: str
+) -> None:
+    """Deal with what another run had left in the folder: removed if it was of the same study, else named."""
+    before, names = earlier
+    if before == study:
+        _remove_earlier(folder, set(names) - set(written), job)
+        return
+    if lost := sorted((set(names) & set(written)) - {JOB_FILE}):
+        print(
+            f"{folder}: replaced {', '.join(lost)} of study={before}, whose other files stay; "
+            "out=<a folder for each study> keeps both.",
+            file=sys.stderr,
+        )
 
 
 def _remove_earlier(folder: Path, names: Collection[str], job: Job) -> None:

@@ -67,7 +67,9 @@ def read_surface(path: Path) -> Surface:
     path = require_file(path)
     suffix = path.suffix.lower()
     if suffix not in _READERS:
-        raise InputError(f"{path}: expected one of {', '.join(READABLE)}, received {suffix or 'no suffix'}")
+        raise InputError(
+            f"{path}: expected a mesh or a cloud ({', '.join(READABLE)}), received {suffix or 'no suffix'}"
+        )
     found = _READERS[suffix](path)
     if not len(found.points):
         raise InputError(f"{path}: expected a readable {suffix[1:].upper()} file with points, received none")

@@ -222,8 +222,11 @@ def test_a_second_run_into_the_folder_of_the_first_leaves_none_of_its_files(
     record["files"].append("../outside.txt")
     (out / "job.json").write_text(json.dumps({**record, "study": "another"}))
     with_more(("both.txt",))
+    capsys.readouterr()
     assert main([*words, "seed=1"]) == 0
     assert (out / "first.txt").is_file()
+    said = capsys.readouterr().err
+    assert "replaced both.txt, cases.parquet" in said and "of study=another, whose other files stay" in said
     (out / "job.json").write_text(json.dumps(record))
     capsys.readouterr()
     assert main([*words, "seed=2", f"data={out / 'read.txt'}"]) == 0

@@ -197,7 +197,7 @@ def test_an_obj_cut_within_a_line_is_refused(tmp_path: Path) -> None:
         ("a.pcd", "rubbish", "expected a header that ends in DATA"),
         ("a.obj", "rubbish\n", "expected a readable OBJ file with points, received none"),
         ("a.vtp", "rubbish", "expected a complete VTP file"),
-        ("a.doc", "rubbish", r"expected one of \.ply, .*, received \.doc"),
+        ("a.doc", "rubbish", r"expected a mesh or a cloud \(\.ply, .*\), received \.doc"),
         ("a", "rubbish", "received no suffix"),
     ],
 )

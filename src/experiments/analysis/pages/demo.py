@@ -114,7 +114,7 @@ def _registered(registered: dict[str, Any], swept: dict[str, Any]) -> str:
     after = f" and {_number(deformed['measured_tre_mm'])} mm after the deformable stage" if deformed else ""
     return (
         f"The sweep's contours lie {_number(swept['rmse_mm'])} mm (RMSE) from the model from CT; the true error at the "
-        f"targets is {_number(swept['tre_mm'])} mm{after} ({registered['verdict']})."
+        f"targets is {_number(swept['tre_mm'])} mm{after}. Verdict: {registered['verdict']}, {registered['reason']}."
     )
 
 
@@ -123,7 +123,7 @@ def _tried(trials: pd.DataFrame) -> str:
     parts = []
     for method, own in last.groupby("method", sort=False):
         rate = wilson_interval(int(own["success_tre"].sum()), len(own))
-        accepted = f", {(own['verdict'] == 'accepted').sum()} accepted" if _judged(own) else ""
+        accepted = f", {(own['verdict'] == 'accepted').sum()} accepted by itself" if _judged(own) else ""
         parts.append(
             f"{method} {rate.successes} of {rate.trials} ({100 * rate.low:.0f} to {100 * rate.high:.0f} %{accepted})"
         )

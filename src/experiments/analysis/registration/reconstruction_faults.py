@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.reporting.labels import counted
 from registration.reconstruction.mask_outliers import POSITION, REASONS, SHAPE, SIZE
 
 if TYPE_CHECKING:
@@ -139,17 +140,18 @@ def _of_masks(masks: dict[str, Any]) -> list[str]:
         named = _listed([entry["frame"] for entry in masks["rejected"]])
         said.append(
             f"{len(masks['rejected'])} masks disagree with those before and after them and were left out: {reasons} "
-            f"(frames {named})."
+            f"(frames {named}, from 0)."
         )
     if masks["with_specks_removed"]:
+        several = counted(len(masks["with_specks_removed"]), "mask")
         said.append(
-            f"In {len(masks['with_specks_removed'])} masks a part far from the vessel of their neighbours was left out "
-            f"(frames {_listed(masks['with_specks_removed'])})."
+            f"In {several} a part far from the vessel of the neighbours was left out "
+            f"(frames {_listed(masks['with_specks_removed'])}, from 0)."
         )
     if masks["empty_between_others"]:
         said.append(
             f"{len(masks['empty_between_others'])} masks between others that show the vessel show none "
-            f"(frames {_listed(masks['empty_between_others'])})."
+            f"(frames {_listed(masks['empty_between_others'])}, from 0)."
         )
     if masks["undecided_share"] > 0:
         said.append(

@@ -32,6 +32,7 @@ def left(folder: Path, **registration: Any) -> Path:
         (folder / name / "metrics.json").write_text(json.dumps(metrics))
     record = {
         "verdict": "accepted",
+        "reason": "the next pose is worse by 4.0 standard errors",
         "predicted_tre_mm": {"low": 0.5, "high": 2.0},
         "deformable": None,
     } | registration
@@ -62,7 +63,10 @@ def test_two_small_tables_and_a_sentence_for_each_step(tmp_path: Path) -> None:
     assert registration["predicted TRE"].tolist() == ["0.50 to 2.00", "", "", "", "", ""]
     assert registration["success"].tolist() == ["", "", "10 of 10", "10 of 10", "7 of 10", "10 of 10"]
     assert len(sentences) == 3
-    assert sentences[1].endswith("1.20 mm and 0.80 mm after the deformable stage (accepted).")
+    assert sentences[1].endswith(
+        "1.20 mm and 0.80 mm after the deformable stage. "
+        "Verdict: accepted, the next pose is worse by 4.0 standard errors."
+    )
     assert sentences[2] == (
         "Turned by up to 180 degrees, within 2 mm of the truth: single_icp 7 of 10 (40 to 89 %), "
         "multistart 10 of 10 (72 to 100 %)."
@@ -100,5 +104,5 @@ def test_how_many_results_a_method_accepts_is_said(tmp_path: Path) -> None:
     cases.to_parquet(path)
     _, sentences = closing(tmp_path)
     assert sentences[2].endswith(
-        "single_icp 7 of 10 (40 to 89 %), multistart 10 of 10 (72 to 100 %, 5 accepted)."
+        "single_icp 7 of 10 (40 to 89 %), multistart 10 of 10 (72 to 100 %, 5 accepted by itself)."
     )
