@@ -34,8 +34,9 @@ from experiments.tracking.headline import (
     metrics_text,
 )
 
-# In place of a run's hash where its inputs changed under it: it is never taken for the result of any of them.
+# What a folder of results says of the job that they are of.
 JOB_FILE = "job.json"
+# In place of a run's hash where its inputs changed under it: it is never taken for the result of any of them.
 CHANGED = "inputs changed while it ran"
 
 
@@ -570,12 +571,13 @@ def _remove_earlier(folder: Path, names: Collection[str], job: Job) -> None:
 
     What this job has read stays, and the list is a file like others: nothing outside the folder is touched for it.
     """
-    read = yaml.safe_dump(dict(job.config))
+    read = [Path(each).expanduser().resolve() for each in jobs.read_paths(job.config)]
     removed = []
     for name in sorted(names):
         path = folder / name
-        inside = path.resolve().is_relative_to(folder.resolve())
-        if inside and path.is_file() and name not in read:
+        place = path.resolve()
+        inside = place.is_relative_to(folder.resolve())
+        if inside and path.is_file() and not any(place.is_relative_to(each) for each in read):
             path.unlink()
             removed.append(name)
     if removed:

@@ -96,13 +96,11 @@ def _one_apart(files: Collection[str], frames: tuple[str, ...] | None) -> str:
     """The first frame without a mask or mask without a frame, where both have names or numbers."""
     if frames is None:
         return ""
-    masks, numbers = {_number(name) for name in files}, {_number(same_name(name)) for name in frames}
-    for here, there, known, what in (
-        (frames, masks, files, "no mask for frame"),
-        (files, numbers, frames, "no frame for mask"),
-    ):
-        for name in sorted(here, key=natural_key):
-            if same_name(name) not in map(same_name, known) and _number(same_name(name)) not in there:
+    for own, others, what in ((frames, files, "no mask for frame"), (files, frames, "no frame for mask")):
+        names = {same_name(name) for name in others}
+        numbers = {_number(name) for name in names}
+        for name in sorted(own, key=natural_key):
+            if same_name(name) not in names and _number(same_name(name)) not in numbers:
                 return f" ({what} {name})"
     return ""
 
