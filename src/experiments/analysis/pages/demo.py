@@ -123,7 +123,9 @@ def _tried(trials: pd.DataFrame) -> str:
     parts = []
     for method, own in last.groupby("method", sort=False):
         rate = wilson_interval(int(own["success_tre"].sum()), len(own))
-        accepted = f", {(own['verdict'] == 'accepted').sum()} accepted by itself" if _judged(own) else ""
+        accepted = (
+            f", {(own['verdict'] == 'accepted').sum()} accepted by the method itself" if _judged(own) else ""
+        )
         parts.append(
             f"{method} {rate.successes} of {rate.trials} ({100 * rate.low:.0f} to {100 * rate.high:.0f} %{accepted})"
         )

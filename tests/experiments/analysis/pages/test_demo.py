@@ -104,5 +104,5 @@ def test_how_many_results_a_method_accepts_is_said(tmp_path: Path) -> None:
     cases.to_parquet(path)
     _, sentences = closing(tmp_path)
     assert sentences[2].endswith(
-        "single_icp 7 of 10 (40 to 89 %), multistart 10 of 10 (72 to 100 %, 5 accepted by itself)."
+        "single_icp 7 of 10 (40 to 89 %), multistart 10 of 10 (72 to 100 %, 5 accepted by the method itself)."
     )
