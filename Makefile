@@ -24,9 +24,10 @@ test: export PYTHONDONTWRITEBYTECODE =
 test: lint
 	$(PY) -m pytest -n $(WORKERS) --dist worksteal --durations=40 tests
 
-# Every page in a browser (Debian: apt-get install chromium); PAGES names a folder that gets the screenshots.
+# Every page in a browser, which this installs on Debian as root; PAGES names a folder that gets the screenshots.
 PAGES ?= outputs/pages
 test-pages: docs-needs
+	command -v chromedriver >/dev/null || apt-get install -y --no-install-recommends chromium chromium-driver
 	mkdir -p $(PAGES)
 	CTUS_SCREENSHOTS=$(abspath $(PAGES)) $(PY) -m pytest -m pages tests
 

@@ -13,7 +13,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 from experiments.command_line import words as cli_words
 from experiments.command_line.call_options import CallOptions, read_options
@@ -22,7 +22,7 @@ from experiments.command_line.foreign_folder import require_harmless_folder
 from experiments.command_line.text_settings import fast_loader, loader_with_text, quoted_override
 from experiments.errors import InputError
 from experiments.paths import conf_dir, project_root
-from experiments.plugins import config_folders, plugin_config_folders
+from experiments.plugins import plugin_config_folders
 from experiments.running.verbosity import read_verbosity, saying
 
 if TYPE_CHECKING:
@@ -37,8 +37,6 @@ HYDRA_VERSION_BASE = "1.3"
 STOPPED, BROKEN_PIPE = 130, 141
 # What a preset may set of Hydra's own: the values of a sweep. How its jobs are started is set by jobs=<number>.
 NOT_CHOSEN = ("hydra/launcher", "hydra/sweeper")
-# Compositions that a process keeps, some hundred kilobytes each.
-KEPT_COMPOSITIONS = 64
 # Threads of torch that wait by spinning steal the core that the others work on: with any other process running,
 # a training step takes several times as long. This must be set before torch is imported.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
@@ -249,7 +247,6 @@ class _Composer:
     """Hydra's composition, once for all points of a sweep that choose the same options and differ in values alone.
 
     To read the options' files and to merge them takes most of the time; values are set afterwards, by Hydra as well.
-    A process that composes many calls (a notebook, the tests) profits too, as long as no file has changed.
 
     Parameters
     ----------
@@ -257,17 +254,9 @@ class _Composer:
         The user's own folder of configurations.
     """
 
-    _composed: ClassVar[dict[tuple[Any, ...], DictConfig]] = {}
-
     def __init__(self, config_dir: str | None) -> None:
         self._folder = config_dir
-        folders = [*config_folders(), *([Path(config_dir)] if config_dir else [])]
-        files = sorted(path for folder in folders for path in folder.rglob("*.yaml"))
-        stats = [path.stat() for path in files]
-        self._files = tuple(
-            (str(path), stat.st_ino, stat.st_mtime_ns, stat.st_size)
-            for path, stat in zip(files, stats, strict=True)
-        )
+        self._composed: dict[tuple[str, ...], DictConfig] = {}
 
     def __call__(self, words: list[str]) -> DictConfig:
         """Compose the point of these overrides."""
@@ -284,14 +273,10 @@ class _Composer:
             return compose("config", [*words, *_search_path(self._folder)], return_hydra_config=True)
         values = [each for each in parsed if self._is_value(each, loader)]
         choices = tuple(str(each.input_line) for each in parsed if each not in values)
-        key = (self._files, self._folder, choices)
-        if key not in self._composed:
+        if choices not in self._composed:
             found = compose("config", [*choices, *_search_path(self._folder)], return_hydra_config=True)
-            if len(self._composed) >= KEPT_COMPOSITIONS:
-                del self._composed[next(iter(self._composed))]
-            self._composed[key] = found
-        config = copy.deepcopy(self._composed[key])
-        config.hydra.runtime.cwd = str(Path.cwd())
+            self._composed[choices] = found
+        config = copy.deepcopy(self._composed[choices])
         ConfigLoaderImpl._apply_overrides_to_config(values, config)
         if values:
             config.hydra.overrides.task = words

@@ -236,14 +236,6 @@ def test_what_one_call_sets_is_not_there_in_the_next() -> None:
     assert first == again != changed
 
 
-def test_no_more_compositions_are_kept_than_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cli._Composer, "_composed", {})
-    monkeypatch.setattr(cli, "KEPT_COMPOSITIONS", 2)
-    for study in ("export_runs", "import_runs", "compare", "export_runs"):
-        assert compose_sweep([f"study={study}", "runs=a" if study == "compare" else "seed=0"])
-    assert len(cli._Composer._composed) == 2
-
-
 def test_a_users_own_option_in_a_sweep_is_an_option(tmp_path: Path) -> None:
     (tmp_path / "tracking").mkdir()
     (tmp_path / "tracking" / "lab.yaml").write_text("# @package tracking\n# Ours.\nuri: http://lab:5000\n")

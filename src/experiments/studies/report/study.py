@@ -86,9 +86,7 @@ def run(
     families = chosen(source, _studies(), [str(each) for each in runs])
     sections = [section_of(family) for family in progress.track(families, "Reading runs")]
     values = published_table(sections)
-    written = _write(sections, values, source, workspace)
-    if folder is not None:
-        _remove_stale(folder, written)
+    _write(sections, values, source, workspace)
     return Outcome(
         metrics=_counts(sections, values),
         tables=_shown(values),
@@ -101,8 +99,8 @@ def _studies() -> list[str]:
     return list(dict.fromkeys([*published_values(), *named, *FURTHER]))
 
 
-def _write(sections: Sequence[Section], values: pd.DataFrame, source: Source, workspace: Path) -> list[str]:
-    """Write all files into the workspace and return their names."""
+def _write(sections: Sequence[Section], values: pd.DataFrame, source: Source, workspace: Path) -> None:
+    """Write all files into the workspace."""
     (workspace / TABLES).mkdir()
     (workspace / FIGURES).mkdir()
     origin, jobs = provenance(sections), job_runs(sections)
@@ -116,10 +114,8 @@ def _write(sections: Sequence[Section], values: pd.DataFrame, source: Source, wo
     files.write_text(workspace / TABLES / "report.tex", latex_document(captions))
     made = f"Made by ctus study=report from {counted(len(sections), 'run')} with {counted(len(jobs), 'job')}."
     files.write_text(workspace / PAGE, page(published, shown, places, every, made))
-    written = [name for name in files.names_in(workspace) if name != WRITTEN]
-    record = {"files": written, "runs": [section.run_id for section in sections]}
+    record = {"runs": [section.run_id for section in sections]}
     files.write_text(workspace / WRITTEN, json.dumps(record, indent=1))
-    return written
 
 
 def _section_files(
@@ -214,7 +210,7 @@ def _stem(section: Section, taken: set[str]) -> str:
 
 def _refuse_to_replace(out: Path, source: Source) -> None:
     """Refuse a folder whose report shows runs that the source lacks: they could not be shown again."""
-    lacking = [run_id for run_id in _listed(out, "runs") if not source.has(run_id)]
+    lacking = [run_id for run_id in _runs_of(out) if not source.has(run_id)]
     if lacking:
         raise InputError(
             f"out: expected a folder without a report of other runs, received {out}, whose report shows "
@@ -223,22 +219,13 @@ def _refuse_to_replace(out: Path, source: Source) -> None:
         )
 
 
-def _listed(out: Path, what: str) -> list[str]:
-    """What an earlier report in the folder lists; nothing where there is none that can be read."""
+def _runs_of(out: Path) -> list[str]:
+    """The runs that an earlier report in the folder shows; none where there is none that can be read."""
     try:
-        found = json.loads((out / WRITTEN).read_text(encoding="utf-8"))[what]
+        found = json.loads((out / WRITTEN).read_text(encoding="utf-8"))["runs"]
     except (OSError, ValueError, KeyError, TypeError):
         return []
     return [str(each) for each in found] if isinstance(found, list) else []
-
-
-def _remove_stale(out: Path, written: Sequence[str]) -> None:
-    """Remove what an earlier report left in the folder and this one does not write again."""
-    for name in set(_listed(out, "files")) - set(written):
-        path = (out / name).resolve()
-        # The list is a file like others: nothing outside the two folders is touched for it.
-        if path.parent in ((out / TABLES).resolve(), (out / FIGURES).resolve()):
-            path.unlink(missing_ok=True)
 
 
 def _counts(sections: Sequence[Section], values: pd.DataFrame) -> dict[str, float]:
