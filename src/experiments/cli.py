@@ -20,7 +20,7 @@ from experiments.command_line.call_options import CallOptions, read_options
 from experiments.command_line.completion import own_completion
 from experiments.command_line.foreign_folder import require_harmless_folder
 from experiments.command_line.text_settings import fast_loader, loader_with_text, quoted_override
-from experiments.errors import InputError
+from experiments.errors import InputError, user_errors
 from experiments.paths import conf_dir, project_root
 from experiments.plugins import plugin_config_folders
 from experiments.running.verbosity import read_verbosity, saying
@@ -155,7 +155,6 @@ def _part(config: DictConfig, kind: str) -> DictConfig:
 def _run(overrides: list[str], folder: str | None, *, multirun: bool) -> int:
     from experiments.command_line.call_checks import require_shared, require_writable
     from experiments.running import jobs, run_sweep
-    from experiments.running.run_job import user_errors
 
     points: SweepPoints = []
     try:

@@ -32,9 +32,9 @@ def reading(path: Path, kind: str) -> Iterator[None]:
         In place of every other exception but those that speak of this machine (a full disk) or of a stop.
     """
     try:
-        with input_files.refusing(path, kind, InputError, _refusals()):
+        with input_files.refusing(path, kind, InputError, user_errors()):
             yield
-    except _refusals()[1:] as refusal:
+    except user_errors()[1:] as refusal:
         raise InputError(str(refusal)) from refusal
 
 
@@ -61,7 +61,14 @@ def require_count(name: str, value: object, minimum: int = 1) -> None:
         raise InputError(str(refusal)) from refusal
 
 
-def _refusals() -> tuple[type[Exception], ...]:
+def user_errors() -> tuple[type[Exception], ...]:
+    """The exceptions that mean the user's input is at fault, of every package.
+
+    Returns
+    -------
+    tuple[type[Exception], ...]
+        The classes of exceptions, that of this package first.
+    """
     from models import errors as models_errors
 
     return InputError, registration_errors.InputError, models_errors.InputError

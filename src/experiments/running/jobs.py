@@ -15,7 +15,7 @@ from types import ModuleType
 from typing import Any
 
 from experiments import registry
-from experiments.errors import InputError
+from experiments.errors import InputError, user_errors
 from experiments.files import write_text
 from experiments.paths import project_root
 from experiments.plugins import options_of, study_packages
@@ -224,10 +224,11 @@ def check(config: Mapping[str, Any]) -> None:
     config : Mapping[str, Any]
         A resolved configuration.
     """
-    arguments(config)
-    module = study_module(config["study"])
-    if hasattr(module, "check"):
-        module.check(**_arguments(module.check, config))
+    with naming_settings(config):
+        arguments(config)
+        module = study_module(config["study"])
+        if hasattr(module, "check"):
+            module.check(**_arguments(module.check, config))
 
 
 def check_points(points: list[tuple[Mapping[str, Any], str]]) -> None:
@@ -330,12 +331,42 @@ def read_paths(config: Mapping[str, Any]) -> list[str]:
         Paths as the configuration has them.
     """
     module = study_module(config["study"])
-    takers = [getattr(module, name) for name in ("run", "check") if hasattr(module, name)]
-    named = list(named_paths(config, takers).values())
+    named = list(_named_paths(config).values())
     if not hasattr(module, "implicit_paths"):
         return named
     with _settings_there(config):
         return named + [str(path) for path in module.implicit_paths(config)]
+
+
+def _named_paths(config: Mapping[str, Any]) -> dict[str, str]:
+    module = study_module(config["study"])
+    return named_paths(config, [getattr(module, name) for name in ("run", "check") if hasattr(module, name)])
+
+
+@contextmanager
+def naming_settings(config: Mapping[str, Any]) -> Iterator[None]:
+    """Put the setting before a refusal that begins with the path which that setting names.
+
+    Readers know the file alone; who has two of one kind has to know which setting to mend.
+
+    Parameters
+    ----------
+    config : Mapping[str, Any]
+        The configuration of the job that is checked or run.
+
+    Raises
+    ------
+    InputError
+        In place of such a refusal.
+    """
+    try:
+        yield
+    except user_errors() as refusal:
+        for setting, path in _named_paths(config).items():
+            begins = {f"{path}:", f"{Path(path).expanduser()}:"} if path else set()
+            if str(refusal).startswith(tuple(begins)):
+                raise InputError(f"{setting}: {refusal}") from refusal
+        raise
 
 
 @contextmanager

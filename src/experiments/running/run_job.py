@@ -16,7 +16,7 @@ from typing import Any
 import yaml
 
 from experiments import files
-from experiments.errors import InputError
+from experiments.errors import user_errors
 from experiments.masking import masked, masked_values
 from experiments.outcome import InputData, JobResult, Outcome
 from experiments.reporting.figure_files import save_figure
@@ -126,20 +126,6 @@ def report_file(folder: Path, key: str) -> Path:
     return folder / f"{key}.json"
 
 
-def user_errors() -> tuple[type[Exception], ...]:
-    """The exceptions that mean the user's input is at fault, of every package.
-
-    Returns
-    -------
-    tuple[type[Exception], ...]
-        The classes of exceptions.
-    """
-    import models.errors
-    import registration.errors
-
-    return InputError, models.errors.InputError, registration.errors.InputError
-
-
 def is_tracked(study: str, store: Store) -> bool:
     """Whether the jobs of a study become runs: not if tracking is off, nor for studies that measure nothing.
 
@@ -194,12 +180,13 @@ def _run(
             return done, None
         arguments = jobs.arguments(job.config)
         if not tracked:
-            outcome = _compute(job, plan, store, progress, arguments, None)
+            with jobs.naming_settings(job.config):
+                outcome = _compute(job, plan, store, progress, arguments, None)
             return _report(job, plan, "finished", refused=outcome.refused), outcome
         run = start_job(job, plan, store)
         run_id = run.run_id
         try:
-            with ending(run, user_errors()), _costed(run, meter):
+            with ending(run, user_errors()), _costed(run, meter), jobs.naming_settings(job.config):
                 outcome = _compute(job, plan, store, progress, arguments, run)
         finally:
             place = plan.folder_of(job.hash) / "untracked"

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments import files
-from experiments.errors import InputError
+from experiments.errors import InputError, user_errors
 from experiments.masking import masked
 from experiments.outcome import JobResult, Outcome
 from experiments.running import dry_run, jobs, launcher_choice, run_job, run_names, terminal
@@ -71,7 +71,7 @@ def run(points: SweepPoints) -> int:
             if tracked and not isinstance(launcher, InProcess):
                 _mark_killed_failed(store, study, launched)
             code = _close(planned, plan, store, runs, launched)
-        except run_job.user_errors():
+        except user_errors():
             runs.withdraw()
             raise
         except BaseException:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +16,9 @@ from registration.io.surfaces import write_surface
 from registration.phantom.scan import simulate_sweep
 from registration.phantom.settings import PhantomSettings
 from registration.readers.folder import write_folder
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 # It makes data and measures nothing.
 TRACKED = False
@@ -35,6 +39,21 @@ def check(*, sweep_index: int) -> None:
     """
     if isinstance(sweep_index, bool) or not isinstance(sweep_index, int) or sweep_index < 0:
         raise InputError(f"sweep_index: expected a whole number from 0, received {sweep_index!r}")
+
+
+def _table(phantom: PhantomSettings, sweep_index: int, frames: int) -> pd.DataFrame:
+    """What was simulated, in one row."""
+    import pandas as pd
+
+    row = {
+        "phantom": phantom.subset,
+        "sweep": sweep_index,
+        "frames": frames,
+        "duration_s": float(phantom.motion.duration_s),
+        "length_mm": float(phantom.motion.length_mm),
+        "seed": phantom.seed,
+    }
+    return pd.DataFrame([row])
 
 
 def run(*, phantom: PhantomSettings, sweep_index: int, workspace: Path, progress: Progress) -> Outcome:
@@ -91,5 +110,6 @@ def run(*, phantom: PhantomSettings, sweep_index: int, workspace: Path, progress
     np.savez_compressed(workspace / "truth.npz", allow_pickle=False, **arrays)
     return Outcome(
         metrics={"frames": float(len(truth.masks))},
+        tables={"simulated sweep": _table(phantom, sweep_index, len(truth.masks))},
         findings=(f"Simulated sweep {sweep_index} of phantom {phantom.subset}: {len(truth.masks)} frames.",),
     )

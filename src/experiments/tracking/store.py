@@ -12,6 +12,7 @@ import json
 import os
 import re
 import shlex
+import shutil
 import sys
 import time
 import uuid
@@ -101,7 +102,7 @@ class Store:
         """The command or the address that opens the dashboard."""
         if self.address.startswith(("http://", "https://")):
             return masked(self.address)
-        return f"mlflow ui --backend-store-uri {shlex.quote(masked(self.address))}"
+        return f"{_mlflow_program()} ui --backend-store-uri {shlex.quote(masked(self.address))}"
 
     @property
     def exists(self) -> bool:
@@ -556,6 +557,16 @@ class Store:
     def _lock(self) -> FileLock:
         self.folder.mkdir(parents=True, exist_ok=True)
         return FileLock(self.folder / ".lock")
+
+
+def _mlflow_program() -> str:
+    """MLflow's command as a shell finds it: by its place where this Python's environment is not activated."""
+    beside = Path(sys.executable).with_name("mlflow")
+    known = shutil.which("mlflow")
+    if not beside.is_file() or (known is not None and Path(known).resolve() == beside.resolve()):
+        return "mlflow"
+    here = Path.cwd()
+    return shlex.quote(str(beside.relative_to(here) if beside.is_relative_to(here) else beside))
 
 
 def sqlite_address(database: Path) -> str:

@@ -127,8 +127,9 @@ class AcceptanceCriteria:
             return AMBIGUOUS, _another_vessel(probability_right_vessel, self.min_probability)
         if expected_mm > self.max_tre_mm:
             return AMBIGUOUS, (
-                f"the clouds leave the pose open{named}: the predicted TRE {_holds(deformation)} reaches "
-                f"{expected_mm:.1f} mm (95 %, over the fixed points), {self.max_tre_mm:g} mm are allowed"
+                f"the clouds leave the pose open{named}: the predicted TRE {_holds(deformation)} is up to "
+                f"{_above(expected_mm, self.max_tre_mm)} mm (95 %, over the fixed points), at most "
+                f"{self.max_tre_mm:g} mm is accepted"
             )
         if not settled:
             return FAILED, "the best pose had not settled when the iterations ran out"
@@ -164,6 +165,14 @@ def _holds(deformation: Deformation | None) -> str:
     if not deformation.detected:
         return f"with an expected tissue motion of {length_mm(deformation.expected_mm)}"
     return f"with a tissue motion of about {length_mm(deformation.size_mm)}"
+
+
+def _above(value: float, limit: float) -> str:
+    """A value above a limit, with as many decimals as show that it is."""
+    for decimals in range(1, 4):
+        if round(value, decimals) > limit:
+            return f"{value:.{decimals}f}"
+    return f"just over {limit:g}"
 
 
 def _predicted(expected_mm: float, deformation: Deformation | None) -> str:

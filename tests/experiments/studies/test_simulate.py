@@ -33,6 +33,8 @@ def test_the_files_hold_the_sweep_and_its_truth(tmp_path: Path) -> None:
     outcome = simulate.run(phantom=PHANTOM, sweep_index=2, workspace=tmp_path, progress=Silent())
 
     assert outcome.metrics["frames"] == 12
+    (row,) = outcome.tables["simulated sweep"].to_dict("records")
+    assert (row["phantom"], row["sweep"], row["frames"], row["length_mm"]) == ("vein", 2, 12, 60.0)
     sweep = FolderReader()(tmp_path / "sweep")
     masks = np.stack(
         [np.asarray(Image.open(path)) > 0 for path in sorted((tmp_path / "masks").glob("*.png"))]

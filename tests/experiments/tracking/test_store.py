@@ -16,6 +16,24 @@ from experiments.tracking import HASH_TAG, Store
 from experiments.tracking.store import sqlite_file
 
 
+def test_the_dashboards_command_is_one_that_the_users_shell_finds(
+    home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Who called ``.venv/bin/ctus`` has not activated that environment."""
+    programs = tmp_path / "a b" / "bin"
+    programs.mkdir(parents=True)
+    for name in ("python", "mlflow"):
+        (programs / name).write_text("#!/bin/sh\n")
+        (programs / name).chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(programs / "python"))
+    monkeypatch.setenv("PATH", "/nowhere")
+    assert shlex.split(Store().dashboard)[0] == str(programs / "mlflow")
+    monkeypatch.chdir(tmp_path)
+    assert Store().dashboard.startswith("'a b/bin/mlflow' ui ")
+    monkeypatch.setenv("PATH", str(programs))
+    assert Store().dashboard.startswith("mlflow ui ")
+
+
 def test_processes_that_open_a_new_store_at_once_do_not_break_it(tmp_path: Path, repository: Path) -> None:
     program = (
         "from experiments.tracking import Store\n"

@@ -100,7 +100,7 @@ def test_a_rival_that_is_better_is_not_called_worse() -> None:
         (
             {"expected_mm": 3.1, "weak": ("slide",)},
             "ambiguous",
-            r"pose open \(slide\).* TRE without deformation reaches 3\.1 mm \(95 %, over the fixed points\), 2 mm",
+            r"pose open \(slide\).* TRE without deformation is up to 3\.1 mm \(95 %, over the fixed points\)",
         ),
     ],
 )
@@ -108,6 +108,14 @@ def test_a_result_is_not_accepted_for_a_reason(change: dict[str, object], verdic
     found = AcceptanceCriteria()(**(CALM | change))
     assert found[0] == verdict
     assert re.search(said, found[1])
+
+
+@pytest.mark.parametrize(
+    "expected_mm, said", [(2.4, "2.4 mm"), (2.04, "2.04 mm"), (2.0004, "just over 2 mm")]
+)
+def test_a_value_above_its_limit_is_shown_above_it(expected_mm: float, said: str) -> None:
+    _, reason = AcceptanceCriteria()(**(CALM | {"expected_mm": expected_mm}))
+    assert reason.endswith(f"is up to {said} (95 %, over the fixed points), at most 2 mm is accepted")
 
 
 def test_probes_roll_and_slide_about_the_vessels_own_axis() -> None:

@@ -130,7 +130,10 @@ def _tried(trials: pd.DataFrame) -> str:
             f"{method} {rate.successes} of {rate.trials} ({100 * rate.low:.0f} to {100 * rate.high:.0f} %{accepted})"
         )
     degrees = str(last["condition"].iloc[0]).rpartition("=")[2]
-    return f"Turned by up to {degrees} degrees, within 2 mm of the truth: {', '.join(parts)}."
+    return (
+        f"Turned by up to {degrees} degrees, within 2 mm of the truth: {', '.join(parts)}; one that finds "
+        "the same pose from every start has the same row at all angles."
+    )
 
 
 def _judged(trials: pd.DataFrame) -> bool:

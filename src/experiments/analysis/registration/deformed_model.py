@@ -226,7 +226,10 @@ def deformed_sentences(found: Deformed, rigid_rmse_mm: float) -> list[str]:
         f"{100 * result.plausibility.strain_p95:.1f} %, smallest volume factor {result.plausibility.jacobian_min:.2f}."
     ]
     if not result.converged:
-        sentences.append(f"The pairs of points had not come to rest after {result.iterations} iterations.")
+        sentences.append(
+            f"The pairs of points had not come to rest after {result.iterations} iterations: the displacement may "
+            "still change with more of them (max_iterations, see --help)."
+        )
     low_mm, high_mm = found.predicted_tre_mm
     if math.isfinite(high_mm):
         sentences.append(

@@ -15,10 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from experiments import files
-from experiments.errors import InputError
+from experiments.errors import InputError, user_errors
 from experiments.running import jobs, run_sweep, worker
 from experiments.running.jobs import Job, Plan
-from experiments.running.run_job import user_errors
 from experiments.running.terminal import TerminalProgress
 from experiments.tracking import PARENT_TAG, Store
 from experiments.tracking.run_lookup import Family, find_families

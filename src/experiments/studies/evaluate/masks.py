@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 # Without a label, masks hold 0 and 1, or 0 and 255.
 VESSEL, BACKGROUND = (1, 255), (0,)
 ANY_LABEL = range(256)
+COUNTS = ("cases", "cases_missing")
 QUOTED = (
-    "cases",
-    "cases_missing",
+    *COUNTS,
     "dsc_mean",
     "dsc_median",
     "hd95_mm_mean",
@@ -158,7 +158,8 @@ def mask_table(metrics: Mapping[str, float]) -> pd.DataFrame:
     """
     import pandas as pd
 
-    return pd.DataFrame([{name: metrics[name] for name in QUOTED if name in metrics}])
+    quoted = {name: metrics[name] for name in QUOTED if name in metrics}
+    return pd.DataFrame([{name: int(value) if name in COUNTS else value for name, value in quoted.items()}])
 
 
 def _require_labels(pairs: MaskPairs) -> None:

@@ -147,6 +147,13 @@ def _files_of_deformed(found: Registered) -> list[str]:
     ]
 
 
+def _percent(probability: float) -> str:
+    """A probability in percent; none is called certain."""
+    if probability > 0.995:
+        return "over 99 %"
+    return "under 1 %" if probability < 0.005 else f"{100 * probability:.0f} %"
+
+
 def _findings(found: Registered) -> tuple[str, ...]:
     result, residuals = found.result, found.residuals
     sentences = [
@@ -168,7 +175,7 @@ def _findings(found: Registered) -> tuple[str, ...]:
     if holds and math.isfinite(result.probability_right_vessel):
         sentences.append(
             "The probability that both surfaces show one vessel at this pose is "
-            f"{100 * result.probability_right_vessel:.0f} %."
+            f"{_percent(result.probability_right_vessel)}."
         )
     if holds:
         sentences += _of_offset(result.wall_offset_mm)

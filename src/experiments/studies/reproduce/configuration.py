@@ -13,13 +13,12 @@ import yaml
 
 from experiments import registry
 from experiments.analysis.segmentation.fold_run import device_of
-from experiments.errors import InputError
+from experiments.errors import InputError, user_errors
 from experiments.paths import conf_dir
 from experiments.plugins import option_file
 from experiments.provenance import COMMIT_TAG
 from experiments.running import jobs
 from experiments.running.path_settings import named_paths
-from experiments.running.run_job import user_errors
 from experiments.tracking import LABEL_TAG
 from experiments.tracking.run_record import RunRecord, config_of
 

@@ -94,11 +94,23 @@ def _success_by_angle(turned: pd.DataFrame, label: str) -> Figure:
         axes = grid[rows.index(tuple(row))][0 if place == WHOLE else places.index(place)]
         axes.set_visible(True)
         _angles(axes, piece, names)
-        axes.set_title(piece_title(overlap, place, *condition), fontsize="medium")
+        axes.set_title(f"{piece_title(overlap, place, *condition)}{_counts(piece)}", fontsize="medium")
         axes.set_xlabel(label)
     figure.supylabel(f"{RATE_LABEL} (Wilson 95 %)", fontsize="medium" if len(rows) > 1 else "small")
     legend_above(figure, grid[0][0])
     return figure
+
+
+def _counts(piece: pd.DataFrame) -> str:
+    """How many trials a point stands for, as the end of a panel's title."""
+    found = {
+        int(count)
+        for _, group in piece.groupby("method", sort=False)
+        for count in (*by_bin(group)["trials"], int((group["rotation"] == FLIP).sum()))
+        if count
+    }
+    few, many = min(found), max(found)
+    return f" (n = {few} a point)" if few == many else f" (n = {few} to {many} a point)"
 
 
 def _angles(axes: Axes, piece: pd.DataFrame, names: list[str]) -> None:

@@ -12,6 +12,7 @@ from PIL import Image
 
 from experiments.errors import InputError
 from experiments.outcome import Silent
+from experiments.running.terminal import markdown
 from experiments.studies.evaluate.mask_pairs import MaskLabels, MaskPairs, pair_masks, require_spacing
 from experiments.studies.evaluate.masks import describe_masks, mask_metrics, mask_rows, mask_table
 from models.metrics import masks
@@ -70,6 +71,7 @@ def test_scores_are_those_worked_out_by_hand(folders: tuple[Path, Path]) -> None
     assert found["false_alarm_rate"] == 0.5
     assert (found["cases"], found["cases_missing"]) == (5, 1)
     assert list(mask_table(found)["dsc_mean"]) == [found["dsc_mean"]]
+    assert "| 5 | 1 |" in markdown({"masks": mask_table(found)})
     said = " ".join(describe_masks(cases, found, pairs))
     assert "3 masks with a vessel: mean DSC 0.533" in said
     assert "1 of 5 predictions are missing and count as misses (first: c)" in said

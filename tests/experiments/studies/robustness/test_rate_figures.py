@@ -123,7 +123,9 @@ def test_conditions_have_panels_of_their_own_under_one_method_name(tmp_path: Pat
         assert len(visible(drawn[name])) == panels, name
         drawn[name].savefig(tmp_path / f"{name}.png", dpi=40)
     above, below = visible(drawn["success_by_angle"])
-    assert [above.get_title(), below.get_title()] == ["Overlap 1, noise_mm=0", "Overlap 1, noise_mm=1"]
+    assert [above.get_title(), below.get_title()] == [
+        f"Overlap 1, noise_mm={level} (n = 4 a point)" for level in (0, 1)
+    ]
     assert lines(above)["ICP"][1].tolist() == [1.0, 0.0]
     assert lines(below)["ICP"][1].tolist() == [0.0, 0.0]
     legend = drawn["success_by_angle"].legends[0].get_texts()
