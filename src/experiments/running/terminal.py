@@ -220,7 +220,7 @@ def _table(title: str, frame: pd.DataFrame, longest: int | None) -> Table:
     table = Table(title=Text(title, "table.title"), title_justify="left", box=box.SIMPLE_HEAD)
     rows = [[_shortened(value, longest) for value in row] for row in frame.itertuples(index=False)]
     for index, column in enumerate(frame.columns):
-        numeric = frame[column].dtype.kind in "if"
+        numeric = frame.dtypes.iloc[index].kind in "if"
         width = max([len(row[index]) for row in rows] + [9])
         table.add_column(
             Text(_broken(str(column), width)),

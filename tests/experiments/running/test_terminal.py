@@ -60,6 +60,13 @@ def test_markdown_and_the_printed_table_hold_the_same_cells() -> None:
 ODD = "a [red]b[/red] [x] :x: $c$"
 
 
+def test_two_columns_of_one_name_stand_side_by_side() -> None:
+    shown = io.StringIO()
+    frame = pd.DataFrame([["a", 1.5]], columns=["same", "same"])
+    print_tables({"t": frame}, Console(file=shown, width=80))
+    assert shown.getvalue().count("same") == 2 and "1.500" in shown.getvalue()
+
+
 def test_names_stand_as_they_are() -> None:
     stream = io.StringIO()
     frame = pd.DataFrame({"model [of]": [ODD, "p|q"], "dsc": [1.0, 2.0]})

@@ -127,7 +127,6 @@ def run(
     }
     files.write_text(workspace / "centerline.json", json.dumps(report, indent=2, allow_nan=False) + "\n")
     _scene(path, wall, found, landmarks).write(workspace / "scene.html")
-    lengths = ", ".join(f"{line.length_mm:.1f}" for line in found.lines)
     used = [path] if ends is None else [path, Path(ends)]
     return Outcome(
         metrics=metrics(found) | {f"{stage}_s": value for stage, value in seconds.items()},
@@ -135,11 +134,18 @@ def run(
         tables={"centerline": table(found)},
         findings=(
             *(() if lumen is None else (lumen.described,)),
-            f"{len(found.lines)} lines of {lengths} mm from {path.name}.",
+            _counted(found, path),
             WHERE,
         ),
         inputs=tuple(InputData(file.name, files.digest(file), str(file)) for file in used),
     )
+
+
+def _counted(found: Centerline, path: Path) -> str:
+    lengths = ", ".join(f"{line.length_mm:.1f}" for line in found.lines)
+    if len(found.lines) == 1:
+        return f"1 line of {lengths} mm from {path.name}."
+    return f"{len(found.lines)} lines of {lengths} mm from {path.name}; those that branch from one trunk include it each."
 
 
 def _read(path: Path, space: str | None) -> tuple[Surface, str]:

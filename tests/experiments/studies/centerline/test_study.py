@@ -149,6 +149,7 @@ def test_a_printed_hollow_phantom_has_the_line_of_its_lumen(tmp_path: Path) -> N
         "The surface is a hollow body, its outer and inner wall joined to one surface of genus 1: the inner wall was "
         "taken, the lumen's."
     )
+    assert outcome.findings[1] == f"1 line of {line.length_mm:.1f} mm from phantom.stl."
 
 
 def test_a_vessel_that_closes_to_a_loop_is_refused(tmp_path: Path) -> None:
