@@ -145,7 +145,7 @@ def _counted(found: Centerline, path: Path) -> str:
     lengths = ", ".join(f"{line.length_mm:.1f}" for line in found.lines)
     if len(found.lines) == 1:
         return f"1 line of {lengths} mm from {path.name}."
-    return f"{len(found.lines)} lines of {lengths} mm from {path.name}; those that branch from one trunk include it each."
+    return f"{len(found.lines)} lines of {lengths} mm from {path.name}; those of one trunk include it each."
 
 
 def _read(path: Path, space: str | None) -> tuple[Surface, str]:
