@@ -1,7 +1,7 @@
 """Write results/accuracy.md and its figures from what study=accuracy measured.
 
-Usage: python scripts/accuracy.py FOLDER [SETTINGS], where FOLDER is what `ctus -m +preset=figure_accuracy out=FOLDER`
-left, and SETTINGS what `ctus -m +preset=accuracy_settings out=SETTINGS` left.
+Usage: python scripts/accuracy.py FOLDER [SETTINGS], where FOLDER is what `ctus -m +sweep=figure_accuracy out=FOLDER`
+left, and SETTINGS what `ctus -m +sweep=accuracy_settings out=SETTINGS` left.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Write results/consolidation_<data set>.md from the runs under results/runs: no training is repeated for it.
 
 Usage: python scripts/consolidation_results.py DATASET [ARCHIVE] [OUT], where DATASET is usgra, carotid or simulated.
-The runs come from ctus -m +preset=consolidation_<DATASET>, followed by ctus study=export_runs
+The runs come from ctus -m +sweep=consolidation_<DATASET>, followed by ctus study=export_runs
 "experiments=[consolidation]".
 """
 

@@ -406,7 +406,8 @@ def resolve(config: DictConfig, command: str = "ctus") -> Mapping[str, Any]:
         raise InputError(
             f"study: expected one of {', '.join(study_names())}, received none; pass study=<name>"
         )
-    call = {"command": command, **_called(config)}
+    # One name for one thing: what is shown of a call is what the documentation and the help page call it.
+    call = {"command": command.replace(" +preset=", " +sweep="), **_called(config)}
     config = _without_hydra(config)
     missing = sorted(OmegaConf.missing_keys(config))
     if missing:

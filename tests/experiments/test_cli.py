@@ -228,6 +228,14 @@ def test_what_was_composed_before_is_composed_again_once_a_file_has_changed(tmp_
         compose_sweep(words, config_dir=str(tmp_path))
 
 
+@pytest.mark.parametrize("group", ["sweep", "preset"])
+def test_a_preset_has_one_name_in_the_command_that_is_kept(group: str) -> None:
+    points = compose_sweep([f"+{group}=robustness_small", "target=a.ply"], multirun=True)
+    assert {config["call"]["command"] for config, _ in points} == {
+        "ctus -m +sweep=robustness_small target=a.ply"
+    }
+
+
 def test_what_one_call_sets_is_not_there_in_the_next() -> None:
     words = ["study=register", "moving=a", "fixed=b"]
     ((first, _),) = compose_sweep(words)

@@ -10,7 +10,7 @@ from experiments.running.terminal import markdown
 
 HEAD = """# Accuracy of the rigid and the deformable stage
 
-Made by `ctus -m +preset=figure_accuracy out=FOLDER`{also} and
+Made by `ctus -m +sweep=figure_accuracy out=FOLDER`{also} and
 `python scripts/accuracy.py FOLDER{more}`: {sweeps} sweeps
 of each phantom by the built-in simulator, {masks} masks, tissue bent and pressed as the simulator has it by default.
 The fixed model is segmented again from a simulated CT.
@@ -62,7 +62,7 @@ def write_page(folder: Path, settings: Path | None, out: Path, shown: Shown, sho
     page = HEAD.format(
         sweeps=int(cases.groupby(["phantom", "share", "method"]).size().max()),
         masks=" and ".join(sorted(set(cases["masks"]))),
-        also="" if settings is None else ",\n`ctus -m +preset=accuracy_settings out=SETTINGS`",
+        also="" if settings is None else ",\n`ctus -m +sweep=accuracy_settings out=SETTINGS`",
         more="" if settings is None else " SETTINGS",
     )
     page += f"{markdown(dict(outcome.tables))}\n{listed(outcome.findings)}\n"

@@ -15,7 +15,7 @@ from experiments.tracking.run_record import RunRecord
 
 HEAD = """# One model from the folds: {dataset}
 
-Made by `ctus -m +preset=consolidation_{name}`, with the trainings named below, and
+Made by `ctus -m +sweep=consolidation_{name}`, with the trainings named below, and
 `python scripts/consolidation_results.py {name}` from the runs in `results/runs`. Commit {commits}; {runs} runs
 (seeds {seeds}); {machines}. Trainings: {trainings}.
 

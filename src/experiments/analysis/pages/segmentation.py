@@ -75,7 +75,7 @@ SECTIONS = {
             "Start, late weights and empty frames: the same budget of epochs on a GPU",
             "segmentation",
             (
-                f"ctus -m +preset=empty_frames dataset=usgra dataset.root=<folder> {GPU}",
+                f"ctus -m +sweep=empty_frames dataset=usgra dataset.root=<folder> {GPU}",
                 "ctus study=pretrain dataset=carotid dataset.root=<folder> trainer=cpu trainer.max_epochs=8 "
                 "out=<carotid start>",
                 f"ctus -m study=segmentation {PRETRAINED}",

@@ -28,7 +28,7 @@ from experiments.tracking.run_record import config_of
 OF_THE_CALL = ("call", "out", "resume", "jobs", "launcher", "dry_run", "tracking", "fold")
 # Settings that a phantom or a method is named by; they are compared within one section.
 WITHIN = ("phantoms", "phantom", "subset")
-_PRESET = re.compile(r"\+preset=([\w./-]+)")
+_PRESET = re.compile(r"\+(?:sweep|preset)=([\w./-]+)")
 
 
 @dataclass(frozen=True)

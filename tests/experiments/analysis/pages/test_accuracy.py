@@ -38,7 +38,7 @@ def test_page_and_figures(tmp_path: Path) -> None:
     assert accuracy.write_page(tmp_path, tmp_path, out, shown, varied) == 4
     page = (out / "accuracy.md").read_text(encoding="utf-8")
     assert (
-        "`ctus -m +preset=accuracy_settings out=SETTINGS` and\n`python scripts/accuracy.py FOLDER SETTINGS`"
+        "`ctus -m +sweep=accuracy_settings out=SETTINGS` and\n`python scripts/accuracy.py FOLDER SETTINGS`"
         in page
     )
     assert page.endswith("- They differ.\n")
