@@ -33,7 +33,7 @@ def test_the_newest_complete_run_of_each_data_set_and_preset_is_chosen(tmp_path:
             ("new", "carotid", "ctus", "FINISHED", 2),
             ("failed", "carotid", "ctus", "FAILED", 3),
             ("preset", "carotid", "ctus +preset=a", "FINISHED", 1),
-            ("older_preset", "carotid", "ctus +sweep=a", "FINISHED", 0),
+            ("first_preset", "carotid", "ctus +sweep=a", "FINISHED", 0),
             ("other", "usgra", "ctus", "FINISHED", 1),
         )
     ]
