@@ -56,7 +56,7 @@ docs-pictures: test-pages
 lint: setup
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
-	$(PY) -m mypy
+	$(PY) -m mypy --num-workers $(WORKERS)
 
 # Every claim of speed beside its peers, in the same minutes: results/benchmarks.md, in a good quarter of an hour.
 # ONLY=rigid,hd95 measures some of them, into outputs. Peers that the project itself does not need lie apart; without them the page says so.
