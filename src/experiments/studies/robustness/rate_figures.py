@@ -109,6 +109,8 @@ def _counts(piece: pd.DataFrame) -> str:
         for count in (*by_bin(group)["trials"], int((group["rotation"] == FLIP).sum()))
         if count
     }
+    if not found:
+        return ""
     few, many = min(found), max(found)
     return f" (n = {few} a point)" if few == many else f" (n = {few} to {many} a point)"
 
