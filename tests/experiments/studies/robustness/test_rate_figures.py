@@ -52,7 +52,14 @@ def test_success_by_angle_has_the_rate_of_each_bin_and_of_flips_apart() -> None:
     np.testing.assert_allclose(found[0][0], [7.5, 22.5], atol=6)
     assert found[1][0][0] > 180
     assert axes.get_xticklabels()[-1].get_text() == "flip"
+    assert axes.get_title() == "Overlap 1 (n = 2 to 4 a point)"
     assert [text.get_text() for text in drawn["success_by_angle"].legends[0].get_texts()] == ["good", "bad"]
+
+
+def test_trials_without_an_angle_have_a_panel_that_names_no_number() -> None:
+    drawn = figures(pd.DataFrame([row("good", angle_from_deg=math.nan, angle_to_deg=math.nan)]))
+    (axes,) = visible(drawn["success_by_angle"])
+    assert axes.get_title() == "Overlap 1"
 
 
 def test_rolls_have_a_figure_of_their_own() -> None:
