@@ -204,7 +204,7 @@ def compose_sweep(
     """
     composed = _composed(overrides, config_dir, multirun=multirun)
     with _as_input_error(overrides):
-        called = shlex.join(["ctus", *(["-m"] if multirun else []), *overrides])
+        called = shlex.join(["ctus", *(["-m"] if multirun else []), *cli_words.write_presets(overrides)])
         return [(resolve(config, called), label) for config, label in composed]
 
 
@@ -406,8 +406,7 @@ def resolve(config: DictConfig, command: str = "ctus") -> Mapping[str, Any]:
         raise InputError(
             f"study: expected one of {', '.join(study_names())}, received none; pass study=<name>"
         )
-    # One name for one thing: what is shown of a call is what the documentation and the help page call it.
-    call = {"command": command.replace(" +preset=", " +sweep="), **_called(config)}
+    call = {"command": command, **_called(config)}
     config = _without_hydra(config)
     missing = sorted(OmegaConf.missing_keys(config))
     if missing:

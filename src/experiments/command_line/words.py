@@ -36,6 +36,24 @@ def read_presets(words: Sequence[str]) -> list[str]:
     ]
 
 
+def write_presets(words: Sequence[str]) -> list[str]:
+    """Write the group of presets as the documentation calls it: what ``read_presets`` reads.
+
+    Parameters
+    ----------
+    words : sequence of str
+        Words of the command line.
+
+    Returns
+    -------
+    list of str
+        The words with ``+sweep=<name>`` in place of ``+preset=<name>``.
+    """
+    return [
+        f"+sweep={word.removeprefix('+preset=')}" if word.startswith("+preset=") else word for word in words
+    ]
+
+
 def refuse_no_setting(word: str) -> None:
     """Refuse a word without ``=`` or without a name before it, for which Hydra's own message would be no help.
 

@@ -180,13 +180,12 @@ def _run(
             return done, None
         arguments = jobs.arguments(job.config)
         if not tracked:
-            with jobs.naming_settings(job.config):
-                outcome = _compute(job, plan, store, progress, arguments, None)
+            outcome = _compute(job, plan, store, progress, arguments, None)
             return _report(job, plan, "finished", refused=outcome.refused), outcome
         run = start_job(job, plan, store)
         run_id = run.run_id
         try:
-            with ending(run, user_errors()), _costed(run, meter), jobs.naming_settings(job.config):
+            with ending(run, user_errors()), _costed(run, meter):
                 outcome = _compute(job, plan, store, progress, arguments, run)
         finally:
             place = plan.folder_of(job.hash) / "untracked"
@@ -506,7 +505,8 @@ def _compute(
     earlier = _earlier_files(folder)
     with files.staged(folder) as workspace:
         arguments = {**arguments, **_injected(module.run, workspace, progress, store)}
-        outcome: Outcome = module.run(**arguments)
+        with jobs.naming_settings(job.config):
+            outcome: Outcome = module.run(**arguments)
         write_outcome(outcome, workspace)
         inputs = [asdict(data) for data in outcome.inputs]
         written = sorted([*files.names_in(workspace), JOB_FILE])

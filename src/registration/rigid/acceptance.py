@@ -13,7 +13,7 @@ from registration import transforms
 from registration.checks import require_positive
 from registration.geometry.shapes import PrincipalFrame
 from registration.rigid.residual_model.deformation import Deformation
-from registration.rigid.result import ACCEPTED, AMBIGUOUS, FAILED, MIN_SHOWN_MM, length_mm
+from registration.rigid.result import ACCEPTED, AMBIGUOUS, FAILED, MIN_SHOWN_MM, length_mm, percent
 
 DIRECTIONS = ("slide", "shift", "roll", "tilt", "flip")
 # A turn about an axis across the vessel by more than this lays it the other way round.
@@ -151,10 +151,9 @@ def _rival(gap: float, needed: float, named: str) -> str:
 
 
 def _another_vessel(probability: float, needed: float) -> str:
-    percent = f"{100 * probability:.0f}" if probability >= 0.01 else "less than 1"
     return (
         "the shapes differ by more than tissue that deforms, or fit as well mirrored: the probability that both show "
-        f"one vessel is {percent} %, {100 * needed:.0f} % are needed"
+        f"one vessel is {percent(probability)}, {100 * needed:.0f} % are needed"
     )
 
 

@@ -277,6 +277,29 @@ def length_mm(value_mm: float) -> str:
     return f"{value_mm:.1f} mm" if value_mm >= 1 else f"{value_mm:.2g} mm"
 
 
+def percent(probability: float) -> str:
+    """Write a probability for a sentence, in percent; none is called certain.
+
+    Parameters
+    ----------
+    probability : float
+        Probability, 0 to 1.
+
+    Returns
+    -------
+    str
+        Whole percent with the sign; "less than 1 %" and "over 99 %" at the ends.
+
+    Examples
+    --------
+    >>> percent(0.874), percent(1.0), percent(0.004)
+    ('87 %', 'over 99 %', 'less than 1 %')
+    """
+    if probability < 0.01:
+        return "less than 1 %"
+    return "over 99 %" if probability > 0.99 else f"{100 * probability:.0f} %"
+
+
 def predicted_sentence(low_mm: float, high_mm: float, deformation: Deformation | None = None) -> str:
     """Write what a method predicts of its error, and whether the motion of tissue is in it.
 

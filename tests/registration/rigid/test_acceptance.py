@@ -18,6 +18,7 @@ from registration.rigid.acceptance import (
     probes,
     weak_motion,
 )
+from registration.rigid.result import percent
 
 OBLIQUE = Rotation.from_rotvec([0.7, -0.4, 1.1])
 CENTRE = np.array([20.0, -300, 41])
@@ -100,7 +101,8 @@ def test_a_rival_that_is_better_is_not_called_worse() -> None:
         (
             {"expected_mm": 3.1, "weak": ("slide",)},
             "ambiguous",
-            r"pose open \(slide\).* TRE without deformation is up to 3\.1 mm \(95 %, over the fixed points\)",
+            r"pose open \(slide\).* TRE without deformation is up to 3\.1 mm \(95 %, over the fixed points\), "
+            "at most 2 mm",
         ),
     ],
 )
@@ -116,6 +118,14 @@ def test_a_result_is_not_accepted_for_a_reason(change: dict[str, object], verdic
 def test_a_value_above_its_limit_is_shown_above_it(expected_mm: float, said: str) -> None:
     _, reason = AcceptanceCriteria()(**(CALM | {"expected_mm": expected_mm}))
     assert reason.endswith(f"is up to {said} (95 %, over the fixed points), at most 2 mm is accepted")
+
+
+@pytest.mark.parametrize(
+    "probability, said",
+    [(0.0, "less than 1 %"), (0.0099, "less than 1 %"), (0.01, "1 %"), (0.874, "87 %"), (1.0, "over 99 %")],
+)
+def test_no_probability_is_called_certain(probability: float, said: str) -> None:
+    assert percent(probability) == said
 
 
 def test_probes_roll_and_slide_about_the_vessels_own_axis() -> None:

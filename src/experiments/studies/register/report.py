@@ -27,6 +27,7 @@ from registration.rigid.result import (
     FAILED,
     RigidResult,
     length_mm,
+    percent,
     predicted_sentence,
     verdict_sentence,
 )
@@ -147,13 +148,6 @@ def _files_of_deformed(found: Registered) -> list[str]:
     ]
 
 
-def _percent(probability: float) -> str:
-    """A probability in percent; none is called certain."""
-    if probability > 0.995:
-        return "over 99 %"
-    return "under 1 %" if probability < 0.005 else f"{100 * probability:.0f} %"
-
-
 def _findings(found: Registered) -> tuple[str, ...]:
     result, residuals = found.result, found.residuals
     sentences = [
@@ -175,7 +169,7 @@ def _findings(found: Registered) -> tuple[str, ...]:
     if holds and math.isfinite(result.probability_right_vessel):
         sentences.append(
             "The probability that both surfaces show one vessel at this pose is "
-            f"{_percent(result.probability_right_vessel)}."
+            f"{percent(result.probability_right_vessel)}."
         )
     if holds:
         sentences += _of_offset(result.wall_offset_mm)

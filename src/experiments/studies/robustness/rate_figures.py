@@ -93,29 +93,25 @@ def _success_by_angle(turned: pd.DataFrame, label: str) -> Figure:
         *condition, overlap = row
         axes = grid[rows.index(tuple(row))][0 if place == WHOLE else places.index(place)]
         axes.set_visible(True)
-        _angles(axes, piece, names)
-        axes.set_title(f"{piece_title(overlap, place, *condition)}{_counts(piece)}", fontsize="medium")
+        counts = _angles(axes, piece, names)
+        axes.set_title(f"{piece_title(overlap, place, *condition)}{_each(counts)}", fontsize="medium")
         axes.set_xlabel(label)
     figure.supylabel(f"{RATE_LABEL} (Wilson 95 %)", fontsize="medium" if len(rows) > 1 else "small")
     legend_above(figure, grid[0][0])
     return figure
 
 
-def _counts(piece: pd.DataFrame) -> str:
+def _each(counts: Sequence[int]) -> str:
     """How many trials a point stands for, as the end of a panel's title."""
-    found = {
-        int(count)
-        for _, group in piece.groupby("method", sort=False)
-        for count in (*by_bin(group)["trials"], int((group["rotation"] == FLIP).sum()))
-        if count
-    }
-    if not found:
+    if not counts:
         return ""
-    few, many = min(found), max(found)
+    few, many = min(counts), max(counts)
     return f" (n = {few} a point)" if few == many else f" (n = {few} to {many} a point)"
 
 
-def _angles(axes: Axes, piece: pd.DataFrame, names: list[str]) -> None:
+def _angles(axes: Axes, piece: pd.DataFrame, names: list[str]) -> list[int]:
+    """Draw the rates of each method, and return the number of trials of every point."""
+    counts: list[int] = []
     ticks: list[float] = list(range(0, 181, 30))
     flipped = (piece["rotation"] == FLIP).any()
     for number, (name, look) in enumerate(method_styles(names).items()):
@@ -123,6 +119,7 @@ def _angles(axes: Axes, piece: pd.DataFrame, names: list[str]) -> None:
         # Side by side within a bin, so that intervals do not hide each other.
         aside = (number - (len(names) - 1) / 2) / max(len(names), 2)
         bins = by_bin(group)
+        counts += bins["trials"].tolist()
         if len(bins):
             width_deg = (bins["angle_to_deg"] - bins["angle_from_deg"]).to_numpy()
             middles_deg = (bins["angle_from_deg"] + bins["angle_to_deg"]).to_numpy() / 2
@@ -136,6 +133,7 @@ def _angles(axes: Axes, piece: pd.DataFrame, names: list[str]) -> None:
             )
         flips = group.loc[group["rotation"] == FLIP, "success_tre"]
         if len(flips):
+            counts.append(len(flips))
             known: dict[str, Any] = {} if len(bins) else {"label": method_label(name)}
             draw_rates(
                 axes,
@@ -152,6 +150,7 @@ def _angles(axes: Axes, piece: pd.DataFrame, names: list[str]) -> None:
     axes.set_xticklabels([f"{tick:g}" for tick in ticks] + ["flip"] * bool(flipped))
     axes.set_xlim(-4, FLIP_AT_DEG + 12 if flipped else 184)
     rate_axis(axes)
+    return counts
 
 
 def _success_curve(turned: pd.DataFrame) -> Figure:

@@ -88,6 +88,7 @@ def test_the_same_runs_imported_elsewhere_give_the_same_tables(
     outside = tmp_path / "outside.csv"
     outside.write_text("kept")
     listed = json.loads((out / "job.json").read_text())
+    assert "index.html" in listed["files"] and all((out / name).is_file() for name in listed["files"])
     listed["files"] += ["../outside.csv", "tables/../../outside.csv"]
     (out / "job.json").write_text(json.dumps(listed))
     shutil.rmtree(home / "mlruns")
