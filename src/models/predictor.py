@@ -183,7 +183,7 @@ class Predictor:
             If the frames have another shape or type, or a spacing is needed and unknown.
         """
         found = self.stream(frames_of(frames, spacing_mm))
-        return _in_form_of(frames, [each.mask for each in found], np.bool_)
+        return _in_form_of(frames, (each.mask for each in found), np.bool_)
 
     def probability(self, frames: Frames) -> Any:
         """Compute the calibrated probability of vessel in each pixel of each frame.
@@ -204,7 +204,7 @@ class Predictor:
             If the frames have another shape or type.
         """
         found = self._probabilities(iter(frames_of(frames, None)))
-        return _in_form_of(frames, [probability for probability, *_ in found], np.float32)
+        return _in_form_of(frames, (probability for probability, *_ in found), np.float32)
 
     def soft_masks(self, frames: Frames, spacing_mm: tuple[float, float] | None = None) -> Any:
         """Compute maps whose level of one half is the outline of the masks, for outlines of sub-pixel accuracy.
@@ -227,7 +227,7 @@ class Predictor:
             As in a call.
         """
         found = self.stream(frames_of(frames, spacing_mm))
-        return _in_form_of(frames, [each.soft_mask for each in found], np.float32)
+        return _in_form_of(frames, (each.soft_mask for each in found), np.float32)
 
     def timed(self, frames: Frames) -> Prediction:
         """Segment a stack of frames and time each stage; on a GPU each stage waits for the one before.
@@ -248,8 +248,8 @@ class Predictor:
             If the frames have another shape or type.
         """
         found = list(self.stream(frames_of(frames, None)))
-        masks = _in_form_of(frames, [each.mask for each in found], np.bool_)
-        maps = _in_form_of(frames, [each.probability for each in found], np.float32)
+        masks = _in_form_of(frames, (each.mask for each in found), np.bool_)
+        maps = _in_form_of(frames, (each.probability for each in found), np.float32)
         times = sum((each.times for each in found), StageTimes())
         shown = frames if isinstance(frames, np.ndarray) and frames.ndim > 2 else None
         return Prediction(np.asarray(masks), np.asarray(maps), times, shown)
@@ -345,10 +345,14 @@ class Predictor:
         return time.perf_counter()
 
 
-def _in_form_of(frames: Frames, maps: list[np.ndarray], dtype: type) -> Any:
+def _in_form_of(frames: Frames, maps: Iterable[np.ndarray], dtype: type) -> Any:
     """Maps as their frames were handed over: one, in one array, or as a list."""
     if not isinstance(frames, np.ndarray):
-        return maps
+        return list(maps)
     if is_one_frame(frames):
-        return maps[0]
-    return np.stack(maps) if maps else np.empty(frames.shape[:3], dtype=dtype)
+        return next(iter(maps))
+    # Filled as they come: a list of them and their stack would be twice the memory.
+    stack = np.empty(frames.shape[:3], dtype=dtype)
+    for place, found in enumerate(maps):
+        stack[place] = found
+    return stack

@@ -152,7 +152,7 @@ def gather(
     note(f"contours of {len(masks)} masks")
     with timed(seconds, "contours"):
         checked = mask_outliers(masks, world_A_pixel, contours.level)
-        drawn = contours(checked.masks, world_A_pixel)
+        drawn = contours(checked.frames, world_A_pixel)
     if not len(drawn):
         raise InputError(f"masks: expected a vessel in some of them, received {len(masks)} without any")
     cloud, removed = drawn, {}

@@ -192,6 +192,22 @@ class PosedFrames:
         """How many recorded frames have no place."""
         return count_frames(self.dropped)
 
+    def select(self, values: np.ndarray) -> np.ndarray:
+        """Take what belongs to these frames.
+
+        Parameters
+        ----------
+        values : ndarray, shape (n, ...)
+            Something of each recorded frame, for instance its mask.
+
+        Returns
+        -------
+        ndarray, shape (k, ...)
+            What belongs to the frames that have a pose; where all have one, the array itself and no copy.
+        """
+        # Indices without repetition: as many as there are frames are all of them, in their order.
+        return values if len(self.kept) == len(values) else values[self.kept]
+
 
 def count_frames(dropped: Mapping[str, int]) -> int:
     """Count the frames among what was left out.

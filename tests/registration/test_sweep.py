@@ -9,7 +9,7 @@ import pytest
 from sweeps import CALIBRATION, known_sweep
 
 from registration.errors import InputError
-from registration.sweep import ProbeCalibration
+from registration.sweep import PosedFrames, ProbeCalibration
 
 
 def test_pixel_to_end_effector_is_the_product() -> None:
@@ -48,6 +48,14 @@ def test_a_calibration_that_cannot_be_is_refused() -> None:
         ProbeCalibration(CALIBRATION.probe_A_pixel, CALIBRATION.probe_A_pixel)
     with pytest.raises(InputError, match="probe_A_pixel: expected an invertible matrix"):
         ProbeCalibration(np.eye(4), np.diag([0.1, 0.1, 0.0, 1.0]))
+
+
+def test_what_belongs_to_all_frames_is_not_copied() -> None:
+    values = np.arange(12.0).reshape(4, 3)
+    poses = np.tile(np.eye(4), (4, 1, 1))
+    assert PosedFrames(np.arange(4), poses, {}).select(values) is values
+    some = PosedFrames(np.array([0, 2]), poses[:2], {}).select(values)
+    np.testing.assert_array_equal(some, [[0, 1, 2], [6, 7, 8]])
 
 
 def test_a_sweep_is_shown_on_one_screen() -> None:

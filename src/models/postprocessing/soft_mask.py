@@ -38,8 +38,17 @@ def soft_mask(
     if low == 0:
         return np.zeros(probability.shape, dtype=np.float32)
     above = probability >= low
+    if low == 0.5:  # both sides keep their values, exactly
+        return _corrected(probability, above, mask)
     upper = 0.5 + 0.5 * (probability - low) / (1 - low) if low < 1 else np.ones_like(probability)
     values = np.where(above, np.maximum(upper, 0.5), np.minimum(0.5 * probability / low, _BELOW_HALF))
-    values[above & ~mask] = 0
-    values[mask & ~above] = 1
-    return np.asarray(values, dtype=np.float32)
+    return _corrected(np.asarray(values, dtype=np.float32), above, mask)
+
+
+def _corrected(
+    values: Float32[np.ndarray, "h w"], above: Bool[np.ndarray, "h w"], mask: Bool[np.ndarray, "h w"]
+) -> Float32[np.ndarray, "h w"]:
+    """Values with 0 and 1 where thresholds and morphology removed or filled; themselves where they did neither."""
+    if np.array_equal(above, mask):
+        return values
+    return np.where(above == mask, values, mask.astype(np.float32))

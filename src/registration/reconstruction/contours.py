@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,6 +17,9 @@ from registration.reconstruction.mask_series import box_of
 
 # Distance in px from a contour, on both sides, at which the probability is read for its confidence.
 CONFIDENCE_REACH_PX = 2.0
+
+Mask = Bool[np.ndarray, "height width"] | Float[np.ndarray, "height width"]
+Masks = Bool[np.ndarray, "k height width"] | Float[np.ndarray, "k height width"] | Sequence[Mask]
 
 
 @dataclass(frozen=True)
@@ -87,14 +91,14 @@ class ContourExtractor:
 
     def __call__(
         self,
-        masks: Bool[np.ndarray, "k height width"] | Float[np.ndarray, "k height width"],
+        masks: Masks,
         world_A_pixel: Float64[np.ndarray, "m 4 4"],
     ) -> ContourCloud:
         """Extract the contours of all masks and map them to the world.
 
         Parameters
         ----------
-        masks : ndarray of bool or float, shape (k, height, width)
+        masks : ndarray of bool or float, shape (k, height, width), or sequence of k arrays (height, width)
             Masks or probability maps; each may show any number of vessels, or none.
         world_A_pixel : ndarray, shape (k, 4, 4)
             Affine matrix of each mask from ``(column, row, 0, 1)`` in px to world mm.
@@ -123,7 +127,7 @@ class ContourExtractor:
         tangents_px = np.concatenate([np.empty((0, 2)), *(_tangents(line) for _, line in lines)])
         index = np.repeat(np.array([which for which, _ in lines], dtype=np.int64), sizes)
         is_open = np.repeat(np.array([not _closed(line) for _, line in lines], dtype=bool), sizes)
-        inner = ~_on_border(points_px, masks.shape[1], masks.shape[2])
+        inner = ~_on_border(points_px, index, np.array([mask.shape[::-1] for mask in masks]).reshape(-1, 2))
         points_px, tangents_px, index = points_px[inner], tangents_px[inner], index[inner]
         return ContourCloud(
             points_mm=transforms.apply_each(world_A_pixel[index], np.pad(points_px, ((0, 0), (0, 1)))),
@@ -184,10 +188,10 @@ def _closed(line: Float64[np.ndarray, "p 2"]) -> bool:
 
 
 def _on_border(
-    points_px: Float64[np.ndarray, "p 2"], height_px: int, width_px: int
+    points_px: Float64[np.ndarray, "p 2"], index: Int64[np.ndarray, " p"], sizes_px: Int64[np.ndarray, "k 2"]
 ) -> Bool[np.ndarray, " p"]:
-    last = np.array([width_px - 1, height_px - 1])
-    return np.asarray(((points_px <= 0) | (points_px >= last)).any(axis=1))
+    """Which points lie on the border of their image; sizes are (width, height)."""
+    return np.asarray(((points_px <= 0) | (points_px >= sizes_px[index] - 1)).any(axis=1))
 
 
 def _normals(
@@ -206,7 +210,7 @@ def _normals(
 
 
 def _confidence(
-    masks: np.ndarray,
+    masks: Masks,
     points_px: Float64[np.ndarray, "p 2"],
     tangents_px: Float64[np.ndarray, "p 2"],
     index: Int64[np.ndarray, " p"],
@@ -215,7 +219,7 @@ def _confidence(
 
     The vessel lies on the right of the direction of travel, seen with rows downwards.
     """
-    if masks.dtype == np.bool_:
+    if not len(masks) or masks[0].dtype == np.bool_:
         return np.ones(len(points_px))
     length = np.maximum(np.linalg.norm(tangents_px, axis=1, keepdims=True), np.finfo(np.float64).tiny)
     inwards_px = CONFIDENCE_REACH_PX * np.stack([-tangents_px[:, 1], tangents_px[:, 0]], axis=1) / length

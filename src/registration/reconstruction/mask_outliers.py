@@ -30,8 +30,9 @@ class MaskCheck:
 
     Parameters
     ----------
-    masks : ndarray of bool or float, shape (k, height, width)
-        Masks or probability maps; rejected ones are empty.
+    frames : tuple of ndarray of bool or float, shape (height, width)
+        The k masks or probability maps, parts of the array that was given; those from which something was
+        removed are copies, and rejected ones are empty.
     reason : tuple of str
         "position", "size" or "shape" for a rejected mask, empty for one that agrees with its neighbours.
     excess : ndarray, shape (k,)
@@ -44,7 +45,7 @@ class MaskCheck:
         Share of outliers where that was too large for any to be rejected, else 0.
     """
 
-    masks: Bool[np.ndarray, "k height width"] | Float[np.ndarray, "k height width"]
+    frames: tuple[Bool[np.ndarray, "height width"] | Float[np.ndarray, "height width"], ...]
     reason: tuple[str, ...]
     excess: Float64[np.ndarray, " k"]
     specks: Bool[np.ndarray, " k"]
@@ -134,23 +135,24 @@ class MaskOutliers:
         Returns
         -------
         MaskCheck
-            The masks, rejected ones empty, and the reasons. Masks are copied only where something is removed.
+            The masks, rejected ones empty, and the reasons.
         """
         series = MaskSeries.of(masks, world_A_pixel, level)
         reason, excess, undecided = self._reject(series)
         rejected = np.array([one != "" for one in reason], dtype=bool)
         speck_pixels = specks(series, ~rejected, self.window) if self.enabled else {}
-        if rejected.any() or speck_pixels:
-            masks = masks.copy()
-            masks[rejected] = 0
-            for frame, own in speck_pixels.items():
-                masks[frame][own] = 0
+        # A sweep's masks take hundreds of megabytes: only those that change are copied.
+        frames = list(masks)
+        for frame in np.flatnonzero(rejected).tolist():
+            frames[frame] = np.zeros_like(masks[frame])
+        for frame, own in speck_pixels.items():
+            frames[frame] = np.where(own, masks.dtype.type(0), masks[frame])
         shown = np.flatnonzero(series.shown)
         empty = ~series.shown
         if len(shown):
             empty[: shown[0]] = empty[shown[-1] + 1 :] = False
         with_specks = np.isin(np.arange(len(masks)), list(speck_pixels))
-        return MaskCheck(masks, reason, excess, with_specks, empty, undecided)
+        return MaskCheck(tuple(frames), reason, excess, with_specks, empty, undecided)
 
     def _reject(self, series: MaskSeries) -> tuple[tuple[str, ...], np.ndarray, float]:
         count = len(series.shown)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cache, cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
@@ -48,6 +48,8 @@ class MaskSeries:
     middle_px: Float64[np.ndarray, "k 2"]
     radius_mm: Float64[np.ndarray, " k"]
     path_mm: Float64[np.ndarray, " k"]
+    # How much of a mask's shape another's does not cover, by both numbers: rounds and sides ask for the same pairs.
+    _uncovered: dict[tuple[int, int], float] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(cls, masks: np.ndarray, world_A_pixel: np.ndarray, level: float) -> MaskSeries:
@@ -141,6 +143,14 @@ class MaskSeries:
 
     def _shape_differences(self, frame: int, others: Int64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
         """The share of a mask that others do not cover, once their middles and areas are the same (1 - DSC)."""
+        pairs = [(frame, other) for other in others.tolist()]
+        new = [other for _, other in (pair for pair in pairs if pair not in self._uncovered)]
+        if new:
+            found = self._compare_shapes(frame, np.array(new, dtype=np.int64)).tolist()
+            self._uncovered.update(((frame, other), share) for other, share in zip(new, found, strict=True))
+        return np.array([self._uncovered[pair] for pair in pairs])
+
+    def _compare_shapes(self, frame: int, others: Int64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
         scale = self.radius_mm[others] / self.radius_mm[frame]
         offset_px = scale[:, None, None] * self.drawn_mm[frame] / self.pixel_mm[others][:, None]
         place = np.rint(self.middle_px[others][:, None] + offset_px).astype(np.int64)
@@ -197,10 +207,22 @@ def _line_at(
     path_mm: Float64[np.ndarray, " n"], values: Float64[np.ndarray, "n d"], place_mm: float
 ) -> Float64[np.ndarray, " d"]:
     """Values at a place by the line of median slope through others."""
-    first, second = np.triu_indices(len(path_mm), 1)
+    first, second = _pairs(len(path_mm))
     run_mm = path_mm[second] - path_mm[first]
     moving = run_mm > 1e-6
     if not moving.any():
-        return np.asarray(np.median(values, axis=0))
-    slope = np.median((values[second[moving]] - values[first[moving]]) / run_mm[moving, None], axis=0)
-    return np.asarray(np.median(values + (place_mm - path_mm)[:, None] * slope, axis=0))
+        return _medians(values)
+    slope = _medians((values[second[moving]] - values[first[moving]]) / run_mm[moving, None])
+    return _medians(values + (place_mm - path_mm)[:, None] * slope)
+
+
+@cache
+def _pairs(count: int) -> tuple[Int64[np.ndarray, " p"], Int64[np.ndarray, " p"]]:
+    """The pairs of so many places, of which there are no more than a window and its half have."""
+    return np.triu_indices(count, 1)
+
+
+def _medians(values: Float64[np.ndarray, "n d"]) -> Float64[np.ndarray, " d"]:
+    """The median of each column; ``np.median`` takes several times as long for columns as short as these."""
+    ordered = np.sort(values, axis=0)
+    return np.asarray(0.5 * (ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2]))

@@ -10,6 +10,7 @@ MAPS = [np.random.default_rng(seed).random((20, 30), dtype=np.float32) for seed 
 OPTIONS = [
     Option(Hysteresis(0.3, 0.8), Morphology(min_area_px=6, fill_holes=True, closing_radius_px=1)),
     Option(Hysteresis(0.4, 0.9, relative=True), Morphology(largest_only=True)),
+    Option(Hysteresis(0.5, 0.8), Morphology(min_area_px=6, fill_holes=True, closing_radius_px=1)),
     Option(Hysteresis(0.7, 0.7), Morphology()),
     Option(Hysteresis(1.0, 1.0), Morphology()),
 ]
@@ -18,8 +19,9 @@ OPTIONS = [
 @pytest.mark.parametrize("option", OPTIONS)
 def test_one_half_is_the_outline_of_the_mask(option: Option) -> None:
     for probability in (*MAPS, np.zeros((4, 5), np.float32), np.full((4, 5), 1, np.float32)):
-        mask = option(probability, None)
+        mask, before = option(probability, None), probability.copy()
         values = soft_mask(probability, mask, option)
+        np.testing.assert_array_equal(probability, before)
         np.testing.assert_array_equal(values >= 0.5, mask)
         assert values.dtype == np.float32 and values.min() >= 0 and values.max() <= 1
 

@@ -91,7 +91,7 @@ def _repeat(
     drawn: tuple[int, int],
 ) -> Repeat:
     posed = synchronise(truth.sweep, max_gap_s)
-    found = chain(masks[posed.kept], posed.world_A_pixel)
+    found = chain(posed.select(masks), posed.world_A_pixel)
     seen, material = surface_in_ct(truth, found.surface)
     samples, seed = drawn
     offset_mm = _offset_mm(material, truth.anatomy, samples, seed)

@@ -177,9 +177,10 @@ def run(
     with timed(seconds, "segmentation_s"):
         values = predictor.soft_masks(truth.sweep.images, truth.sweep.calibration.spacing_mm)
     posed = synchronise(truth.sweep, max_gap_s)
-    if not (values[posed.kept] >= contours.level).any():
+    shown = posed.select(values)
+    if not (shown >= contours.level).any():
         raise InputError(f"model_path: expected a network that finds the vessel, {model_path} found none")
-    gathered, built, refusal = _reconstructed(chain, values[posed.kept], posed.world_A_pixel, seconds)
+    gathered, built, refusal = _reconstructed(chain, shown, posed.world_A_pixel, seconds)
     left_out = LeftOut(
         mask_record(gathered, posed.kept), None if built is None else surface_record(built, posed.kept)
     )

@@ -68,7 +68,7 @@ class Trial:
         try:
             posed = synchronise(truth.sweep, self.max_gap_s)
             row["frames_dropped"] = sum(posed.dropped.values())
-            gathered = self.chain.gather(values[posed.kept], posed.world_A_pixel)
+            gathered = self.chain.gather(posed.select(values), posed.world_A_pixel)
         except RegistrationInputError as refused:
             return row | self._no_surface(str(refused)) | self._no_registration(str(refused))
         return row | self._surface(truth, gathered) | self._registration(truth, posed, gathered)

@@ -148,7 +148,7 @@ def run(
             f"sweep: expected frames with a pose in {path}, received none; dropped: {describe_dropped(posed.dropped)}"
         )
     values, source = _masks(masks, model_path, path, recorded, progress)
-    found = chain(values[posed.kept], posed.world_A_pixel, progress.note)
+    found = chain(posed.select(values), posed.world_A_pixel, progress.note)
     _write(workspace, found)
     report = record(found, posed, recorded, near_mm) | {
         "sweep": str(path),

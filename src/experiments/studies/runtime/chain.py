@@ -130,7 +130,7 @@ class Chain:
         refusal, surface = "", None
         with measured(costs, RECONSTRUCTION):
             posed = synchronise(truth.sweep, self.max_gap_s)
-            shown = values[posed.kept]
+            shown = posed.select(values)
             if not (shown >= self.reconstruction.contours.level).any():
                 raise InputError("masks: expected a vessel in some frames, received none in any")
             gathered = self.reconstruction.gather(shown, posed.world_A_pixel)
@@ -189,15 +189,14 @@ def segmented(predictor: Predictor, truth: SimulatedSweep, costs: list[Cost]) ->
 
     images, spacing_mm = truth.sweep.images, truth.sweep.calibration.spacing_mm
     both: list[Cost] = []
+    preprocessing_s, found = 0.0, np.empty(images.shape[:3], dtype=np.float32)
     with measured(both, SEGMENTATION):
-        found = [
-            (each.soft_mask, each.times.preprocessing_s)
-            for each in predictor.stream(frames_of(images, spacing_mm))
-        ]
-    preprocessing_s = sum(seconds for _, seconds in found)
+        for place, each in enumerate(predictor.stream(frames_of(images, spacing_mm))):
+            found[place] = each.soft_mask
+            preprocessing_s += each.times.preprocessing_s
     rest = replace(both[0], seconds=both[0].seconds - preprocessing_s)
     costs += [replace(both[0], stage=PREPROCESSING, seconds=preprocessing_s), rest]
-    return np.stack([mask for mask, _ in found])
+    return found
 
 
 def rate_of(times_s: Sequence[float] | np.ndarray) -> float:
