@@ -12,7 +12,7 @@ from types import ModuleType
 
 import pytest
 from filelock import FileLock
-from shape_checks import install
+from shape_checks import Tests, install
 
 # The test processes share the cores: one thread each, which does not spin while it waits.
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
@@ -49,6 +49,11 @@ def pytest_collection_finish() -> None:
     """Take what is loaded by now out of the garbage collector's sight, which would look through it again and again."""
     gc.collect()
     gc.freeze()
+
+
+def pytest_runtest_setup() -> None:
+    """Count the calls whose arrays are checked from the first, for each test."""
+    Tests.number += 1
 
 
 @pytest.hookimpl(trylast=True)

@@ -41,6 +41,28 @@ def test_sizes_have_to_agree_and_what_is_returned_is_checked_too() -> None:
             checked(first, second)  # type: ignore[operator]
 
 
+def test_of_many_calls_the_first_of_each_test_are_checked_and_one_in_so_many_after_them(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def count(values: Float64[np.ndarray, "n 3"]) -> int:
+        return len(values)
+
+    @dataclass
+    class Held:
+        values: Float64[np.ndarray, "n 3"]
+
+    for made in (check(count), check(Held)):
+        for test in (101, 102):
+            monkeypatch.setattr(shape_checks.Tests, "number", test)
+            refused = []
+            for call in range(1, 101):
+                try:
+                    made(np.zeros((5, 2)))  # type: ignore[operator]
+                except jaxtyping.TypeCheckError:
+                    refused.append(call)
+            assert refused == [*range(1, 33), 48, 64, 80, 96]
+
+
 def test_what_names_no_array_costs_nothing() -> None:
     def plain(count: int) -> str:
         return "a" * count

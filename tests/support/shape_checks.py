@@ -1,4 +1,7 @@
-"""The run-time checker behind the tests: every array that an annotation gives a shape is checked at every call.
+"""The run-time checker behind the tests: every array that an annotation gives a shape is checked.
+
+Each function's first calls of a test are checked, then one in so many: a search calls the same few functions ten
+thousands of times in the same loop, and checking took a tenth of all the tests' time.
 
 jaxtyping's import hook decorates every function and class of the packages. What names no array is left as it is (mypy
 has checked it), and a checker is compiled when its function is first called: a test process imports some thousand
@@ -17,6 +20,7 @@ from beartype import BeartypeConf, beartype
 
 # An int where a float is expected is fine, as it is to a type checker.
 enforce = beartype(conf=BeartypeConf(is_pep484_tower=True))
+FIRST, EVERY = 32, 16
 ARRAY = re.compile(r"\b(Float|Int|UInt|Bool|Shaped|Integer|Num|Real|Inexact|Complex)\d*\[")
 
 
@@ -42,13 +46,32 @@ def checked_from_first_call(named: Any, check: Callable[[Any], Any]) -> Any:
     if not names_an_array(named):
         return named
     if isinstance(named, type):
-        return check(named)
-    checker: list[Callable[..., Any]] = []
+        plain = named.__init__  # type: ignore[misc]
+        made = check(named)
+        if (checker := made.__init__) is not plain:
+            made.__init__ = sampled(plain, lambda: checker)
+        return made
+    return sampled(named, functools.cache(lambda: check(named)))
 
-    @functools.wraps(named)
-    def checked(*args: Any, **kwargs: Any) -> Any:
-        if not checker:
-            checker.append(check(named))
-        return checker[0](*args, **kwargs)
 
-    return checked
+class Tests:
+    """Which test runs: each counts its calls from the first, whatever ran before it in its process."""
+
+    number = 0
+
+
+def sampled(plain: Callable[..., Any], checker: Callable[[], Callable[..., Any]]) -> Callable[..., Any]:
+    """The function with its arrays checked in the first calls of a test, and in one of so many after them."""
+    calls = number = 0
+
+    @functools.wraps(plain)
+    def called(*args: Any, **kwargs: Any) -> Any:
+        nonlocal calls, number
+        if number != Tests.number:
+            calls, number = 0, Tests.number
+        calls += 1
+        if calls > FIRST and calls % EVERY:
+            return plain(*args, **kwargs)
+        return checker()(*args, **kwargs)
+
+    return called
