@@ -125,9 +125,10 @@ class BMode:
         for axis in range(3):
             inside &= local_mm[:, axis] > np.float32(low_mm[axis])
             inside &= local_mm[:, axis] < np.float32(high_mm[axis])
-        local_mm = local_mm[inside]
+        kept = np.flatnonzero(inside)
+        local_mm = local_mm.take(kept, axis=0)
         beam = self.beams.directions(local_mm) @ view.tissue_T_image[:3, :3].T.astype(np.float32)
-        echoes = self.tissue.scatter(positions_mm[inside], strength[inside], bits[inside], beam)
+        echoes = self.tissue.scatter(positions_mm.take(kept, axis=0), strength[kept], bits[kept], beam)
         local_mm[echoes.smooth] = view.to_image(echoes.positions_mm[echoes.smooth])
         return self._echo(echoes, local_mm)
 

@@ -16,6 +16,9 @@ from registration import transforms
 from registration.phantom.displacement import Displacement, Press, rigid_part, undone
 from registration.phantom.scatterers import Slab
 
+# Points that are mapped at a time.
+BLOCK = 1 << 14
+
 
 @dataclass(frozen=True)
 class View:
@@ -48,8 +51,13 @@ class View:
         ndarray, shape (n, 3)
             Image coordinates in mm, in the precision of the input.
         """
-        bent = self.bend(points_mm) if self.bend else points_mm
-        return self.pressed(bent)
+        # A frame has some hundred thousand scatterers: what is computed between must stay in the processor's cache.
+        local_mm = np.empty_like(points_mm, order="C")
+        for begin in range(0, len(points_mm), BLOCK):
+            own = slice(begin, begin + BLOCK)
+            bent_mm = self.bend(points_mm[own]) if self.bend else points_mm[own]
+            local_mm[own] = self.pressed(bent_mm)
+        return local_mm
 
     def pressed(self, bent_mm: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
         """Map points whose bend is already applied to image coordinates.
