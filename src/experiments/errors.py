@@ -10,6 +10,9 @@ from pathlib import Path
 from registration import checks, input_files
 from registration import errors as registration_errors
 
+# Groups that the command line calls otherwise (command_line.words.read_presets).
+CALLED = {"preset": "+sweep"}
+
 
 class InputError(ValueError):
     """An argument or a file is not what it must be; the message names it, what was expected and what was found."""
@@ -111,3 +114,26 @@ def did_you_mean(word: str, known: Iterable[str], prefix: str = "") -> str:
 
 def _plain(name: str) -> str:
     return name.lower().replace("-", "_")
+
+
+def no_such_option(group: str, option: object, known: Iterable[str]) -> str:
+    """Say that a group has no option of a name.
+
+    Parameters
+    ----------
+    group : str
+        Name of the group as Hydra knows it.
+    option : object
+        What was given.
+    known : iterable of str
+        Names of its options.
+
+    Returns
+    -------
+    str
+        The sentence, with the group as the command line writes it.
+    """
+    names = sorted(known)
+    like = did_you_mean(option, names) if isinstance(option, str) else ""
+    received = repr(option) if isinstance(option, str) else "null" if option is None else option
+    return f"{CALLED.get(group, group)}: expected one of {', '.join(names)}, received {received}{like}"

@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from experiments.errors import InputError, did_you_mean
+from experiments.errors import InputError, no_such_option
 
 # A line of a configuration that sets something: its indentation and its key.
 _KEY = re.compile(r"( *)([\w?]+):(?:\s|$)")
@@ -197,10 +197,8 @@ def _read(group: str, option: str, folders: Sequence[Path]) -> Any:
 def _read_text(group: str, option: str, folders: Sequence[Path]) -> str:
     path = _file(group, option, folders)
     if path is None:
-        known = sorted({each.stem for folder in folders for each in (folder / group).glob("*.yaml")})
-        raise InputError(
-            f"{group}: expected one of {', '.join(known)}, received {option!r}{did_you_mean(option, known)}"
-        )
+        known = {each.stem for folder in folders for each in (folder / group).glob("*.yaml")}
+        raise InputError(no_such_option(group, option, known))
     return path.read_text(encoding="utf-8")
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from experiments.errors import InputError, did_you_mean
+from experiments.errors import InputError, did_you_mean, no_such_option
 from experiments.plugins import config_folders, option_file, options_of
 
 
@@ -100,9 +100,7 @@ def refuse_no_option(group: str, value: Any) -> None:
         return
     if isinstance(value, list) and all(isinstance(each, str) for each in value):
         return
-    raise InputError(
-        f"{group}: expected one of {', '.join(options_of(group))}, received {'null' if value is None else value}"
-    )
+    raise InputError(no_such_option(group, value, options_of(group)))
 
 
 def group_names() -> frozenset[str]:
@@ -182,10 +180,7 @@ def sentence(refusal: Exception, study: str | None, known: Sequence[str]) -> str
         group, _, option = missing.rpartition("/")
         options = getattr(refusal, "options", None) or options_of(group)
         if options:
-            return (
-                f"{group}: expected one of {', '.join(sorted(options))}, received {option!r}"
-                f"{did_you_mean(option, options)}"
-            )
+            return no_such_option(group, option, options)
     # Hydra says so of a setting, of a group that the study has no choice in, and of a misplaced package alike.
     unknown = re.match(r"Could not override '([^']+)'", first)
     if unknown is not None:

@@ -102,7 +102,7 @@ def test_a_wrong_level_ends_the_sweep_before_its_first_job(tmp_path: Path) -> No
 def test_the_presets_leave_the_setting_of_the_same_name_alone() -> None:
     ((config, _),) = compose_sweep(["study=inspect_sweep", "sweep=recording.mha"])
     assert config["sweep"] == "recording.mha"
-    with pytest.raises(InputError, match=r"preset: expected one of .*aorta_200, consolidation_carotid"):
+    with pytest.raises(InputError, match=r"^\+sweep: expected one of .*aorta_200, consolidation_carotid"):
         compose_sweep(["+sweep=figure"])
 
 
