@@ -26,8 +26,8 @@ from experiments.cli import compose_sweep
 from experiments.datasets.protocol import outside_groups
 from experiments.statistics import Bootstrap
 from models.preprocessing.preprocessing import Preprocessing
+from models.processor import fixed_threads
 from models.seeds import TRAINING, seed_of
-from models.threads import fixed_threads
 from models.training.callback import TrainingCallback
 from models.training.datamodule import FoldData, prepared
 from models.training.late_weights import LateWeights

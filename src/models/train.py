@@ -32,8 +32,8 @@ from models.metrics.scoring import columns_for, summarise
 from models.networks.registry import recipe_of
 from models.predictor import Predictor
 from models.preprocessing.preprocessing import Preprocessing
+from models.processor import fixed_threads
 from models.settings_file import read_settings
-from models.threads import fixed_threads
 from models.training.augmentation import augmentation_of
 from models.training.fold import TrainedFold, train_fold
 from models.training.initialisation import Initialisation, Pretrained, SharedRandom

@@ -17,7 +17,7 @@ from multiprocessing import get_context, parent_process
 from multiprocessing.process import BaseProcess
 from typing import Any
 
-from models.threads import fixed_threads
+from models.processor import fixed_threads
 from models.training.phase import Progressed
 from models.training.sampling import Share
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 from models.atomic import atomic_write
 from models.checkpoint import Checkpoint
 from models.errors import InputError
+from models.processor import fixed_threads
 from models.seeds import TRAINING, seed_of
-from models.threads import fixed_threads
 from models.training.phase import Phase, Progressed
 from models.training.spec import FoldTraining
 from models.training.state import TrainingFolder, TrainingState

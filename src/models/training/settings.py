@@ -43,7 +43,8 @@ class TrainerSettings:
     accelerator : str
         One of ``ACCELERATORS``.
     precision : str
-        One of ``PRECISIONS``; mixed precision is for a GPU, on a CPU it is slower.
+        One of ``PRECISIONS``. On a CPU ``16-mixed`` is refused, and ``bf16-mixed`` is for one with units for it
+        (``models.processor.has_bfloat16_units``); on others it is slower.
     deterministic : bool
         Whether the result is the same each time, on one kind of processor; on a GPU as far as its operations can.
     resume : bool
@@ -139,9 +140,10 @@ class TrainerSettings:
             raise InputError(
                 f"devices: expected at most one for each image of a batch ({self.batch_size}), received {self.devices}"
             )
-        if self.accelerator == "cpu" and self.precision != "32-true":
+        if self.accelerator == "cpu" and self.precision == "16-mixed":
             raise InputError(
-                f"precision: expected 32-true on a CPU, where mixed precision is slower, received {self.precision!r}"
+                "precision: expected 32-true or bf16-mixed on a CPU, where float16 is slower, received "
+                f"{self.precision!r}"
             )
 
     @property

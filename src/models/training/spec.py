@@ -17,6 +17,7 @@ from models.labelled_frames import LabelledFrames
 from models.networks.blocks import require_size
 from models.networks.registry import NetworkRecipe, settings_of
 from models.preprocessing.preprocessing import Preprocessing
+from models.processor import has_bfloat16_units
 from models.training.augmentation import Augmentation
 from models.training.initialisation import Initialisation, SharedRandom, Start
 from models.training.losses import Loss
@@ -106,9 +107,12 @@ class FoldTraining:
                 f"devices: expected at most the {torch.cuda.device_count()} GPUs of CUDA that are visible, "
                 f"received {several}"
             )
-        if self.trainer.precision != "32-true" and not gpu:
+        on_cpu = self.trainer.accelerator == "cpu" or not gpu
+        known = ("32-true", "bf16-mixed") if has_bfloat16_units() else ("32-true",)
+        if on_cpu and self.trainer.precision not in known:
             raise InputError(
-                f"precision: expected 32-true on a machine without a GPU, received {self.trainer.precision!r}"
+                f"precision: expected {' or '.join(known)} on this processor, which has no units for another, received "
+                f"{self.trainer.precision!r}"
             )
 
     @cached_property

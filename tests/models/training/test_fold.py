@@ -111,6 +111,17 @@ def test_the_same_seed_gives_the_same_weights_and_others_do_not(tmp_path) -> Non
     assert not same(first, weights(trained(tmp_path / "d", fold=1)))
 
 
+def test_in_bfloat16_a_training_is_another_that_gives_the_same_each_time(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"amx_bf16": True})
+    mixed = settings(2, precision="bf16-mixed")
+    first = weights(trained(tmp_path / "a", trainer=mixed))
+    assert same(first, weights(trained(tmp_path / "b", trainer=mixed)))
+    assert {value.dtype for value in first.values() if value.is_floating_point()} == {torch.float32}
+    full = weights(trained(tmp_path / "c"))
+    assert not same(first, full)
+    assert all(torch.allclose(first[name], full[name], atol=0.1) for name in first)
+
+
 @pytest.mark.parametrize("own", [1, 2])
 def test_the_weights_do_not_depend_on_the_threads_in_force_around_a_training(tmp_path, own: int) -> None:
     budget = settings(1, threads=own)

@@ -45,10 +45,13 @@ def test_a_cosine_warms_up_for_one_epoch_where_nothing_is_said() -> None:
         assert said.learning_rate_factor(step, 5) == unsaid.learning_rate_factor(step, 5)
 
 
-def test_mixed_precision_is_refused_on_a_cpu() -> None:
-    with pytest.raises(InputError, match=r"precision: expected 32-true on a CPU, .* received 'bf16-mixed'"):
-        TrainerSettings(**GOOD, precision="bf16-mixed")
-    assert TrainerSettings(**GOOD, precision="bf16-mixed", accelerator="auto").precision == "bf16-mixed"
+def test_float16_is_refused_on_a_cpu() -> None:
+    with pytest.raises(
+        InputError, match=r"precision: expected 32-true or bf16-mixed on a CPU, .* received '16-mixed'"
+    ):
+        TrainerSettings(**GOOD, precision="16-mixed")
+    assert TrainerSettings(**GOOD, precision="16-mixed", accelerator="auto").precision == "16-mixed"
+    assert TrainerSettings(**GOOD, precision="bf16-mixed").precision == "bf16-mixed"
 
 
 @pytest.mark.parametrize(

@@ -86,15 +86,29 @@ def test_refuses_a_size_the_network_does_not_take() -> None:
         ({"accelerator": "gpu"}, "accelerator: expected a machine with a GPU, found none"),
         (
             {"accelerator": "auto", "precision": "bf16-mixed"},
-            "precision: expected 32-true on a machine without a GPU, received 'bf16-mixed'",
+            "precision: expected 32-true on this processor, which has no units for another, received 'bf16-mixed'",
+        ),
+        (
+            {"precision": "bf16-mixed"},
+            "precision: expected 32-true on this processor, which has no units for another, received 'bf16-mixed'",
         ),
     ],
 )
-def test_refuses_a_gpu_that_is_not_there(monkeypatch, changes: dict[str, str], message: str) -> None:
+def test_refuses_what_the_machine_does_not_have(monkeypatch, changes: dict[str, str], message: str) -> None:
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     monkeypatch.setattr(torch.backends.mps, "is_available", lambda: False)
+    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"amx_bf16": False})
     with pytest.raises(InputError, match=message):
         training(trainer=dataclasses.replace(SETTINGS, **changes))
+
+
+def test_bfloat16_is_for_a_processor_with_units_for_it_and_float16_for_none(monkeypatch) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    monkeypatch.setattr(torch.backends.mps, "is_available", lambda: False)
+    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"amx_bf16": True})
+    training(trainer=dataclasses.replace(SETTINGS, precision="bf16-mixed"))
+    with pytest.raises(InputError, match="precision: expected 32-true or bf16-mixed on this processor"):
+        training(trainer=dataclasses.replace(SETTINGS, accelerator="auto", precision="16-mixed"))
 
 
 @pytest.mark.parametrize("side", ["train", "validation"])

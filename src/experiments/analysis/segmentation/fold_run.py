@@ -270,7 +270,7 @@ class FoldRun:
 
         from models.checkpoint import Checkpoint
         from models.evaluation import case_row, predict_logits
-        from models.threads import fixed_threads
+        from models.processor import fixed_threads
 
         network = Checkpoint.load(trained.checkpoint).network()
         place = {case: index for index, case in enumerate(frames.case_ids)}

@@ -42,7 +42,7 @@ from experiments.studies.consolidation.training import (
 )
 from models.averaging import Member
 from models.labelled_frames import LabelledFrames
-from models.threads import fixed_threads
+from models.processor import fixed_threads
 
 if TYPE_CHECKING:
     from models.networks.registry import NetworkRecipe

@@ -133,7 +133,7 @@ def trained(
 
 def _segment(path: Path, trainer: TrainerSettings) -> Callable[[SimulatedSweep], np.ndarray]:
     from models.predictor import Predictor
-    from models.threads import fixed_threads
+    from models.processor import fixed_threads
 
     predictor = Predictor.load(path, device=device_of(trainer.accelerator))
 
