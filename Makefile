@@ -97,10 +97,10 @@ rigid-benchmark: setup
 		workers=$(WORKERS) out=outputs/rigid_benchmark/blocks
 	$(PY) scripts/rigid_benchmark.py outputs/rigid_benchmark
 
-# Damaged files for every reader, each in a process that may die; FUZZ_COUNT files a reader.
+# Damaged files for every reader, each in a process that may die; FUZZ_COUNT files a reader; into the page of faults.
 FUZZ_COUNT ?= 10000
 fuzz: setup
-	$(PY) scripts/fuzz_readers.py --count $(FUZZ_COUNT) --out outputs/fuzz.md
+	$(PY) scripts/fuzz_readers.py --count $(FUZZ_COUNT) --out results/reliability.md
 
 # Processes killed at random, disks full, stores locked or read-only, servers away, clocks set back; ATTEMPTS kills.
 # Full disks and read-only folders are mounts, for root alone; without that right they are left out, and the page says so.

@@ -25,6 +25,7 @@ from fault_processes import load_all, plugin
 from fault_server import server_gone
 from fault_surroundings import FAULTS, NotTried
 from quick_budget import parsed
+from reliability_page import page_of, with_faults
 
 from experiments.provenance import running_commit
 
@@ -70,7 +71,7 @@ def main(arguments: list[str] | None = None) -> int:
             print(f"{name}: {summary(rows[name][1])}, {time.monotonic() - began_s:.0f} s", flush=True)
             text = page(rows, given, time.monotonic() - begun_s)
             if given.out:
-                given.out.write_text(text, encoding="utf-8")
+                given.out.write_text(with_faults(page_of(given.out), text), encoding="utf-8")
     print(text)
     return 1 if any(bad(found) for _, found in rows.values()) else 0
 

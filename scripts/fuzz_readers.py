@@ -24,10 +24,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"
 
 from damage import ACCEPTED, REFUSED, damaged, flipped, said
 from reader_table import GROUPS, Reader, readers
+from reliability_page import COUNTED, page_of, with_damaged
+
+from experiments.provenance import running_commit
 
 TIME_S, MEMORY_BYTES = 10.0, 1 << 30
-COLUMNS = ("accepted", "refused", "foreign", "crashed", "over 10 s", "over 1 GB", "changed values")
-HEADING = "## Damaged files\n"
 
 
 def changes(reader: Reader, data: bytes, count: int, seed: int) -> list[bytes]:
@@ -137,17 +138,10 @@ def follow(own: Connection, process, first: int, counts: collections.Counter[str
         at, first = None, number + 1
 
 
-def table(rows: dict[str, collections.Counter[str]], count: int, seed: int) -> str:
-    """The counts as Markdown."""
-    lines = [HEADING, f"{count} files for each of {len(rows)} readers, seed {seed}. "
-             "*Changed values*: one bit of what is packed was changed, and other numbers were read.\n",
-             f"| reader | {' | '.join(COLUMNS)} |", "|---|" + "---:|" * len(COLUMNS)]  # fmt: skip
-    lines += [
-        f"| {name} | {' | '.join(str(row[column]) for column in COLUMNS)} |" for name, row in rows.items()
-    ]
-    total = sum(rows.values(), collections.Counter())
-    lines.append(f"| **all** | {' | '.join(f'**{total[column]}**' for column in COLUMNS)} |")
-    return "\n".join(lines) + "\n"
+def row(counts: collections.Counter[str], count: int, seed: int, commit: str) -> dict[str, str]:
+    """A reader's row of the page."""
+    numbers = {name: str(counts[name]) for name in COUNTED}
+    return {**numbers, "files": str(count), "seed": str(seed), "commit": commit}
 
 
 def main() -> int:
@@ -158,22 +152,24 @@ def main() -> int:
     parser.add_argument("--groups", nargs="*", choices=sorted(GROUPS), default=[])
     parser.add_argument("--reader", default="", help="only readers whose name holds this")
     parser.add_argument("--without", nargs="*", default=[], help="no readers whose name holds one of these")
-    parser.add_argument("--out", type=Path, help="Markdown file that gets the table")
+    parser.add_argument("--out", type=Path, help="the page that gets the rows (results/reliability.md)")
     given = parser.parse_args()
-    rows, worst = {}, []
-    for group, reader in [(name, each) for name in given.groups or GROUPS for each in readers(name)]:
-        if given.reader not in reader.name or any(word in reader.name for word in given.without):
-            continue
+    asked = [(name, each) for name in given.groups or GROUPS for each in readers(name)
+             if given.reader in each.name and not any(word in each.name for word in given.without)]  # fmt: skip
+    rows: dict[str, dict[str, str]] = {}
+    worst: list[str] = []
+    commit = running_commit() or ""
+    for group, reader in asked:
         began = time.monotonic()
-        rows[reader.name], bad = fuzz(group, reader, given.count, given.seed)
+        counts, bad = fuzz(group, reader, given.count, given.seed)
+        rows[reader.name] = row(counts, given.count, given.seed, commit)
         worst += [f"{reader.name}: {each}" for each in bad]
-        print(f"{reader.name}: {dict(rows[reader.name])}, {time.monotonic() - began:.0f} s", flush=True)
+        print(f"{reader.name}: {dict(counts)}, {time.monotonic() - began:.0f} s", flush=True)
         print("".join(f"  {each}\n" for each in bad[:5]), end="", flush=True)
-    text = table(rows, given.count, given.seed)
-    print(text)
-    if given.out:
-        given.out.parent.mkdir(parents=True, exist_ok=True)
-        given.out.write_text(text, encoding="utf-8")
+        if given.out:  # after each, for whoever ends it early
+            given.out.parent.mkdir(parents=True, exist_ok=True)
+            given.out.write_text(with_damaged(page_of(given.out), rows), encoding="utf-8")
+    print(with_damaged("", rows))
     return 1 if worst else 0
 
 
