@@ -15,6 +15,7 @@ from scipy.spatial.distance import cdist
 
 from registration.centerline.vessel_walls import Walls
 from registration.errors import InputError
+from registration.geometry.mesh_topology import row_numbers
 from registration.geometry.shapes import Mesh
 
 # Share of their spacing by which points are jittered: vertices of a synthetic tube lie on common spheres, whose
@@ -90,7 +91,7 @@ class MedialAxis:
         """
         cube = np.floor(3 * self.centres_mm / self.radius_mm.max()).astype(np.int64)
         order = np.argsort(-self.radius_mm, kind="stable")
-        large = order[np.unique(cube[order], axis=0, return_index=True)[1]]
+        large = order[np.unique(row_numbers(cube[order]), return_index=True)[1]]
         main = np.ones(len(self.radius_mm), dtype=bool)
         reach_mm = SCALE * float(self.radius_mm.max())
         for block in self._blocks(2 * reach_mm):
@@ -104,9 +105,9 @@ class MedialAxis:
     def _blocks(self, side_mm: float) -> Iterator[Int64[np.ndarray, " b"]]:
         """All spheres, in blocks that lie in one cube each: what contains a sphere is near it."""
         cube = np.floor(self.centres_mm / side_mm).astype(np.int64)
-        _, owner = np.unique(cube, axis=0, return_inverse=True)
-        order = np.argsort(owner.reshape(-1), kind="stable")
-        for own in np.split(order, np.flatnonzero(np.diff(owner.reshape(-1)[order])) + 1):
+        owner = row_numbers(cube)
+        order = np.argsort(owner, kind="stable")
+        for own in np.split(order, np.flatnonzero(np.diff(owner[order])) + 1):
             yield from np.array_split(own, 1 + len(own) // BLOCK)
 
 
@@ -209,7 +210,7 @@ def sample_evenly(
 
 def _one_a_cube(points_mm: Float64[np.ndarray, "p 3"], side_mm: float) -> Int64[np.ndarray, " k"]:
     cube = np.floor((points_mm - points_mm.min(axis=0)) / side_mm).astype(np.int64)
-    return np.unique(cube, axis=0, return_index=True)[1].astype(np.int64)
+    return np.unique(row_numbers(cube), return_index=True)[1].astype(np.int64)
 
 
 def mean_radius_mm(mesh: Mesh) -> float:

@@ -10,7 +10,7 @@ from registration.brief import brief_repr
 from registration.errors import InputError
 from registration.geometry.hollow import Lumen, find_lumen
 from registration.geometry.mesh_quality import enclosed_volume_mm3
-from registration.geometry.mesh_topology import directed_edges, largest_piece, pieces
+from registration.geometry.mesh_topology import directed_edges, largest_piece, pieces, row_numbers
 from registration.geometry.open3d_bridge import triangle_body
 from registration.geometry.shapes import Mesh
 
@@ -74,7 +74,7 @@ def repair(mesh: Mesh) -> Repaired:
     triangles = owner.reshape(-1)[mesh.triangles]
     corners = np.sort(triangles, axis=1)
     flat = (np.diff(corners, axis=1) == 0).any(axis=1) | (Mesh(vertices_mm, triangles).areas_mm2 <= 0)
-    _, first = np.unique(corners, axis=0, return_index=True)
+    _, first = np.unique(row_numbers(corners), return_index=True)
     kept = np.zeros(len(triangles), dtype=bool)
     kept[first] = True
     kept &= ~flat

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,6 +77,33 @@ def edge_numbers(edges: Int64[np.ndarray, "e 2"], vertices: int) -> Int64[np.nda
         Number of each edge.
     """
     return edges.min(axis=1) * vertices + edges.max(axis=1)
+
+
+def row_numbers(rows: Int64[np.ndarray, "n k"]) -> Int64[np.ndarray, " n"]:
+    """Number rows of whole numbers so that equal rows have equal numbers, in the order of the rows.
+
+    ``numpy.unique`` sorts numbers several times as fast as rows, with the same result.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (n, k)
+        Cells of a grid, pairs of vertices and the like.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Number of each row, from 0; compared like the rows, first column first.
+    """
+    if not len(rows):
+        return np.zeros(0, dtype=np.int64)
+    low, high = rows.min(axis=0).tolist(), rows.max(axis=0).tolist()
+    sizes = [last - first + 1 for first, last in zip(low, high, strict=True)]
+    if math.prod(sizes) > np.iinfo(np.int64).max:
+        return np.unique(rows, axis=0, return_inverse=True)[1].reshape(-1)
+    found = np.zeros(len(rows), dtype=np.int64)
+    for column, first, size in zip(rows.T, low, sizes, strict=True):
+        found = found * size + (column - first)
+    return found
 
 
 def pieces(mesh: Mesh) -> tuple[int, Int64[np.ndarray, " t"]]:

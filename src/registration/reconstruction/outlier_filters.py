@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 from registration.brief import brief_repr
 from registration.checks import require_count, require_positive
 from registration.errors import InputError
+from registration.geometry.mesh_topology import row_numbers
 from registration.geometry.point_cloud import AnyCloud, take
 
 
@@ -77,8 +78,7 @@ class VoxelDownsampling:
         if not len(points_mm):
             return Filtered(cloud, np.empty(0, dtype=np.int64))
         cells = np.floor((points_mm - points_mm.min(axis=0)) / self.cell_mm).astype(np.int64)
-        _, owner, sizes = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
-        owner = owner.reshape(-1)
+        _, owner, sizes = np.unique(row_numbers(cells), return_inverse=True, return_counts=True)
         means_mm = np.stack([np.bincount(owner, points_mm[:, axis]) / sizes for axis in range(3)], axis=1)
         apart_mm = np.linalg.norm(points_mm - means_mm[owner], axis=1)
         order = np.lexsort((apart_mm, owner))

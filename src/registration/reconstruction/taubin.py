@@ -131,7 +131,8 @@ def _neighbour_means(mesh: Mesh) -> csr_array:
         pairs = np.concatenate([first, along, along[:, ::-1]])
     else:
         pairs = np.concatenate([edges, edges[:, ::-1]])
-    pairs = np.unique(pairs, axis=0)
+    # Each pair once; numbers are sorted several times as fast as pairs.
+    pairs = np.stack(np.divmod(np.unique(pairs[:, 0] * size + pairs[:, 1]), size), axis=1)
     links = csr_array((np.ones(len(pairs)), pairs.T), shape=(size, size))
     counts = np.asarray(links.sum(axis=1)).reshape(-1)
     # A vertex that no triangle uses is its own mean.

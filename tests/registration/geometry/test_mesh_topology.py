@@ -7,7 +7,14 @@ import pytest
 from tubes import straight, tube
 
 from registration.geometry.mesh_quality import enclosed_volume_mm3
-from registration.geometry.mesh_topology import borders, keep_triangles, largest_piece, pieces, with_caps
+from registration.geometry.mesh_topology import (
+    borders,
+    keep_triangles,
+    largest_piece,
+    pieces,
+    row_numbers,
+    with_caps,
+)
 from registration.geometry.shapes import Mesh
 
 TETRAHEDRON = Mesh(
@@ -95,3 +102,21 @@ def test_a_rough_meshs_borders_are_judged_by_the_two_rings_around_each() -> None
         assert border.facing == pytest.approx(
             (walls @ border.normal).sum() / np.linalg.norm(walls, axis=1).sum()
         )
+
+
+@pytest.mark.parametrize("scale", [1, 2**20, 2**40])
+def test_rows_are_numbered_as_they_are_sorted(scale: int) -> None:
+    rows = np.random.default_rng(0).integers(-3, 4, (200, 3)) * scale
+    numbers = row_numbers(rows)
+    expected, first, owner, counts = np.unique(
+        rows, axis=0, return_index=True, return_inverse=True, return_counts=True
+    )
+    found = np.unique(numbers, return_index=True, return_inverse=True, return_counts=True)
+    np.testing.assert_array_equal(rows[found[1]], expected)
+    np.testing.assert_array_equal(found[1], first)
+    np.testing.assert_array_equal(found[2], owner.reshape(-1))
+    np.testing.assert_array_equal(found[3], counts)
+
+
+def test_no_rows_have_no_numbers() -> None:
+    assert row_numbers(np.zeros((0, 3), dtype=np.int64)).shape == (0,)
