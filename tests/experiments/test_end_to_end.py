@@ -11,7 +11,7 @@ from PIL import Image
 from experiments.cli import main
 from experiments.tracking import Store
 
-SMALL_PHANTOM = ["phantom.scanner.height_px=96", "phantom.scanner.width_px=96", "phantom.motion.frames=30"]
+SMALL_PHANTOM = ["phantom.scanner.height_px=96", "phantom.scanner.width_px=96", "phantom.motion.frames=18"]
 
 
 def search(home: Path, experiment: str) -> pd.DataFrame:
@@ -28,7 +28,7 @@ def test_the_whole_path(home: Path, capsys) -> None:
     networks, result = home / "networks", home / "pipeline"
     assert 0 == main(
         ["study=segmentation", "dataset=phantom", "dataset.subset=artery", "dataset.sweeps=3", "width=4",
-         "split.folds=3", "dataset.frames_per_sweep=16", "dataset.size_px=96", "image_size_px=64",
+         "split.folds=3", "dataset.frames_per_sweep=10", "dataset.size_px=96", "image_size_px=64",
          "trainer.max_epochs=8", "trainer.batch_size=4", "fold=0", "trainer.learning_rate=5e-3", f"out={networks}"]
     )  # fmt: skip
     runs = search(home, "segmentation")
@@ -49,7 +49,7 @@ def test_the_whole_path(home: Path, capsys) -> None:
     assert run["metrics.rmse_mm"] > 0
     cases = Store().cases(run["run_id"])
     assert cases is not None
-    assert len(cases) == 30
+    assert len(cases) == 18
 
     assert 0 == main(
         ["study=robustness", f"target={result / 'model.ply'}", f"moving={result / 'cloud.ply'}", "trials=2",

@@ -6,11 +6,16 @@ import random
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from experiments.errors import InputError
 from models import errors as models_errors
 from registration import errors as registration_errors
+
+if TYPE_CHECKING:
+    from reader_table import Reader
 
 ACCEPTED, REFUSED = "accepted", "refused"
 REFUSALS = (InputError, models_errors.InputError, registration_errors.InputError)
@@ -43,6 +48,34 @@ def damaged(data: bytes, chance: random.Random) -> bytes:
     for _ in range(chance.choice((1, 1, 1, 2, 3))):
         data = chance.choice(_CHANGES)(data, chance) if data else b"\0"
     return data
+
+
+def changes(reader: Reader, data: bytes, count: int, seed: int) -> list[bytes]:
+    """So many damaged files; where a sum covers what is packed, a quarter of them with one bit of that changed."""
+    chance = random.Random(f"{reader.name} {seed}")
+    made = [damaged(data, chance) for _ in range(count)]
+    if reader.begin is not None:
+        begin, end = reader.begin(data), reader.end or 12 * (b"IEND" in data)
+        made[: flips(reader, count)] = [
+            flipped(data, chance, begin, end) for _ in range(flips(reader, count))
+        ]
+    return made
+
+
+def flips(reader: Reader, count: int) -> int:
+    """How many of so many files have one bit changed of what a sum covers: they come first."""
+    return count // 4 if reader.begin is not None else 0
+
+
+def alike(first: object, second: object) -> bool:
+    """Whether two readings gave the same numbers."""
+    if hasattr(first, "lines"):
+        pairs = zip(first.lines, second.lines, strict=False)  # type: ignore[attr-defined]
+        return all(
+            np.array_equal(a.points_mm, b.points_mm) and np.array_equal(a.radius_mm, b.radius_mm)
+            for a, b in pairs
+        )
+    return bool(np.array_equal(first, second))  # type: ignore[arg-type, call-overload]
 
 
 def said(read: Callable[[Path], Any], path: Path) -> tuple[str, str]:
