@@ -115,7 +115,7 @@ def call(words: list[str], home: Path) -> int:
     int
         Exit code.
     """
-    program = "import sys; from experiments.cli import main; sys.exit(main(sys.argv[1:]))"
+    program = "import sys; from experiments.cli import main; sys.exit(main())"
     return subprocess.run(
         [sys.executable, "-c", program, *words], env={**os.environ, "CTUS_HOME": str(home)}, check=False
     ).returncode

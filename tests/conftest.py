@@ -21,6 +21,9 @@ if os.environ.get("PYTEST_XDIST_WORKER"):
 
 install(["models", "registration"])
 
+# Loading and collecting leave little to collect, and what there is would be looked through again and again.
+gc.disable()
+
 REPOSITORY = Path(__file__).resolve().parents[1]
 TOP = pytest.StashKey[set[str]]()
 REAL_DATA = Path(os.environ.get("CTUS_TEST_DATA", REPOSITORY.parent / "shared" / "data"))
@@ -46,9 +49,14 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Take what is loaded by now out of the garbage collector's sight, which would look through it again and again."""
+    """Take what is loaded by now out of the garbage collector's sight, and let it look through the rest less often.
+
+    With its own thresholds it takes a tenth of the processor time of tests that compose configurations.
+    """
     gc.collect()
     gc.freeze()
+    gc.enable()
+    gc.set_threshold(20_000, 50, 50)
 
 
 def pytest_runtest_setup() -> None:

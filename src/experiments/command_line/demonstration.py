@@ -114,7 +114,7 @@ def demo(words: Sequence[str]) -> int:
 
 def _run(words: list[str], log: Path) -> int:
     """A call in a process of its own: its progress goes to the terminal, its closing lines are kept."""
-    program = "import sys; from experiments.cli import main; sys.exit(main(sys.argv[1:]))"
+    program = "import sys; from experiments.cli import main; sys.exit(main())"
     with log.open("w", encoding="utf-8") as kept:
         call = subprocess.Popen([sys.executable, "-c", program, *words], stdout=kept)
         while True:

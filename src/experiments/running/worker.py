@@ -6,6 +6,7 @@ job's configuration, and gets the report of how the job ended.
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import signal
@@ -187,4 +188,5 @@ def _job_file(folder: Path, key: str) -> Path:
 
 
 if __name__ == "__main__":
+    gc.set_threshold(20_000, 20, 20)  # as experiments.cli.main does
     sys.exit(main(sys.argv[1:]))
