@@ -16,7 +16,8 @@ TRACKED = False
 def run(*, experiments: list[str] | None, archive: str, store: Store, progress: Progress) -> Outcome:
     """Export every ended run into the folder ``archive``, next to what is there.
 
-    A run that is still RUNNING is left out: it has no result yet. Runs whose files are not where the tracker
+    A run that is still RUNNING is left out: it has no result yet. Where it is a sweep, its jobs that finished are
+    exported, and whoever reads the archive finds a KILLED run above them. Runs whose files are not where the tracker
     says they are are exported without configuration and table, and counted in the findings.
 
     Parameters

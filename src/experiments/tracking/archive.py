@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ from experiments.masking import masked
 from experiments.outcome import InputData
 from experiments.paths import project_root
 from experiments.tracking.headline import metrics_text
-from experiments.tracking.run_record import RunRecord
+from experiments.tracking.run_record import KIND_TAG, RunRecord
 from registration.io.atomic import atomic_write, remove_leftovers
 
 _JSON_COLUMNS = ("tags", "params")
@@ -93,8 +93,13 @@ def _write(table: pd.DataFrame, path: Path) -> None:
         table.to_parquet(temporary, index=False)
 
 
-def read_archive(folder: Path, experiments: list[str] | None = None) -> Iterator[RunRecord]:
+def read_archive(
+    folder: Path, experiments: list[str] | None = None, *, stand_ins: bool = True
+) -> Iterator[RunRecord]:
     """Read the runs under ``folder``, parents before their children; only of the named experiments if any is named.
+
+    Jobs that were exported while their sweep was running name a run above them that the archive lacks. In its place
+    stands a KILLED one, with what all of the jobs have in common, so that they are one sweep here too.
 
     Parameters
     ----------
@@ -102,6 +107,8 @@ def read_archive(folder: Path, experiments: list[str] | None = None) -> Iterator
         Folder of the archive.
     experiments : list[str] or None, optional
         Names of experiments; None for all.
+    stand_ins : bool, optional
+        Whether runs above the jobs of missing sweeps are made up; not where the tracker that gets the runs has them.
 
     Returns
     -------
@@ -111,9 +118,10 @@ def read_archive(folder: Path, experiments: list[str] | None = None) -> Iterator
     tables = sorted(folder.glob("*/runs.parquet"))
     if not tables:
         raise InputError(f"{folder}: expected exported runs (<experiment>/runs.parquet), found none")
-    for table in tables:
+    read = {table: _read(table, _COLUMNS) for table in tables}
+    known = {run_id for rows in read.values() for run_id in rows["run_id"]}
+    for table, rows in read.items():
         place = table.parent
-        rows = _read(table, _COLUMNS)
         if experiments is not None:
             rows = rows[rows["experiment"].isin(experiments)]
         if not len(rows):
@@ -122,8 +130,40 @@ def read_archive(folder: Path, experiments: list[str] | None = None) -> Iterator
         rows = rows.assign(depth=_depths(rows)).sort_values(
             ["depth", "parent_id"], na_position="first", kind="stable"
         )
+        if stand_ins:
+            yield from _in_place_of_missing(rows[~rows["parent_id"].isin(known)], history, place)
         for row in rows.to_dict("records"):
             yield _record({str(key): value for key, value in row.items()}, history, place)
+
+
+def _in_place_of_missing(rows: pd.DataFrame, history: pd.DataFrame, place: Path) -> Iterator[RunRecord]:
+    """A run above the jobs of each sweep that is not there itself."""
+    for parent, own in rows[rows["parent_id"].map(lambda given: isinstance(given, str))].groupby("parent_id"):
+        _require_plain_id(parent, place / "runs.parquet")
+        jobs = [
+            _record({str(key): value for key, value in row.items()}, history, place)
+            for row in own.to_dict("records")
+        ]
+        ends = [job.end_ms for job in jobs if job.end_ms is not None]
+        yield RunRecord(
+            run_id=str(parent),
+            experiment=jobs[0].experiment,
+            name=f"{jobs[0].experiment} ({len(jobs)} job{'s' * (len(jobs) > 1)})",
+            status="KILLED",
+            start_ms=min(job.start_ms for job in jobs),
+            end_ms=max(ends, default=None),
+            parent_id=None,
+            tags={**_common([job.tags for job in jobs]), KIND_TAG: "sweep"},
+            params=_common([job.params for job in jobs]),
+            config="",
+            history=history.iloc[:0].drop(columns="run_id"),
+            cases=None,
+        )
+
+
+def _common(each: Sequence[Mapping[str, str]]) -> dict[str, str]:
+    """What is the same for all."""
+    return {key: value for key, value in each[0].items() if all(other.get(key) == value for other in each)}
 
 
 def _depths(rows: pd.DataFrame) -> list[int]:

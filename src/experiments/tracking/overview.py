@@ -28,7 +28,7 @@ class TopRun:
     name : str
         Name of the run.
     status : str
-        FINISHED, FAILED or KILLED.
+        FINISHED, FAILED or KILLED; RUNNING for a sweep that runs, or whose end was not recorded.
     start_ms : int
         Start in ms since 1970.
     tags : Mapping[str, str]
@@ -50,7 +50,7 @@ class TopRun:
 
 
 def top_runs(store: Store, archive: Path | None, experiments: Sequence[str]) -> list[TopRun]:
-    """List the topmost ended runs of some experiments, newest first.
+    """List the topmost ended runs of some experiments, newest first, and sweeps that run and have jobs that finished.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def _archived(archive: Path, experiments: Sequence[str]) -> Iterator[TopRun]:
 def _stored(store: Store, experiments: Sequence[str]) -> Iterator[TopRun]:
     client = store.client()
     names = {each.experiment_id: each.name for each in client.search_experiments()}
-    runs = list(store.runs(experiments, "attributes.status != 'RUNNING'"))
+    runs = list(store.runs(experiments))
     ids = {run.info.run_id for run in runs}
     origins = {origin_of(run): run for run in runs}
     below: dict[str | None, list[Any]] = {}
@@ -101,6 +101,8 @@ def _stored(store: Store, experiments: Sequence[str]) -> Iterator[TopRun]:
     for top in (run for run in runs if run.data.tags.get(PARENT_TAG) not in ids):
         own = [*_leaves(top, lambda run: below.get(run.info.run_id, ())), *_resumed(top.data.tags, origins)]
         ended = [leaf for leaf in own if leaf.info.status == FINISHED and is_job(leaf.data.tags)]
+        if top.info.status == "RUNNING" and not ended:
+            continue
         first = min(ended, key=lambda leaf: (leaf.info.start_time, origin_of(leaf)), default=None)
         path = None if first is None else run_file(client, first, CONFIG_FILE)
         config = "" if path is None else path.read_text(encoding="utf-8")

@@ -122,7 +122,7 @@ def _say(delivered: int, left: Sequence[Path], folder: Path, reason: str) -> Non
 
 
 def _deliver_one(store: Store, path: Path) -> None:
-    for record in read_archive(path):
+    for record in read_archive(path, stand_ins=False):
         known = known_run(store, record.run_id)
         if known is None:
             # A run above that is still to come finds those that name it.

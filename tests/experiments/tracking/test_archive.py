@@ -46,6 +46,30 @@ def test_three_levels_come_from_the_top_down(tmp_path: Path) -> None:
     assert found.index("z") < found.index("y") < found.index("x") and "w" in found
 
 
+def test_jobs_whose_sweep_was_not_exported_are_one_sweep_in_the_archive(tmp_path: Path) -> None:
+    jobs = [
+        dataclasses.replace(record("a", "gone"), tags={"fold": "0", "host": "h"}, start_ms=5, end_ms=20),
+        dataclasses.replace(record("b", "gone"), tags={"fold": "1", "host": "h"}, start_ms=3, end_ms=None),
+    ]
+    write_archive(
+        [*jobs, record("c", "elsewhere"), dataclasses.replace(record("elsewhere"), experiment="other")],
+        tmp_path,
+    )
+    runs = {run.run_id: run for run in read_archive(tmp_path)}
+    assert list(runs).index("gone") < list(runs).index("a")
+    sweep = runs["gone"]
+    assert (sweep.name, sweep.status, sweep.parent_id) == ("segmentation (2 jobs)", "KILLED", None)
+    assert sweep.tags == {"host": "h", "ctus.kind": "sweep"}
+    assert (sweep.start_ms, sweep.end_ms, sweep.params) == (3, 20, {"fold": "0"})
+    # a run above that stands in another experiment is there
+    assert runs["elsewhere"].experiment == "other" and len(runs) == 5
+    # read and written again it is the same
+    write_archive(list(runs.values()), tmp_path / "again")
+    assert {run.run_id: run.tags for run in read_archive(tmp_path / "again")} == {
+        name: run.tags for name, run in runs.items()
+    }
+
+
 def test_all_metrics_are_kept_and_archives_without_them_are_read(tmp_path: Path) -> None:
     metrics = {"dsc_mean": 0.5, "hd95_px_p95": float("inf")}
     write_archive([dataclasses.replace(record("new"), metrics=metrics)], tmp_path)

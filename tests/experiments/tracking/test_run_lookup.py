@@ -100,6 +100,24 @@ def test_jobs_that_an_earlier_sweep_had_finished_belong_to_a_later_one_as_well(
     assert sorted(sorted(run.name for run in each.jobs) for each in restored) == sorted(expected)
 
 
+def test_the_jobs_of_a_sweep_that_still_runs_are_one_sweep_in_the_store_and_in_the_archive(
+    counting_study: ModuleType, home: Path
+) -> None:
+    assert main(["study=counting", "parts=[1,2]"]) == 0
+    store = Store()
+    (before,) = top_runs(store, None, ["counting"])
+    store.client().update_run(before.run_id, status="RUNNING")
+    store.start("counting", "just begun", {})
+    (top,) = top_runs(store, None, ["counting"])
+    assert (top.run_id, top.status, top.finished) == (before.run_id, "RUNNING", 2)
+    assert main(["study=export_runs"]) == 0
+    (archived,) = top_runs(OFF, home / "results" / "runs", ["counting"])
+    assert (archived.run_id, archived.status, archived.finished) == (before.run_id, "KILLED", 2)
+    assert archived.config == without_folders(top.config)
+    found = find_family(before.run_id, OFF, home / "results" / "runs")
+    assert [run.name for run in found.jobs] == ["part 1", "part 2"]
+
+
 def test_ids_of_many_resumed_jobs_are_kept_whole() -> None:
     many = [f"{number:032x}" for number in range(501)]
     tags = resumed_tags(many)
