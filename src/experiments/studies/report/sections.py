@@ -79,8 +79,14 @@ class Section:
 
     @property
     def budget(self) -> str:
-        """Option of ``trainer=``; empty where nothing was trained."""
-        return option(self.results[0].config, "trainer") if self.results else ""
+        """Option of ``trainer=``, of runs that do not say it their epochs; empty where nothing was trained."""
+        if not self.results:
+            return ""
+        config = self.results[0].config
+        trainer = config.get("trainer")
+        if isinstance(trainer, Mapping) and "trainer" not in config.get("call", {}).get("options", {}):
+            return f"{trainer.get('max_epochs', 'unknown')} epochs"
+        return option(config, "trainer")
 
     @property
     def title(self) -> str:
