@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from damage import REFUSED, said
+from damage import REFUSALS, REFUSED, said
 from stored_pngs import chunk
 
+from experiments.cli import main
 from experiments.datasets.csv_tables import read_table
 from experiments.datasets.images.decoding import decode
 from experiments.splits.split import Split
@@ -234,3 +235,16 @@ def test_a_number_of_axes_that_is_not_that_of_the_sizes_reaches_no_library(axes:
     (tmp_path / "a.nrrd").write_bytes(nrrd)
     assert "as many axes as sizes" in refuse(read_volume, tmp_path / "a.mha")
     assert "as many axes as sizes" in refuse(read_volume, tmp_path / "a.nrrd")
+
+
+@pytest.mark.parametrize("kind", REFUSALS, ids=lambda kind: kind.__module__)
+def test_a_refusal_is_one_line_that_commands_no_terminal(kind: type[Exception]) -> None:
+    said = str(kind("a.dcm: expected a syntax, received 1.2\n\x1b[2J\x9b1m\x7f größer"))
+    assert said == "a.dcm: expected a syntax, received 1.2\\n\\x1b[2J\\x9b1m\\x7f größer"
+
+
+def test_a_name_that_commands_the_terminal_is_printed_as_text(home: Path, capsys) -> None:
+    assert main(["study=register", "moving=\x1b]0;owned\x07.ply", "fixed=b.ply"]) == 2
+    said = capsys.readouterr()
+    assert "owned" in said.err
+    assert "\x1b" not in said.err + said.out and "\x07" not in said.err + said.out
