@@ -84,7 +84,7 @@ def _rows(study: str, name: str, value: Published, sections: Sequence[Section]) 
             "measured_on": one.of,
             "ours": number_text(one.value, value.unit),
             "interval": _interval(one, value.unit),
-            "n": f"{one.n} {one.units}".strip() if one.n else "",
+            "n": _number(one),
             "difference": _difference(one, value),
             "comparable": _comparable(section, one),
             "said": one.said,
@@ -92,6 +92,14 @@ def _rows(study: str, name: str, value: Published, sections: Sequence[Section]) 
             "run": section.run_id[:ID_LENGTH],
             "command": str(section.family.run.tags.get("ctus.command") or known["command"]),
         }
+
+
+def _number(one: Measured) -> str:
+    """How many a value comes from, in words."""
+    if not one.n:
+        return ""
+    units = one.units.removesuffix("s") if one.n == 1 else one.units
+    return f"{one.n} {units}".strip()
 
 
 def _comparable(section: Section, one: Measured) -> str:

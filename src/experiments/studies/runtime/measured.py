@@ -34,7 +34,8 @@ def measured(results: Sequence[JobResult]) -> list[Measured]:
     for name, part in phantoms(costs) if costs is not None else ():
         total_s = totals(part)["total_s"]
         middle, repeats = float(np.median(total_s)), len(total_s)
-        said = f"{total_s.min():.1f} to {total_s.max():.1f} s over {repeats} repeats; acquisition modelled"
+        spread = f"{total_s.min():.1f} to {total_s.max():.1f} s over {repeats} repeats"
+        said = f"{spread if repeats > 1 else 'one repeat'}; acquisition modelled"
         said += "" if has_segmentation(part) else f"; {WITHOUT}"
         found.append(
             Measured("total_s", name, middle, n=repeats, units="repeats", said=said, not_comparable=SIMULATED)

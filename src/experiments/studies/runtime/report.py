@@ -191,6 +191,8 @@ def _sentence(name: str, costs: pd.DataFrame) -> str:
     if failed:
         return f"{name} (simulated): no total, for {' and '.join(failed)} failed; {modelled}. {tre}"
     spread = f" ({each['total_s'].min():.2f} to {each['total_s'].max():.2f} s over {len(each)} repeats)"
+    if len(each) == 1:
+        spread = " (one repeat)"
     measured = costs[~costs["modelled"]].groupby("stage", sort=False)["seconds"].median()
     without, rate = f", {WITHOUT}", ""
     if has_segmentation(costs):
