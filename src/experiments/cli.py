@@ -233,9 +233,11 @@ def _composed(
         _as_input_error(overrides, _search_path(config_dir)),
     ):
         parsed = _parsed_overrides(overrides)
-        if not multirun and any(override.is_sweep_override() for override in parsed):
+        several = next((override for override in parsed if override.is_sweep_override()), None)
+        if not multirun and several is not None:
             raise InputError(
-                "a setting has several values: expected -m (--multirun) before them, received none"
+                f"{several.key_or_group}: expected -m (--multirun) before the settings for a job each, or [...] for a "
+                f"list, received {several.input_line}"
             )
         plain = [str(override.input_line) for override in parsed if not override.is_sweep_override()]
         composer = _Composer(config_dir)

@@ -60,7 +60,7 @@ def test_no_words_show_the_help_and_exit_with_2(capsys) -> None:
         (["study=nonsense", "--help"], "study: expected one of"),
         (["seed=1"], "study: expected one of"),
         (["study=import_runs", "colour=red"], "Could not override 'colour': expected a setting of the study"),
-        (["study=import_runs", "seed=1,2"], "expected -m (--multirun)"),
+        (["study=import_runs", "seed=1,2"], "seed: expected -m (--multirun) before"),
         (["study=import_runs", "seed"], "seed: expected setting=value"),
         (["study=import_runs", "archive=a=b"], """archive=a=b: expected setting=value"""),
         (["study=register"], "expected a value for"),

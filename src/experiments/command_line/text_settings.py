@@ -129,10 +129,17 @@ def quoted_override(override: str) -> str:
     --------
     >>> quoted_override("split.test_groups=[1.10,a]")
     "split.test_groups=['1.10',a]"
+
+    Ids of runs are always a list, so that nobody has to say so.
+
+    >>> quoted_override("runs=4fd2,9878")
+    "runs=[4fd2,'9878']"
     """
     key, equals, value = override.partition("=")
     if not equals:
         return override
+    if key == "runs" and value and "[" not in value and value != "null":
+        value = f"[{value}]"
     if is_text(key):
         return f"{key}={_quoted(value)}"
     return f"{key}={_in_dictionaries(value)}" if "{" in value else override

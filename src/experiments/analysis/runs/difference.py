@@ -137,9 +137,15 @@ def _points(record: RunRecord) -> dict[tuple[str, int], float]:
 
 def _results_in_words(tags: Mapping[str, str]) -> dict[str, str]:
     from experiments.tracking.archive import without_folders
+    from experiments.tracking.headline import LEVEL_TAG
 
     # An archive has no folders of a machine; neither may what it is compared with.
-    return {name: without_folders(text) for name, text in tags.items() if not name.startswith(_TAGS_LEFT_OUT)}
+    # Where a run stands in its sweep is of the call: by itself a fold is no repeat.
+    return {
+        name: without_folders(text)
+        for name, text in tags.items()
+        if not name.startswith(_TAGS_LEFT_OUT) and name != LEVEL_TAG
+    }
 
 
 def _union(one: Iterable[Any], other: Iterable[Any]) -> list[Any]:

@@ -79,5 +79,11 @@ def test_results_in_words_are_compared_without_folders_and_without_who_ran_it() 
     )
 
 
+def test_a_fold_of_a_sweep_equals_the_same_fold_by_itself() -> None:
+    one, other = (record([("a", 0, 1.0)], model="unet", level=level) for level in ("repeat", "result"))
+    found = compare_records(one, other)
+    assert (found.texts, found.different_texts) == (1, ())
+
+
 def test_runs_without_anything_to_compare_are_not_equal() -> None:
     assert not compare_records(record([("training_s", 0, 1.0)]), record([("training_s", 0, 1.0)])).equal
